@@ -63,9 +63,9 @@ REFUSED: dict[str, tuple[Callable[[], Material], str]] = {
     "not a number": (lambda: _ogden((np.nan,), (2.0,)), "must be finite"),
     "poisson of 0.6": (lambda: Linear(young=1e5, poisson=0.6), "poisson must lie in"),
     "modulus of zero": (lambda: Linear(young=0.0, poisson=0.3), "young must lie in"),
-    "curve that falls from rest": (lambda: _table([0.1, 0.2], [-1e3, 1e3]), "slope at rest must be positive"),
+    "curve that falls from rest": (lambda: _table([0.1, 0.2], [-1e3, 1e3]), "initial slope must be positive"),
     "strains that go back": (lambda: _table([0.2, 0.1], [1e3, 2e3]), "must ascend strictly"),
-    "polynomial of no modulus": (lambda: _polynomial(0.0, 1e5), "the modulus at rest, positive"),
+    "polynomial of no modulus": (lambda: _polynomial(0.0, 1e5), "the initial modulus, positive"),
 }
 
 

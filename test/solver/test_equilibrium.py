@@ -304,7 +304,7 @@ def assert_unfinished(outcome: Solution, reason: str) -> None:
     """Check that an unfinished solve says so, claims no distance that it does not know, and is fit for use."""
     assert not outcome.converged
     assert reason in outcome.message
-    assert "unknown" in outcome.message
+    assert "not known" in outcome.message
     assert outcome.error_estimate == np.inf
     assert np.isfinite(outcome.positions).all()
 
