@@ -20,6 +20,8 @@ import numba
 ROOT = Path(__file__).resolve().parents[1]
 SOLVER = ("gdfe_ros", "config")
 """Folders whose last commit names the solver: the package, and the scenes that it plays."""
+LOOKS = "gdfe_ros/analysis"
+"""Folder in them that no figure of a table depends on: pictures, reports, replays."""
 UNKNOWN = "unknown"
 DIRTY = "+"
 """Follows the commit of a tree with changes in `SOLVER` that are not committed."""
@@ -75,8 +77,9 @@ def solver_commit() -> str:
     Raises:
         ProvenanceError: git is missing, or this is no checkout.
     """
-    commit = _git("log", "-1", "--format=%h", "--abbrev=7", "--", *SOLVER)
-    changed = _git("status", "--porcelain", "--", *SOLVER)
+    folders = (*SOLVER, f":(exclude){LOOKS}")
+    commit = _git("log", "-1", "--format=%h", "--abbrev=7", "--", *folders)
+    changed = _git("status", "--porcelain", "--", *folders)
     return commit + DIRTY if changed else commit
 
 
@@ -90,24 +93,19 @@ def code_digest(commit: str) -> str:
     digest = hashlib.sha256()
     with tarfile.open(fileobj=io.BytesIO(archive)) as tree:
         for item in sorted(tree.getmembers(), key=lambda item: item.name):
-            if item.isfile() and item.name.startswith(tuple(f"{folder}/" for folder in SOLVER)):
+            if item.isfile() and item.name.startswith(SOLVER) and not item.name.startswith(LOOKS):
                 content = tree.extractfile(item).read()
-                digest.update(f"{item.name}\n".encode() + (_code(content) if item.name.endswith(".py") else content))
+                if item.name.endswith(".py"):
+                    content = ast.dump(_WithoutConstants().visit(ast.parse(content))).encode()
+                digest.update(item.name.encode() + content)
     return digest.hexdigest()
 
 
-def _code(content: bytes) -> bytes:
-    """Return the syntax tree of a module without strings that are statements."""
-    tree = ast.parse(content)
-    for node in ast.walk(tree):
-        for body in (getattr(node, name, None) for name in ("body", "orelse", "finalbody")):
-            if isinstance(body, list):
-                body[:] = [each for each in body if not _is_text(each)]
-    return ast.dump(tree).encode()
+class _WithoutConstants(ast.NodeTransformer):
+    """Removes statements that are constants: docstrings."""
 
-
-def _is_text(node: ast.AST) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
+        return None if isinstance(node.value, ast.Constant) else node
 
 
 def machine() -> str:

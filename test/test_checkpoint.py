@@ -42,6 +42,23 @@ def test_a_restored_simulation_goes_on_to_the_bit(scene: str, policy: str) -> No
         assert (one.time, one.error_estimate, one.energy) == (two.time, two.error_estimate, two.energy)
 
 
+def test_states_with_former_names_are_read() -> None:
+    """Write a state with the names of classes and fields of older versions: it is the same state."""
+    first, second = _simulation(), _simulation()
+    first.step(_command(3), dt=0.1)
+    older = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(save_state(first))) as state, zipfile.ZipFile(older, "w") as file:
+        for name in state.namelist():
+            content = state.read(name)
+            for now, former in (("UpdateHistory", "History"), ("error_estimate", "residual")):
+                content = content.replace(f'"{now}"'.encode(), f'"{former}"'.encode())
+            file.writestr(name, content)
+    load_state(second, older.getvalue())
+    assert np.array_equal(first.positions, second.positions)
+    one, two = (simulation.step(_command(5), dt=0.1) for simulation in (first, second))
+    assert (one.error_estimate, one.energy) == (two.error_estimate, two.energy)
+
+
 def test_a_state_can_be_restored_more_than_once() -> None:
     """Go on from the same state twice in one simulation: the same steps."""
     simulation = _simulation()

@@ -99,7 +99,7 @@ WALK_HEADINGS = (
 def summary(scores: Sequence[Score]) -> list[tuple[str, ...]]:
     """Return one row for each group and one for all, as text under `HEADINGS`.
 
-    The worst error is that of the converged case nearest to its bound, or farthest beyond it.
+    The worst error is that nearest to its bound, or farthest beyond it, of the cases that are not reported.
     """
     rows = [_row(group.value, [score for score in scores if score.group is group]) for group in Group]
     return [*(row for row in rows if row[1] != "0"), _row("all", scores)]
@@ -107,8 +107,8 @@ def summary(scores: Sequence[Score]) -> list[tuple[str, ...]]:
 
 def _row(group: str, scores: Sequence[Score]) -> tuple[str, ...]:
     outcomes = [score.outcome for score in scores]
-    solved = [item for item in outcomes if item.verdict is Verdict.CONVERGED and item.bound > 0.0]
-    judged = [item for item in solved if math.isfinite(item.error) and math.isfinite(item.bound)]
+    judged = [item for item in outcomes if math.isfinite(item.error) and math.isfinite(item.bound) and item.bound > 0.0]
+    judged = [item for item in judged if item.verdict is not Verdict.REPORTED]
     worst = max(judged, key=lambda item: item.error / item.bound, default=None)
     error = "-" if worst is None else f"{worst.error:.1e} / {worst.bound:.0e}"
     counts = [len(outcomes), *(sum(item.verdict is verdict for item in outcomes) for verdict in Verdict)]

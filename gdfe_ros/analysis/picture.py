@@ -14,7 +14,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.scenery import Scenery
+from gdfe_ros.analysis.scenery import Scenery, force_arrows
 from gdfe_ros.colour_map import colour_range
 from gdfe_ros.mesh import HexMesh
 
@@ -25,10 +25,6 @@ SHADE = 0.35
 OBSTACLE = (0.80, 0.62, 0.45, 0.35)
 CABLE, FORCE = (0.75, 0.10, 0.10), (0.95, 0.15, 0.55)
 CHAMBER, CHAMBER_EDGES = (0.55, 0.80, 1.0, 0.12), (0.75, 0.90, 1.0, 0.45)
-ARROW = 0.25
-"""Length of the arrow of the largest force, over the size of the body."""
-LEAST_FORCE = 0.02
-"""Share of the largest force below which a force has no arrow."""
 TICKS = 5
 """Intervals between ticks along the longest axis; shorter axes have fewer, so that labels do not overlap."""
 
@@ -79,7 +75,8 @@ def draw_body(
         before = (solid.mean(axis=(0, 1)) - positions.mean(axis=0)) @ _towards_the_eye() > 0.0
         axes.add_collection3d(obstacle_collection(solid, zorder=2 if before else 0))
     axes.add_collection3d(Line3DCollection(_box_edges(mesh.bounds), colors="0.6", linewidths=0.7, linestyles="dashed"))
-    arrows, largest = _arrows(scenery, mesh.size)
+    largest = float(np.linalg.norm(scenery.forces, axis=1).max(initial=0.0))
+    arrows = force_arrows(scenery.places, scenery.forces, largest=largest, size=mesh.size)
     _draw_inside(axes, scenery, arrows)
     shown = [solid.reshape(-1, 3) for solid in scenery.obstacles]
     _frame(axes, np.vstack([positions, mesh.bounds, *shown, *([] if around is None else [around])]))
@@ -96,15 +93,6 @@ def obstacle_collection(faces: NDArray[np.float64], *, zorder: float = 0.0) -> P
     colours = shaded(np.tile(OBSTACLE, (len(faces), 1)), faces)
     options = {"edgecolors": (0, 0, 0, 0.08), "linewidths": 0.2, "clip_on": False, "zorder": zorder}
     return Poly3DCollection(faces, facecolors=colours, **options)
-
-
-def _arrows(scenery: Scenery, size: float) -> tuple[NDArray[np.float64], float]:
-    """Return arrows (a, 2, 3) [m] that end at the points on which forces act, and the largest force [N]."""
-    lengths = np.linalg.norm(scenery.forces, axis=1)
-    largest = float(lengths.max(initial=0.0))
-    some = lengths > LEAST_FORCE * largest
-    ends = scenery.places[some]
-    return np.stack([ends - scenery.forces[some] * (ARROW * size / (largest or 1.0)), ends], axis=1), largest
 
 
 def _draw_inside(axes: Axes3D, scenery: Scenery, arrows: NDArray[np.float64]) -> None:

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from gdfe_ros.scene import Scene
     from gdfe_ros.simulation import Simulation
 
+ARROW = 0.25
+"""Length of the arrow of the largest force, over the size of the body."""
+LEAST_FORCE = 0.02
+"""Share of the largest force below which a force has no arrow."""
 CONTACTS = "contacts"
 """Topic of the contact points, without the node's name."""
 
@@ -71,6 +75,22 @@ class Scenery:
         """Yield the topics that `recorded` reads."""
         yield CONTACTS
         yield from (pose_topic(handle) for handle in scene.handles if isinstance(handle, Obstacle))
+
+
+def force_arrows(
+    places: NDArray[np.float64], forces: NDArray[np.float64], *, largest: float, size: float
+) -> NDArray[np.float64]:
+    """Return arrows (a, 2, 3) [m] that end at the points on which forces act.
+
+    Args:
+        places: of the points (c, 3) [m].
+        forces: on them (c, 3) [N].
+        largest: force [N] whose arrow has the length `ARROW`.
+        size: of the body [m].
+    """
+    some = np.linalg.norm(forces, axis=1) > LEAST_FORCE * largest
+    ends = places[some]
+    return np.stack([ends - forces[some] * (ARROW * size / (largest or 1.0)), ends], axis=1)
 
 
 def _inside(

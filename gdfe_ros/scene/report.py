@@ -73,8 +73,8 @@ class Defects:
         return [path for path, _ in items]
 
     def concerns(self, key: str) -> bool:
-        """Return whether a defect was found at the ``key`` of a mesh, so that its consequences need no report."""
-        return any(path[0] in ("mesh", "meshes") and key in path for path in self._concerned if path)
+        """Return whether a defect was found at the ``key`` of the scene or a mesh: its consequences need no report."""
+        return any(key in path for path in self._concerned if path and path[0] in (key, "mesh", "meshes"))
 
     def raise_if_any(self) -> None:
         """Raise SceneError with every defect, in the order of the file."""

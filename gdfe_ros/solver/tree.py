@@ -39,11 +39,8 @@ _VALUES = (
     Pose,
     Tangent,
 )
-_CLASSES = {kind.__name__: kind for kind in _VALUES}
-"""Dataclasses that a tree may contain besides plain values."""
-
-_FORMER = {"History": UpdateHistory, "Sleep": states.DormancyState}
-"""Names of classes in older archives."""
+_CLASSES = {kind.__name__: kind for kind in _VALUES} | {"History": UpdateHistory, "Sleep": states.DormancyState}
+"""Dataclasses that a tree may contain besides plain values, by name; the last two names are those in older archives."""
 
 _RENAMED = {states.Summary: {"residual": "error_estimate"}}
 """Names of fields in older archives, by class, with the present names."""
@@ -103,9 +100,9 @@ def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
         return {key: from_tree(item, arrays) for key, item in tree["mapping"].items()}
     if "tuple" in tree:
         return tuple(from_tree(item, arrays) for item in tree["tuple"])
-    kind = _CLASSES.get(tree.get("class")) or _FORMER.get(tree.get("class"))
-    if kind is None:
+    if tree.get("class") not in _CLASSES:
         raise TreeError(f"{str(tree)[:60]!r} is not part of a state")
+    kind = _CLASSES[tree["class"]]
     present = _RENAMED.get(kind, {})
     given = {present.get(name, name): from_tree(item, arrays) for name, item in tree["fields"].items()}
     names = {item.name for item in fields(kind)} - ({"operators"} if kind is states.State else set())

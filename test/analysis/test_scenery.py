@@ -11,9 +11,9 @@ import pytest
 
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.analysis.bag_steps import BagStep
-from gdfe_ros.analysis.picture import ARROW, CABLE, FORCE, draw_body
+from gdfe_ros.analysis.picture import CABLE, FORCE, draw_body
 from gdfe_ros.analysis.report.surroundings import Surroundings
-from gdfe_ros.analysis.scenery import Scenery
+from gdfe_ros.analysis.scenery import ARROW, Scenery
 from gdfe_ros.contacts import contact_points
 from gdfe_ros.recording.step_record import Begin, StepRecord
 
@@ -72,7 +72,7 @@ def test_a_page_has_the_same_scenery(pressing: Simulation) -> None:
     surroundings, size = Surroundings(pressing.scene), pressing.mesh.size
     surroundings.add(BagStep(record, (0, 0), {}), pressing.mesh.vertices)
     surroundings.add(BagStep(record, (1, 0), samples), pressing.positions)
-    description, arrays = surroundings.to_page(size)
+    description, arrays = surroundings.to_page()
     scenery, low, high = Scenery.of(pressing), np.array(description["low"]), np.array(description["high"])
 
     def decoded(kind: str) -> np.ndarray:

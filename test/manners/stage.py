@@ -25,8 +25,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 COARSE = ("-p", "scene:=bend5", "-p", "scene_overrides:=['mesh.bar.cells=[20, 2, 2]']")
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _PATIENCE = 120.0
-_MEETING = 0.3
-"""Time [s] in which the node also learns of a publisher that already knows the node."""
 _DEFINITIONS = Path(__file__).parents[1] / "data" / "interfaces"
 _BUILT = Path(__file__).parents[2] / "runs" / "interfaces"
 _BUILD = """
@@ -147,7 +145,6 @@ class Stage:
                 type(message), f"{self._name}/{topic}", 100
             )
             self.wait(publisher.get_subscription_count)
-            self.wait(lambda: False, _MEETING)
         self._publishers[topic].publish(message)
 
     def listen(self, topic: str, kind: type, qos: Any = LATCHED) -> list[Any]:

@@ -246,6 +246,15 @@ def test_a_skin_with_a_defect_is_told_once(folder: Path) -> None:
     assert "nowhere.stl" in caught.value.defects[0]
 
 
+def test_a_defect_of_a_probe_called_skin_hides_no_other(folder: Path) -> None:
+    """Put a probe called skin outside of cut cells above a floor: both defects are told."""
+    with pytest.raises(SceneError) as caught:
+        load(folder, "", more="probes: {skin: {at: [9, 9, 9]}}")
+    told = "\n".join(caught.value.defects)
+    assert "floor would act on the faces of cut cells" in told
+    assert "probes.skin" in told
+
+
 def test_an_open_skin_is_still_shown_where_nothing_touches(folder: Path) -> None:
     """Load an open skin on cut cells without obstacles, and a closed one on whole cells: neither touches."""
     scene = load(folder, "skin: {file: open.stl}", overrides={"obstacles": None})

@@ -80,7 +80,7 @@ class Animation:
         Positions and colours are 16-bit levels between the least and the largest value of the run: positions have an
         error of at most 1/131070 of the bounding box of the run.
         """
-        around, arrays = self._around.to_page(self.mesh.size)
+        around, arrays = self._around.to_page()
         arrays["faces"] = to_text(self._outside.faces.astype("<u4"))
         low, high, levels = to_levels(np.array(self._positions).reshape(-1, 3))
         arrays["positions"] = to_text(levels)

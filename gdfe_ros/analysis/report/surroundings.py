@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_steps import BagStep
-from gdfe_ros.analysis.picture import ARROW, LEAST_FORCE
 from gdfe_ros.analysis.report.levels import to_levels, to_text
-from gdfe_ros.analysis.scenery import Scenery
+from gdfe_ros.analysis.scenery import Scenery, force_arrows
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.scene import Scene
 
@@ -51,15 +50,14 @@ class Surroundings:
         most = np.argsort(-forces, kind="stable")[:MOST_FORCES]
         self._pushes.append((around.places[most], around.forces[most]))
 
-    def to_page(self, size: float) -> tuple[dict[str, Any], dict[str, str]]:
+    def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
         """Return the description for the page's script, and arrays in base64 by name.
 
-        All points are 16-bit levels between the corners of one box.
-
-        Args:
-            size: of the body [m]; the arrow of the largest force of the run has a fixed share of it.
+        All points are 16-bit levels between the corners of one box. All frames have one scale of forces.
         """
-        arrows, largest = self._arrows(size)
+        largest = max((float(forces[0] @ forces[0]) ** 0.5 for _, forces in self._pushes if len(forces)), default=0.0)
+        scale = {"largest": largest, "size": self._scene.mesh.size}
+        arrows = [force_arrows(places, forces, **scale) for places, forces in self._pushes]
         kept = {kind: np.array(frames).reshape(-1, 3) for kind, frames in self._points.items()}
         kept["forces"] = np.concatenate([each.reshape(-1, 3) for each in arrows]) if arrows else np.zeros((0, 3))
         low, high, levels = to_levels(np.concatenate(list(kept.values())))
@@ -69,17 +67,6 @@ class Surroundings:
         description = {"low": low.tolist(), "high": high.tolist(), "cables": self._cables, "largest": largest}
         counts = {kind: len(kept[kind]) // frames for kind in KINDS}
         return description | {"counts": counts, "forces": [2 * len(each) for each in arrows]}, arrays
-
-    def _arrows(self, size: float) -> tuple[list[NDArray[np.float64]], float]:
-        """Return the arrows (a, 2, 3) [m] of each frame, which end at the points in contact, and the largest force."""
-        lengths = [np.linalg.norm(forces, axis=1) for _, forces in self._pushes]
-        largest = max((float(each.max(initial=0.0)) for each in lengths), default=0.0)
-        scale = ARROW * size / (largest or 1.0)
-        arrows = []
-        for (places, forces), length in zip(self._pushes, lengths, strict=True):
-            some = length > LEAST_FORCE * largest
-            arrows.append(np.stack([places[some] - scale * forces[some], places[some]], axis=1))
-        return arrows, largest
 
 
 def _shapes(around: Scenery) -> dict[str, NDArray[np.float64]]:
