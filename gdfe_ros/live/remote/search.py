@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +17,9 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.strays import namesakes
+
+_LOST = 2.0
+"""Time [s] after which an answer counts as lost: a node that has not discovered the client yet cannot send it one."""
 
 
 def full_name(name: str) -> str:
@@ -46,12 +50,14 @@ class Waiting:
         self._name, self._say, self._told = name, say, ""
         self._client = node.create_client(GetState, f"{name}/get_state")
         self._answer: Any = None
+        self._asked = 0.0
 
     def look(self) -> None:
         """Request the state, and report the last answer; called in the thread that spins the node."""
-        if self._answer is None and self._client.service_is_ready():
-            self._answer = self._client.call_async(GetState.Request())
-        elif self._answer is not None and self._answer.done():
+        if self._answer is None or (not self._answer.done() and time.monotonic() > self._asked + _LOST):
+            if self._client.service_is_ready():
+                self._answer, self._asked = self._client.call_async(GetState.Request()), time.monotonic()
+        elif self._answer.done():
             state, self._answer = self._answer.result().current_state, None
             if state.label != self._told:
                 self._told = state.label
