@@ -15,7 +15,7 @@ from gdfe_ros.solver.contact import pair_law as law
 from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
-from gdfe_ros.solver.contact.pair_touch import across, frames, touching_vertices
+from gdfe_ros.solver.contact.pair_touch import across, frames, tangential, touching_vertices
 from gdfe_ros.solver.contact.settling import Settling, parted
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -125,8 +125,10 @@ class OwnContact(ContactTerm):
         self._settling, self._scale = Settling(positions, held=self.reals[law.FRICTION] > 0.0), 0.0
         self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
         self._hold, self._hold_weights = face, np.where(kept[:, None], saved["weights"], found.weights)
-        self._offset = last[self._vertices] - np.einsum("ka,kai->ki", self._hold_weights, last[self._quads[face]])
+        offset = last[self._vertices] - np.einsum("ka,kai->ki", self._hold_weights, last[self._quads[face]])
+        self._offset = tangential(offset, found.normal)
         self._offset[kept] = np.einsum("kij,kj->ki", axes[kept[some]], saved["offset"][kept])
+        self._began = self._hold.copy(), self._hold_weights.copy(), self._offset.copy()
         on = found.face >= 0
         before, after = (frames(x, self._quads[found.face[on]]) for x in (last, positions))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
@@ -140,12 +142,12 @@ class OwnContact(ContactTerm):
         self._scale = self._scale or float(rows[:, law.PRESS].sum()) / max(1, len(rows))
         self._held = self._multipliers()
         miss, change, forces, penalties = law.update_pairs(positions, self.reals, self.integers)
-        gaps, _, _, _, slid = self._forces(positions)
+        gaps = self._forces(positions)[0]
         press = rows[:, law.PRESS].copy()
         pushed, given_up = press > 0.0, press / rows[:, law.PENALTY]
         self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
         found = self.surface.look(positions, self._from, self._reach, self._sunk)
-        self._follow(found, positions, slid)
+        self._follow(found, positions)
         self._pack(found, positions)
         kept = pushed & (self._press[chosen] > 0.0)
         shifted = np.abs(found.gap[chosen] - gaps)[kept].max(initial=0.0)
@@ -194,7 +196,8 @@ class OwnContact(ContactTerm):
         quads, axes = self._quads[face], frames(positions, self._quads[face])
         places = np.einsum("ka,kai->ki", weights, positions[quads])
         offset = positions[self._vertices[chosen]] - places
-        offset[~slips] = rows[~slips, law.OFFSET : law.OFFSET + 3]
+        offset[~slips] = rows[~slips, law.OFFSET : law.SUPPORT]
+        offset = tangential(offset, rows[:, law.NORMAL : law.WEIGHTS])
         kept["press"][chosen], kept["slips"][chosen] = presses, slips
         kept["shear"][chosen] = np.einsum("kji,kj->ki", axes, shears)
         kept["offset"][chosen] = np.einsum("kji,kj->ki", axes, offset)
@@ -247,19 +250,28 @@ class OwnContact(ContactTerm):
         self._reach = max(self._reach, CLEAR * float(before.max()))
         return np.where(self._sunk, 0.0, depths)
 
-    def _follow(self, found: Nearest, x: NDArray[np.float64], slid: NDArray[np.float64]) -> None:
-        """Move the friction anchors of slipping pairs to their present faces, with their slip (k, 3) [m] unchanged.
+    def _follow(self, found: Nearest, x: NDArray[np.float64]) -> None:
+        """Set the points that friction acts on: the present ones of pairs that slip, those of the start of all others.
 
-        Otherwise friction would act on the faces of the beginning of the solve, and the next solve would move the body
-        again.
+        The slip is the motion since the last state relative to the material point that is touched now. It depends on
+        no position in between.
         """
         rows, chosen, limit = self._rows(), self._chosen, self.reals[law.FRICTION] * self._rows()[:, law.PRESS]
         shear = np.linalg.norm(rows[:, law.SHEAR : law.HOLD], axis=1)
         on = (limit > 0.0) & (shear > (1.0 - ROUNDING) * limit) & (found.face[chosen] >= 0)
+        hold, weights, offset = self._began
+        sticks = chosen[~on & (hold[chosen] >= 0)]
+        self._hold[sticks], self._hold_weights[sticks] = hold[sticks], weights[sticks]
+        self._offset[sticks] = offset[sticks]
         slips = chosen[on]
         self._hold[slips], self._hold_weights[slips] = found.face[slips], found.weights[slips]
-        places = np.einsum("ka,kai->ki", found.weights[slips], x[self._quads[found.face[slips]]])
-        self._offset[slips] = x[self._vertices[slips]] - places - slid[on]
+        self._offset[slips] = tangential(self._apart(slips, x), found.normal[slips])
+
+    def _apart(self, pairs: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return vertex minus point of the held face (k, 3) [m] at the last state, turned with the face to ``x``."""
+        quads, last = self._quads[self._hold[pairs]], self._from
+        before = last[self._vertices[pairs]] - np.einsum("ka,kai->ki", self._hold_weights[pairs], last[quads])
+        return np.einsum("kij,klj,kl->ki", frames(x, quads), frames(last, quads), before)
 
     def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
         """Pack the pairs found at ``x`` (n, 3) [m] for the kernels, with the multipliers of those that persist."""
@@ -273,11 +285,11 @@ class OwnContact(ContactTerm):
         fresh = on & (self._hold < 0)
         self._hold[fresh], self._hold_weights[fresh] = found.face[fresh], found.weights[fresh]
         places = np.einsum("ka,kai->ki", found.weights[fresh], x[corners[fresh]])
-        self._offset[fresh] = x[self._vertices[fresh]] - places
+        self._offset[fresh] = tangential(x[self._vertices[fresh]] - places, found.normal[fresh])
         self._normal = found.normal
         chosen = np.flatnonzero(on)
-        normal, shear = found.normal[chosen], self._shear[chosen]
-        shear = shear - np.einsum("ki,ki->k", shear, normal)[:, None] * normal
+        normal = found.normal[chosen]
+        shear = tangential(self._shear[chosen], normal)
         self._chosen, self._face, self._weights = chosen, found.face[chosen], found.weights[chosen]
         self.integers[law.COUNT] = len(chosen)
         rows = self._rows()

@@ -77,6 +77,11 @@ def across(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
     return first, np.cross(normals, first)
 
 
+def tangential(vectors: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the parts of vectors (k, 3) in the planes with unit normals (k, 3)."""
+    return vectors - np.einsum("ki,ki->k", vectors, normals)[:, None] * normals
+
+
 def frames(x: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]; columns are axes, the third the normal."""
     a, b, c, d = np.moveaxis(x[quads], 1, 0)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.motion import viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics
@@ -51,12 +50,6 @@ class Tangents:
             return self._last[2]
         require_differentiable(end)
         equilibrium, self._last = self._equilibrium, None
-        for contact in equilibrium.actuation.contacts:
-            if isinstance(contact, OwnContact) and end.terms[contact.name]["press"].any():
-                raise GdfeError(
-                    "no derivative: the body touches itself, which derivatives do not support; remedy: differences of "
-                    "two simulations"
-                )
         if self._level is None:
             terms = equilibrium.actuation.terms
             dashpots = next((term for term in terms if term.name == viscosity.NAME), None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Solution of linear systems given by matrix-vector products: left-preconditioned GMRES (Saad and Schultz 1986)."""
+"""Linear systems given by products: preconditioned generalised conjugate residuals (Eisenstat, Elman, Schultz 1983)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from gdfe_ros.errors import GdfeError
 
@@ -17,61 +16,85 @@ EXHAUSTED = 1e-13
 """Norm of the orthogonal part of a product with a unit vector, below which it is rounding."""
 ROUNDING = 1e-6
 """Least size of the solution, over the right-hand side, that the relative residual assumes."""
+STALLED = 0.99
+"""Residual after a direction over that before, above which the next direction is the last image, as in Arnoldi's
+method: a residual that does not shrink would be tried again."""
 MOST = 150
-"""Limit of products."""
+"""Limit of products for one right-hand side, and of kept directions."""
 
-Map = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Array = NDArray[np.float64]
+Map = Callable[[Array], Array]
 
 
-def solved(product: Map, precondition: Map, right: NDArray[np.float64], *, tolerance: float) -> NDArray[np.float64]:
-    """Return x of A x = b.
+class ConjugateResiduals:
+    """Solves A x = b for several b, one after another.
+
+    Directions of earlier right-hand sides are kept with their images, so that only what they leave needs new products.
 
     Args:
         product: returns A times a vector (k,).
         precondition: returns M^-1 times a vector (k,); the closer M is to A, the fewer products are needed.
-        right: b (k,).
         tolerance: norm of the preconditioned residual over the smaller one of the norms of M^-1 b and x.
-
-    Raises:
-        GdfeError: A is singular, or nearly so: there is no derivative.
     """
-    residual = precondition(right)
-    size = float(np.linalg.norm(residual))
-    if size == 0.0:
-        return np.zeros_like(right)
-    basis, rows, turns = [residual / size], np.zeros((MOST + 1, MOST)), np.zeros((MOST, 2))
-    goal, best = np.zeros(MOST + 1), np.inf
-    goal[0] = size
-    for k in range(MOST):
-        image = precondition(product(basis[-1]))
+
+    def __init__(self, product: Map, precondition: Map, *, tolerance: float) -> None:
+        self._product, self._precondition, self._tolerance = product, precondition, tolerance
+        self._directions: list[Array] = []
+        self._images: list[Array] = []
+
+    def solve(self, right: Array) -> Array:
+        """Return x (k,) of A x = b.
+
+        Raises:
+            GdfeError: A is singular, or nearly so: there is no derivative.
+        """
+        residual, answer = self._precondition(right), np.zeros_like(right)
+        size, best, count = float(np.linalg.norm(residual)), np.inf, 0
+        if len(self._images) > MOST:
+            self._directions.clear(), self._images.clear()
+        for direction, image in zip(self._directions, self._images, strict=True):
+            _reduce(residual, answer, direction, image)
+        stalled, left = False, _left(residual, answer, size)
+        while left > self._tolerance and not (left < ENOUGH and left > 0.5 * best):
+            if count == MOST or not self._extend(self._images[-1] if stalled else residual):
+                break
+            best, before = min(best, left), float(np.linalg.norm(residual))
+            _reduce(residual, answer, self._directions[-1], self._images[-1])
+            stalled = float(np.linalg.norm(residual)) > STALLED * before
+            left, count = _left(residual, answer, size), count + 1
+        if not left < ENOUGH:
+            raise GdfeError(
+                f"no derivative exists here, or none is known: the tangent is singular (residual {left:.2g} after "
+                f"{count} products); remedy: step away from the edge of stability"
+            )
+        return answer
+
+    def _extend(self, vector: Array) -> bool:
+        """Add a direction with a unit image orthogonal to all others; return whether there is one."""
+        direction = vector / np.linalg.norm(vector)
+        image = self._precondition(self._product(direction))
         for _ in range(2):  # a single pass leaves rounding, which matters if the matrix is close to the preconditioner
-            shares = np.array([float(vector @ image) for vector in basis])
-            rows[: k + 1, k] += shares
-            for share, vector in zip(shares, basis, strict=True):
-                image -= share * vector
-        length = rows[k + 1, k] = float(np.linalg.norm(image))
-        for i in range(k):  # Givens rotations keep the rows triangular
-            _turn(rows[i : i + 2, k], turns[i])
-        turns[k] = rows[k : k + 2, k] / max(float(np.hypot(*rows[k : k + 2, k])), 1e-300)
-        _turn(rows[k : k + 2, k], turns[k])
-        _turn(goal[k : k + 2], turns[k])
-        answer = solve_triangular(rows[: k + 1, : k + 1], goal[: k + 1])
-        # A stiff constraint makes the right-hand side far larger than the solution, whose accuracy matters.
-        left = abs(goal[k + 1]) / min(size, max(float(np.linalg.norm(answer)), ROUNDING * size))
-        if left < tolerance or not length > EXHAUSTED or (left < ENOUGH and left > 0.5 * best):
-            break
-        best = min(best, left)
-        basis.append(image / length)
-    count = k + 1
-    if not left < ENOUGH:
-        raise GdfeError(
-            f"no derivative exists here, or none is known: the tangent is singular (residual {left:.2g} after {count} "
-            "products); remedy: step away from the edge of stability"
-        )
-    return answer @ np.array(basis[:count])
+            for known, seen in zip(self._directions, self._images, strict=True):
+                share = float(seen @ image)
+                image -= share * seen
+                direction -= share * known
+        length = float(np.linalg.norm(image))
+        if not length > EXHAUSTED:
+            return False
+        self._directions.append(direction / length)
+        self._images.append(image / length)
+        return True
 
 
-def _turn(pair: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
-    """Rotate two numbers by the angle with the given cosine and sine."""
-    cosine, sine = turn
-    pair[:] = cosine * pair[0] + sine * pair[1], cosine * pair[1] - sine * pair[0]
+def _reduce(residual: Array, answer: Array, direction: Array, image: Array) -> None:
+    """Take the part of an image out of the residual."""
+    share = float(image @ residual)
+    residual -= share * image
+    answer += share * direction
+
+
+def _left(residual: Array, answer: Array, size: float) -> float:
+    """Return the relative residual; 0 for a right-hand side of zero."""
+    # A stiff constraint makes the right-hand side far larger than the solution, whose accuracy matters.
+    scale = min(size, max(float(np.linalg.norm(answer)), ROUNDING * size))
+    return float(np.linalg.norm(residual)) / scale if size > 0.0 else 0.0

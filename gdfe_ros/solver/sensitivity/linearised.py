@@ -9,7 +9,7 @@ pressures and hourglass scales is eliminated element by element.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -28,13 +28,14 @@ from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, gather_rigid_rows, place
 from gdfe_ros.solver.reactions import vertex_forces
 from gdfe_ros.solver.sensitivity.elimination import MOST, SchurComplement
-from gdfe_ros.solver.sensitivity.krylov import solved
+from gdfe_ros.solver.sensitivity.krylov import ConjugateResiduals
+from gdfe_ros.solver.sensitivity.multipliers import Multipliers
 from gdfe_ros.solver.sensitivity.products import add_products
 from gdfe_ros.solver.sensitivity.softening import slopes
 from gdfe_ros.solver.sensitivity.volumes import Volumes
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.terms.term import Term, terms_energy
+from gdfe_ros.solver.terms.term import terms_energy
 
 SOFT, STIFF = 1e-6, 1e-8
 """Relative tolerance of the linear solve without multipliers, and with them, because constraints make forces stiff."""
@@ -71,7 +72,8 @@ class Linearised:
         u: (3 r,) unknowns.
         frame: commanded positions of the handles.
         forces: (n, 3) [N] dE/dx of all terms.
-        multipliers: (k,) of all terms, one after another.
+        joint: the multipliers of all terms.
+        multipliers: (k,) at the end.
         scale: (m,) hourglass scales.
         softening: elements whose scales follow the strain.
         spacing: displacement [m] of differences.
@@ -83,6 +85,7 @@ class Linearised:
     def __init__(self, equilibrium: EquilibriumSolver, level: TangentLevel, start: State, end: State) -> None:
         self._level, self._start, self.end, self.handles = level, start, end, equilibrium.handles
         self.interrupted: Callable[[], bool] | None = None
+        self._system: ConjugateResiduals | None = None
         self.body, self.actuation = equilibrium.body, equilibrium.actuation
         solve = Solve.at(equilibrium.model, end)
         task = equilibrium.evaluated(solve)
@@ -90,9 +93,8 @@ class Linearised:
         work = equilibrium.whole.workspace
         self.x, self.u, self.frame = work.x.copy(), work.u.copy(), task.problem.frame
         self._resume_terms()
-        self._sizes = [len(term.multipliers) for term in self.actuation.terms]
-        self.multipliers = self.held()
-        self._weights = self._joined(lambda term: term.per_metre)
+        self.joint = Multipliers(self.actuation.terms)
+        self.multipliers, self._weights = self.joint.held(), self.joint.per_metre
         self.numbers = self.actuation.table.reals.copy()
         delicate = any(term.delicate for term in self.actuation.terms)
         self.spacing = (NEARER if delicate else SPACING) * self.body.size
@@ -113,7 +115,7 @@ class Linearised:
 
     def resume(self) -> None:
         """Set all terms to the end again, after other solves have used them."""
-        self.interrupted = None
+        self.interrupted, self._system = None, None  # the same question has the same answer, whatever was asked before
         self._resume_terms()
         self.restore()
 
@@ -144,23 +146,6 @@ class Linearised:
         given = self.x, found.shape, found.blocks, material, pressure, scale, table, self._watch.watched
         evaluate(*given, force, energies, None)
         return self._summed(force)
-
-    def held(self) -> NDArray[np.float64]:
-        """Return the present multipliers (k,) of all terms."""
-        return self._joined(lambda term: term.multipliers)
-
-    def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the multipliers (k,) of all terms."""
-        for term, part in zip(self.actuation.terms, self._parts(multipliers), strict=True):
-            term.hold(part)
-
-    def updated(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the multipliers (k,) after an update at positions (n, 3) [m]."""
-        return self._joined(lambda term: term.updated(x))
-
-    def metres(self, multipliers: NDArray[np.float64]) -> float:
-        """Return the largest displacement [m] that corresponds to a change (k,) of the multipliers."""
-        return float(np.abs(multipliers / self._weights).max(initial=0.0))
 
     def restore(self) -> None:
         """Reset the reals of all terms to those at the end."""
@@ -203,8 +188,10 @@ class Linearised:
         load = self.gathered(forces)
         load[rows - len(turned) :] += turned
         right = np.concatenate([-load, change / self._weights])
-        tolerance = STIFF if len(self.multipliers) else SOFT
-        found = solved(self._multiplied, self._eliminated, right, tolerance=tolerance)
+        if self._system is None:
+            tolerance = STIFF if len(self.multipliers) else SOFT
+            self._system = ConjugateResiduals(self._multiplied, self._eliminated, tolerance=tolerance)
+        found = self._system.solve(right)
         unknowns, multipliers = found[:rows], found[rows:] * self._weights
         return StateDerivative(unknowns, self.moved(unknowns), multipliers)
 
@@ -305,23 +292,17 @@ class Linearised:
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the result of `product` without the elements."""
-        largest = max(np.abs(motion).max(initial=0.0), self.metres(multipliers))
+        largest = max(np.abs(motion).max(initial=0.0), self.joint.metres(multipliers))
         if largest == 0.0 or not len(self.actuation.table.address):
             return np.zeros_like(motion), np.zeros_like(multipliers)
         step, sides = self.spacing / largest, []
         for sign in (step, -step):
             x = self.x + sign * motion
-            self.hold(self.multipliers + sign * multipliers)
-            sides.append((self.term_forces(x), self.updated(x)))
-        self.hold(self.multipliers)
+            self.joint.hold(self.multipliers + sign * multipliers)
+            sides.append((self.term_forces(x), self.joint.updated(x)))
+        self.joint.hold(self.multipliers)
         (first, found), (second, lost) = sides
         return (first - second) / (2.0 * step), (found - lost) / (2.0 * step)
 
     def _summed(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
         return vertex_forces(self.body, np.arange(len(self.x), dtype=np.int32), force)
-
-    def _joined(self, take: Callable[[Term], NDArray[np.float64]]) -> NDArray[np.float64]:
-        return np.concatenate([np.zeros(0), *(take(term) for term in self.actuation.terms)])
-
-    def _parts(self, multipliers: NDArray[np.float64]) -> Sequence[NDArray[np.float64]]:
-        return np.split(multipliers, np.cumsum(self._sizes)[:-1]) if self._sizes else []

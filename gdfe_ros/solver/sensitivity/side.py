@@ -95,11 +95,11 @@ class Column:
         """Return the derivative (6,) of each handle's and obstacle's reaction on the body."""
         solve, change = self._solve, self.change
         forces = self._forces + solve.product(solve.moved(change.unknowns), change.multipliers)[0]
-        largest = max(np.abs(change.positions).max(initial=0.0), solve.metres(change.multipliers))
+        largest = max(np.abs(change.positions).max(initial=0.0), solve.joint.metres(change.multipliers))
         step, found = solve.spacing / max(largest, 1e-300), []
         for sign in (step, -step):
             solve.actuation.table.reals[...] = solve.numbers + sign * self._numbers
-            solve.hold(solve.multipliers + sign * change.multipliers)
+            solve.joint.hold(solve.multipliers + sign * change.multipliers)
             given = solve.x + sign * change.positions, np.zeros((len(solve.body.material), 8, 3))
             outside = solve.forces + sign * forces
             found.append(handle_reactions(solve.body, *given, outside, solve.actuation.contacts))
@@ -121,12 +121,12 @@ class Column:
                 self._varied(side, solve.x)
                 found.append(made(side, solve.x))
             parts.append(difference(*found, 2.0 * pair.step))
-        largest = max(np.abs(change.positions).max(initial=0.0), solve.metres(change.multipliers), 1e-300)
+        largest = max(np.abs(change.positions).max(initial=0.0), solve.joint.metres(change.multipliers), 1e-300)
         step, found, own = NEAR * solve.body.size / largest, [], self._pairs[0].middle
         for sign in (step, -step):
             x = solve.x + sign * change.positions
             self._varied(own, x)
-            solve.hold(solve.multipliers + sign * change.multipliers)
+            solve.joint.hold(solve.multipliers + sign * change.multipliers)
             found.append(made(own, x))
         parts.append(difference(*found, 2.0 * step))
         solve.restore()
@@ -153,7 +153,7 @@ class Column:
             own.vary(side.commands, side.start.terms[term.name], x)
             if own is not term:
                 term.reals[...] = own.reals
-        solve.hold(solve.multipliers)
+        solve.joint.hold(solve.multipliers)
 
     def _terms_part(self, pair: Pair, *places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the terms' change of force (n, 3) [N] and of updated multipliers (k,) at constant positions."""
@@ -170,7 +170,7 @@ class Column:
         self._numbers += half / pair.step
         for sign in (1.0, -1.0):
             solve.actuation.table.reals[...] = solve.numbers + sign * half
-            found.append((solve.term_forces(solve.x), solve.updated(solve.x)))
+            found.append((solve.term_forces(solve.x), solve.joint.updated(solve.x)))
         solve.restore()
         (first, above), (second, below) = found
         return (first - second) / (2.0 * pair.step), (above - below) / (2.0 * pair.step)

@@ -295,25 +295,3 @@ def test_a_warm_column_needs_a_few_solves_and_no_factor(
     assert counts["solve"] <= min(before, most * len(names))
     assert not seen_by_solver
     np.testing.assert_array_equal(warm, cold)
-
-
-def test_a_body_that_touches_itself_is_refused() -> None:
-    """Press a block onto another of the same scene: one clear error, and the state is as before."""
-    text = """
-name: blocks
-meshes:
-  lower: {bar: {size: [0.02, 0.02, 0.01], cells: [3, 3, 2]}}
-  upper: {bar: {size: [0.012, 0.012, 0.01], cells: [2, 2, 2]}, at: [0.004, 0, 0.0105]}
-materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.3}}
-regions: [{material: soft}]
-handles: {floor: {where: {mesh: lower, face: z-}, fixed: true}, lid: {where: {mesh: upper, face: z+}}}
-self_contact: {friction: 0.0}
-probes: {corner: {mesh: lower, at: [0, 0, 0.005]}}
-"""
-    apart = solved(text, Command())
-    assert np.isfinite(apart.sensitivities(None, ["handles.lid.z"]).matrix).all()
-    simulation = solved(text, Command(handles={"lid": Pose((0.0, 0.0, -1e-3))}))
-    before = simulation.positions.copy()
-    with pytest.raises(GdfeError, match="no derivative: the body touches itself, which derivatives do not support"):
-        simulation.sensitivities(None, ["handles.lid.z"])
-    np.testing.assert_array_equal(simulation.positions, before)

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Self-contact as derivatives need it: the pairs of a converged solve, which continue to touch, stick or slip."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints.self_contact import SelfContact
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact import pair_law as law
+from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_faces
+from gdfe_ros.solver.contact.contact import SLIP
+from gdfe_ros.solver.contact.own_contact import REACH, OwnContact
+from gdfe_ros.solver.contact.own_surface import DEPTH, Nearest
+from gdfe_ros.solver.contact.pair_touch import frames, tangential
+from gdfe_ros.solver.state import Saved
+
+HELD = [*range(law.PRESS, law.OFFSET), law.SUPPORT]
+"""Columns of a pair's row that an update changes."""
+WIDTH = len(HELD) + 3
+"""Multipliers of a pair: `HELD`, and the change of its offset."""
+
+
+class DifferentiableOwnContact(OwnContact):
+    """Self-contact whose converged solves can be linearised. Pairs keep their faces.
+
+    The multipliers of a pair are its normal force, its normal, the weights of its face's corners, its friction force,
+    the weights of the corners that friction acts on, its support, and the change of its offset.
+    """
+
+    def __init__(self, meant: SelfContact, body: Body) -> None:
+        super().__init__(meant, body)
+        self.reals = np.concatenate([self.reals, np.zeros(3 * len(self._vertices))])
+
+    @property
+    def delicate(self) -> bool:
+        """Whether friction acts between pairs that touch."""
+        return self._on and self.reals[law.FRICTION] > 0.0
+
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
+        """Choose the pairs that pressed at the end of a solve, with the forces found there.
+
+        A pair that slips but has hardly moved gets the slip `SLIP` in the direction of its friction force, so that the
+        direction of slip is defined.
+        """
+        self._on = bool(found["press"].any())
+        if not self._on:
+            self._chosen = self._face = np.zeros(0, dtype=np.int64)
+            self._weights, self.integers[law.COUNT] = np.zeros((0, 4)), 0
+            return
+        near = self.surface.look(positions, positions, REACH * self._body.size)
+        near.face[~(found["press"] > 0.0)] = -1
+        on = near.face >= 0
+        self._hold, self._hold_weights = found["face"].astype(np.int64), found["weights"].copy()
+        axes = frames(positions, self._quads[self._hold[on]])
+        self._press, self._normal = found["press"].copy(), found["normal"]
+        self._shear, self._offset = np.zeros_like(found["shear"]), np.zeros_like(found["offset"])
+        self._shear[on] = np.einsum("kij,kj->ki", axes, found["shear"][on])
+        self._offset[on] = np.einsum("kij,kj->ki", axes, found["offset"][on])
+        self._pack(near, positions)
+        self._moved()[...], self._from = 0.0, self._last.positions
+        self._slips = found["slips"][self._chosen] > 0.0
+        self._set_anchors(positions)
+        self._kept = ~self._slips & (saved["slips"][self._chosen] == 0.0)
+
+    def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Move the anchors of the chosen pairs; keep the choice of pairs."""
+        if not self._on:
+            return
+        self._from, chosen, rows = self._last.positions, self._chosen, self._rows()
+        kept, fresh, slips = self._kept, ~self._kept & ~self._slips, self._slips
+        face = np.where(kept, saved["face"][chosen], self._hold[chosen]).astype(np.int64)
+        weights = self._nearest(self._from, face).weights
+        weights[kept] = saved["weights"][chosen[kept]]
+        rows[kept | fresh, law.HOLD : law.OFFSET] = self._hold_weights[chosen[~slips]] = weights[~slips]
+        axes = frames(positions, self._quads[face[kept]])
+        rows[kept, law.OFFSET : law.SUPPORT] = np.einsum("kij,kj->ki", axes, saved["offset"][chosen[kept]])
+        moved = self._slid(positions, rows) - self._anchors
+        rows[slips, law.OFFSET : law.SUPPORT] = (self._ends + moved)[slips]
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """The multipliers of all chosen pairs (`WIDTH` k,)."""
+        return np.hstack([self._rows()[:, HELD], self._moved()]).ravel()
+
+    @property
+    def per_metre(self) -> NDArray[np.float64]:
+        """Scales of the multipliers per metre: penalties [N/m] for forces, 1 / edge for directions and weights."""
+        topology, rows = self.surface.topology, self._rows()
+        scales = np.full((len(rows), law.STRIDE), DEPTH / topology.depth)
+        scales[:, law.PRESS] = rows[:, law.PENALTY]
+        scales[:, law.SHEAR : law.HOLD] = rows[:, law.PENALTY, None]
+        scales[:, law.SUPPORT] = 1.0 / topology.rim
+        return np.hstack([scales[:, HELD], np.ones((len(rows), 3))]).ravel()
+
+    def hold(self, multipliers: NDArray[np.float64]) -> None:
+        """Set the multipliers."""
+        rows, given = self._rows(), multipliers.reshape(-1, WIDTH)
+        if not len(rows):
+            return
+        stuck = rows[~self._slips, law.HOLD : law.OFFSET].copy()
+        rows[:, HELD] = given[:, : len(HELD)]
+        rows[~self._slips, law.HOLD : law.OFFSET] = stuck
+        rows[:, law.OFFSET : law.SUPPORT] += given[:, len(HELD) :] - self._moved()
+        self._moved()[...] = given[:, len(HELD) :]
+
+    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the multipliers after one plain update, and leave those of the term unchanged."""
+        held = self.multipliers
+        if not len(held):
+            return held
+        law.update_pairs(positions, self.reals, self.integers)
+        found, near, slips = self._rows().copy(), self._nearest(positions, self._face), self._slips
+        self.hold(held)
+        on = near.face >= 0  # a vertex that leaves its face sideways keeps its normal
+        found[on, law.NORMAL : law.WEIGHTS], found[on, law.WEIGHTS : law.SHEAR] = near.normal[on], near.weights[on]
+        found[on, law.SUPPORT] = near.support[on]
+        found[:, law.SHEAR : law.HOLD] = tangential(found[:, law.SHEAR : law.HOLD], found[:, law.NORMAL : law.WEIGHTS])
+        found[:, law.HOLD : law.OFFSET] = self._hold_weights[self._chosen]
+        found[slips, law.HOLD : law.OFFSET] = found[slips, law.WEIGHTS : law.SHEAR]
+        moved = (self._slid(positions, found) - self._anchors) * slips[:, None]
+        return np.hstack([found[:, HELD], moved]).ravel()
+
+    def _nearest(self, x: NDArray[np.float64], face: NDArray[np.int64]) -> Nearest:
+        """Return the nearest points of faces (k,) to the vertices of the chosen pairs."""
+        topology, chosen = self.surface.topology, self._chosen
+        count, quads = len(topology.vertices), topology.quads
+        areas, normals = np.empty((len(quads), 3)), np.empty((len(quads), 4, 3))
+        face_areas(x, quads, areas)
+        corner_normals(areas, topology.smooth_starts, topology.smooth, normals)
+        distance, found = np.full(count, np.inf), np.full(count, -1, dtype=np.int64)
+        weights, normal, gap = np.zeros((count, 4)), np.zeros((count, 3)), np.full(count, np.inf)
+        support, inside = np.zeros(count), np.ones(count, dtype=np.bool_)
+        given = (distance, found, weights, normal, gap, support)
+        nearest_faces(x, x, inside, chosen, face, topology, areas, normals, np.inf, *given)
+        return Nearest(*(values[chosen] for values in given[1:]))
+
+    def _slid(self, x: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the offsets (k, 3) [m] of pairs that have slid since the last state, with the points of ``rows``."""
+        chosen, weights = self._chosen, self._hold_weights.copy()
+        weights[chosen] = rows[:, law.HOLD : law.OFFSET]
+        before, self._hold_weights = self._hold_weights, weights
+        apart, self._hold_weights = self._apart(chosen, x), before
+        return tangential(apart, rows[:, law.NORMAL : law.WEIGHTS])
+
+    def _set_anchors(self, positions: NDArray[np.float64]) -> None:
+        """Set the offsets of slipping pairs: as far as they slid in the solve, along their friction force."""
+        chosen, rows, slips = self._chosen, self._rows(), self._slips
+        self._anchors = self._slid(positions, rows)
+        corners = positions[self._quads[self._hold[chosen]]]
+        apart = positions[self._vertices[chosen]] - np.einsum("ka,kai->ki", self._hold_weights[chosen], corners)
+        slid = tangential(apart - self._anchors, rows[:, law.NORMAL : law.WEIGHTS])
+        shears = rows[:, law.SHEAR : law.HOLD]
+        length = np.linalg.norm(shears, axis=1)[:, None]
+        far = np.maximum(np.linalg.norm(slid, axis=1), SLIP * self._body.size)[:, None]
+        ends = apart - far * shears / np.where(length > 0.0, length, 1.0)
+        rows[slips, law.OFFSET : law.SUPPORT] = ends[slips]
+        self._ends = rows[:, law.OFFSET : law.SUPPORT].copy()
+
+    def _moved(self) -> NDArray[np.float64]:
+        """Return the changes (k, 3) [m] of the offsets; they stand behind all pairs."""
+        return self.reals[-3 * len(self._vertices) :][: 3 * len(self._chosen)].reshape(-1, 3)
