@@ -17,6 +17,7 @@ from docs.scripts.constants import constants
 from docs.scripts.generate import pages, texts
 from gdfe_ros.cli import COMMANDS
 from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.terms.term import Term
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {str(page.relative_to(ROOT)): page.read_text(encoding="utf-8") for page in pages()}
@@ -96,6 +97,12 @@ def test_what_is_printed_is_up_to_date() -> None:
 def test_every_constant_has_a_reason() -> None:
     """Read the constants that decide about results: none stands without a reason."""
     assert [item.names for item in constants() if not item.reason] == []
+
+
+def test_the_whole_contract_of_a_term_is_on_its_page() -> None:
+    """Find every public member of `Term` in the tables of docs/terms.md."""
+    page = (ROOT / "docs" / "terms.md").read_text(encoding="utf-8")
+    assert [name for name in vars(Term) if name[0] != "_" and f"`{name}" not in page] == []
 
 
 def test_readme_is_a_page() -> None:
