@@ -78,14 +78,19 @@ class ManagedNode(LifecycleNode):
         """Label of the lifecycle state, e.g. ``active``; ``finalized`` once the node is destroyed."""
         return "finalized" if self._destroyed else self._state_machine.current_state[1]
 
+    @property
+    def given_parameters(self) -> dict[str, object]:
+        """The parameters that were given at start, by name, declared or not."""
+        # rclpy has no public interface for this.
+        return {name: parameter.value for name, parameter in self._parameter_overrides.items()}
+
     def unknown_parameters(self) -> set[str]:
         """Return the parameters that were given at start and are not declared, except QoS overrides.
 
         Moduli, which a scene declares on configuration, are excluded too.
         """
-        given = set(self._parameter_overrides)  # rclpy has no public interface for this
         later = ("materials.", "qos_overrides.", "start_type_description_service", "use_sim_time")
-        return {name for name in given if not self.has_parameter(name) and not name.startswith(later)}
+        return {name for name in self.given_parameters if not self.has_parameter(name) and not name.startswith(later)}
 
     def offer(self, kind: type, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Create a service; its callback may return a ``Future``, see the class."""

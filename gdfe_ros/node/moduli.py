@@ -68,22 +68,16 @@ class Moduli:
             self._changed(moduli)
 
 
-def given_moduli(node: LifecycleNode, scene: Scene) -> dict[str, float]:
-    """Return the moduli [Pa] from the command line and from parameter files, as overrides of the scene.
+def given_moduli(parameters: Mapping[str, object], scene: Scene) -> dict[str, float]:
+    """Return the moduli [Pa] among parameters from the command line and from files, as overrides of the scene.
 
     Raises:
         GdfeError: one of them is not allowed.
     """
-    given = {}
-    for name in _materials(scene):
-        # Declared without a range, because rclpy's refusal does not name the allowed values. The value is None if the
-        # parameter was not given.
-        value = node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True)).value
-        node.undeclare_parameter(name)
-        if value is not None:
-            _require_modulus(name, value)
-            given[name] = float(value)
-    return given
+    given = {name: parameters[name] for name in _materials(scene) if name in parameters}
+    for name, value in given.items():
+        _require_modulus(name, value)
+    return {name: float(value) for name, value in given.items()}
 
 
 def _materials(scene: Scene) -> dict[str, str]:

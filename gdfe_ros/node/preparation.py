@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rclpy.lifecycle import LifecycleNode
-
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.moduli import given_moduli
 from gdfe_ros.node.parameters import NodeParameters
@@ -14,15 +12,19 @@ from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Simulation
 
 
-def prepare(node: LifecycleNode, parameters: NodeParameters) -> Simulation:
+def prepare(parameters: NodeParameters, given: Mapping[str, object]) -> Simulation:
     """Return a simulation of the scene with its overrides and moduli, factored and compiled.
+
+    Args:
+        parameters: of the node.
+        given: parameters that were given at start, by name; some of them may be moduli.
 
     Raises:
         GdfeError: every defect of the scene or of the overrides.
     """
     overrides = _overrides(parameters.entries("scene_overrides"))
     scene = load_scene(parameters["scene"], overrides=overrides)
-    moduli = given_moduli(node, scene)
+    moduli = given_moduli(given, scene)
     if moduli:
         scene = load_scene(parameters["scene"], overrides={**overrides, **moduli})
     simulation = Simulation(scene)

@@ -115,7 +115,7 @@ class SimNode(ManagedNode):
             "which may take a minute"
         )
         try:
-            return prepare(self, self._settings)
+            return prepare(self._settings, self.given_parameters)
         except Exception as error:
             return error
 
