@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import DependencyError
 
 Array = NDArray[np.float64]
+ROUNDING = 1e-12
+"""Distance of a solution from a bound that counts as none, if b has the norm 1 and the columns of A at most 1."""
 
 
 def least_squares(
@@ -42,5 +44,6 @@ def least_squares(
     sides = np.concatenate([np.eye(len(lengths)), -np.eye(len(lengths))], axis=1)
     real = np.isfinite(bounds)
     given = (sides[:, real], bounds[real]) if real.any() else ()
-    found = quadprog.solve_qp(hessian, scaled.T @ (goal / size), *given)[0]
-    return np.clip(found * size / lengths, low, high)
+    found = quadprog.solve_qp(hessian, scaled.T @ (goal / size), *given)[0] * size / lengths
+    near = ROUNDING * size / lengths
+    return np.where(found <= low + near, low, np.where(found >= high - near, high, found))
