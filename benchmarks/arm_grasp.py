@@ -104,7 +104,7 @@ def _carried_mass(simulation: Simulation, result: StepResult) -> tuple[Vector, f
     scene = simulation.scene
     masses = np.zeros(scene.mesh.n_vertices)
     densities = np.array([material.density for material in scene.materials.values()])[scene.cell_material]
-    volumes = simulation._stepper.body.shape.volume
+    volumes = simulation.stepper.body.shape.volume
     np.add.at(masses, scene.mesh.cells, (densities * volumes / 8.0)[:, None])
     moment, total = masses @ result.positions, float(masses.sum())
     for each in scene.handles:

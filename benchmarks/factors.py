@@ -48,9 +48,9 @@ def rows(repeats: int = REPEATS, names: Sequence[str] = ()) -> Iterator[dict[str
             continue
         simulation = Simulation(load_scene(robot.scene))
         list(simulation.play(5))
-        level = simulation._stepper.equilibrium._model.level
+        level = simulation.stepper.equilibrium._model.level
         if level is not None:
-            free = simulation._stepper.body.unknowns.free
+            free = simulation.stepper.body.unknowns.free
             yield {"robot": robot.scene, **compared(level, simulation.mesh, free, repeats)}
 
 

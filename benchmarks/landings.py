@@ -105,7 +105,7 @@ class Outcome:
 def landed(landing: Landing) -> Outcome:
     """Make a landing."""
     simulation, steps = landing.simulation(), round(landing.lasts / landing.step)
-    mass = float(simulation._stepper._mass.sum())
+    mass = float(simulation.stepper.mass.sum())
     fallen = 0.5 * mass * landing.speed**2 + mass * GRAVITY * landing.height
     held, results, before, stopped, started = [], [], 0.0, 0, process_time()
     for _ in range(steps):

@@ -67,7 +67,7 @@ def measure_energy() -> dict[str, float]:
 def measure_spin() -> dict[str, float]:
     """Return by how much the momenta of a spinning body change, over the angular one and that of its rim."""
     simulation = Simulation(load_scene("drop", overrides=SPINNING))
-    mass, rest = simulation._stepper._mass, simulation.mesh.vertices
+    mass, rest = simulation.stepper.mass, simulation.mesh.vertices
     centre, weights = rest.mean(axis=0), np.asarray(mass.sum(axis=0)).ravel()
     start = np.cross(rest - centre, mass @ np.cross([0.0, 0.0, SPIN], rest - centre)).sum(axis=0)
     angular = linear = 0.0

@@ -71,6 +71,11 @@ class Simulation:
         settings: replace the scene's own.
         terms: makers of further terms of the potential (`docs/terms.md`); each is called with the body.
 
+    Attributes:
+        stepper: advances states; its equilibrium solver holds matrices, terms and contacts.
+        state: everything that changes during a run; immutable. `snapshot` and `restore` save and set it.
+        origin: (3,) [m] of the positions in `state`.
+
     Raises:
         SceneError: the scene cannot be solved as it is, e.g. forces under the policy ``relative``.
 
@@ -94,9 +99,9 @@ class Simulation:
         refuse_unsolvable(scene, self.settings)
         self._orders = Orders(scene, self.settings)
         self._carriers = Carriers(scene.arms)
-        self._origin = working_origin(scene.mesh)
-        body = scene_body(scene, self._origin, self.settings.torsion)
-        self._stepper = make_stepper(scene, self.settings, body, terms)
+        self.origin = working_origin(scene.mesh)
+        body = scene_body(scene, self.origin, self.settings.torsion)
+        self.stepper = make_stepper(scene, self.settings, body, terms)
         self.reset()
 
     @property
@@ -122,18 +127,18 @@ class Simulation:
     @property
     def positions(self) -> NDArray[np.float64]:
         """Current vertices (n, 3) float64 [m], read-only."""
-        own = self._state.positions[: self.mesh.n_vertices]
-        positions = own + self._origin if self._origin.any() else own.view()
+        own = self.state.positions[: self.mesh.n_vertices]
+        positions = own + self.origin if self.origin.any() else own.view()
         positions.flags.writeable = False
         return positions
 
     def reset(self) -> None:
         """Go back to rest at time 0."""
-        self._state = self._stepper.at_rest()
+        self.state = self.stepper.at_rest()
         self._joints, self._cuts = self._carriers.at_rest(), {}
         self.time = 0.0
         self.targets = {handle.name: Pose() for handle in self.scene.handles}
-        self.commands = dict(self._state.commands)
+        self.commands = dict(self.state.commands)
         self.commands.update({load.name: LOAD_FACTOR for load in self.scene.loads})
         self._neutral = dict(self.commands)
         self._trail: Trail | None = None
@@ -151,7 +156,7 @@ class Simulation:
         self.reset()
         self.time = before.time
         try:
-            self._state = self._stepper.put(self._state, places) if places else self._state
+            self.state = self.stepper.put(self.state, places) if places else self.state
         except OverlapError:
             self.restore(before)
             raise
@@ -174,14 +179,14 @@ class Simulation:
     def snapshot(self) -> Snapshot:
         """Return the whole changing state as a value; `restore` goes back to it."""
         given = {"targets": self.targets, "commands": self.commands, "scene": self._orders.text}
-        return Snapshot(state=self._state, time=self.time, joints=self._joints, **given)
+        return Snapshot(state=self.state, time=self.time, joints=self._joints, **given)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of a simulation of the same scene; raise `CommandError` for one of another scene."""
         require_snapshot(snapshot)
-        state = self._stepper.completed(snapshot.state)
+        state = self.stepper.completed(snapshot.state)
         self._orders.require_own(snapshot)
-        self._state, self.time, self.result = state, snapshot.time, None
+        self.state, self.time, self.result = state, snapshot.time, None
         self._joints, self._cuts = self._carriers.restored(snapshot.joints), {}
         self.targets, self.commands = dict(snapshot.targets), dict(snapshot.commands)
 
@@ -223,24 +228,24 @@ class Simulation:
         moved = self._carriers.advance(self._joints, self._carriers.checked(command), dt, targets)
         targets |= moved.poses
         commands = self._orders.values(command, self.commands)
-        limited = self._orders.within_rates(commands, self._state.commands, dt)
-        rests = not places and self._stepper.rests(self._state, targets, limited)
+        limited = self._orders.within_rates(commands, self.state.commands, dt)
+        rests = not places and self.stepper.rests(self.state, targets, limited)
         if moves and not rests:
             require_countable(dt=dt, step=moves.step)
-        self._state = self._stepper.put(self._state, places) if places else self._state
+        self.state = self.stepper.put(self.state, places) if places else self.state
         self.targets, self.commands = targets, commands
         before, self._joints, self._cuts = self._joints, moved.motions, moved.cuts
         limit = Deadline.of(started, deadline, cut_after, interrupted)
         march = None
-        rests = rests or (bool(places) and self._stepper.rests(self._state, targets, limited))
+        rests = rests or (bool(places) and self.stepper.rests(self.state, targets, limited))
         if not rests and (dt or not moves):
             march = self._stepped(targets, limited, dt, limit)
-            self._state = march.state
+            self.state = march.state
             if march.simulated is not None and march.simulated < dt:
                 self._joints = self._carriers.part_way(before, self._joints, march.simulated / dt)
         self.time += dt if march is None or march.simulated is None else march.simulated
-        given = {"time": self.time, "origin": self._origin, "settings": self.settings}
-        self.result = step_result(self._stepper, self._state, march, **given, started=started, limit=limit)
+        given = {"time": self.time, "origin": self.origin, "settings": self.settings}
+        self.result = step_result(self.stepper, self.state, march, **given, started=started, limit=limit)
         return self.result
 
     def _stepped(
@@ -251,9 +256,9 @@ class Simulation:
         if self._trail is not None:
             self._trail.begin()
             given["observer"] = self._trail.observe
-        march = self._stepper.step(self._state, targets, commands, **given)
-        if isinstance(self._stepper, MotionStepper):
-            self._last = _Step(self._state, march.state, targets, commands, dt)
+        march = self.stepper.step(self.state, targets, commands, **given)
+        if isinstance(self.stepper, MotionStepper):
+            self._last = _Step(self.state, march.state, targets, commands, dt)
         return march
 
     @property
@@ -261,9 +266,9 @@ class Simulation:
         """Whether the state stays constant without a new command."""
         if not self._carriers.arrived(self._joints):
             return False
-        if isinstance(self._stepper, MotionStepper):
-            return self._stepper.settled(self._state, self.targets, self.commands)
-        return self.result.converged if self.result else self._state.summary.converged
+        if isinstance(self.stepper, MotionStepper):
+            return self.stepper.settled(self.state, self.targets, self.commands)
+        return self.result.converged if self.result else self.state.summary.converged
 
     def remarks(self) -> list[str]:
         """Return remarks on the scene: unstable materials, contrasts beyond the policy's calibration."""
@@ -285,8 +290,8 @@ class Simulation:
                 rotation is undetermined; the state is unchanged.
         """
         given = checked_positions(positions, self.mesh.vertices.shape)
-        placed = np.concatenate([given - self._origin, self._state.positions[self.mesh.n_vertices :]])
-        self._state = self._stepper.place(self._state, placed)
+        placed = np.concatenate([given - self.origin, self.state.positions[self.mesh.n_vertices :]])
+        self.state = self.stepper.place(self.state, placed)
 
     def observe_energy(self, observer: Callable[[float, float, bool], None]) -> None:
         """Call an observer in every iteration of the policy ``energy``; the policy ``relative`` never calls it.
@@ -294,7 +299,7 @@ class Simulation:
         Its arguments are the energy [J], the magnitude of the energy's terms [J], and whether a minimisation begins.
         Within a minimisation the energy must not rise; new pressures or scales begin another one.
         """
-        self._stepper.equilibrium.observe(observer)
+        self.stepper.equilibrium.observe(observer)
 
     def play(
         self, steps: int | None = None, *, progress: Callable[[float], None] | None = None
@@ -329,10 +334,10 @@ class Simulation:
 
     def later_fields(self) -> Callable[[], ElementFields]:
         """Return a function that evaluates the present state's fields in any thread, also after further steps."""
-        state = self._state
+        state = self.state
         omega = None if state.shapes is None else state.shapes.omega
-        given = {"operators": state.operators, "origin": self._origin}
-        return partial(element_fields, self._stepper.body, state.positions, omega, **given)
+        given = {"operators": state.operators, "origin": self.origin}
+        return partial(element_fields, self.stepper.body, state.positions, omega, **given)
 
     def handle_pose(self, name: str) -> Pose:
         """Return the present pose of a handle: its target, with the computed values along free axes.
@@ -342,16 +347,16 @@ class Simulation:
         """
         handle = self._orders.handle(name)
         if isinstance(handle, Obstacle):
-            return handle.pose(self._state.poses[name], self._state.positions + self._origin)
+            return handle.pose(self.state.poses[name], self.state.positions + self.origin)
         if handle.fixed:
             return Pose()
         moved = handle.centre(self.positions) - handle.centre(self.mesh.vertices)
-        pose = self._stepper.equilibrium.handles.pose(name, self._state.poses, self._state.turns)
+        pose = self.stepper.equilibrium.handles.pose(name, self.state.poses, self.state.turns)
         return Pose(tuple(moved), pose.rotation)
 
     def actuator_states(self) -> dict[str, ActuatorState]:
         """Return command, length or volume, tension or pressure of each actuator at the present equilibrium."""
-        return dict(self._state.summary.actuators)
+        return dict(self.state.summary.actuators)
 
     @property
     def joint_goals(self) -> dict[str, float]:
@@ -380,7 +385,7 @@ class Simulation:
         """
         if not self._carriers:
             return {}
-        summary = self._state.summary
+        summary = self.state.summary
         contacts = self.result.contacts if self.result is not None else {}
         weights = (
             self.commands[each.name] * each.acceleration for each in self.scene.loads if isinstance(each, Gravity)
@@ -398,7 +403,7 @@ class Simulation:
 
     def later_imus(self) -> Callable[[], dict[str, ImuReading]]:
         """Return a function that evaluates the present state's readings in any thread, also after further steps."""
-        return later_readings(self.scene.probes, self.scene.loads, self._stepper, self._state, self.commands)
+        return later_readings(self.scene.probes, self.scene.loads, self.stepper, self.state, self.commands)
 
     def sensitivities(
         self,
@@ -421,23 +426,23 @@ class Simulation:
             GdfeError: there is no derivative, as at a saddle or after a step that has not converged; or interrupted.
         """
         derivatives, trail = self._derivatives, self._trail
-        if not isinstance(self._stepper, MotionStepper):
-            return derivatives.found(self._state, outputs, parameters, interrupted=interrupted)
-        if trail is None or trail.state.positions is not self._state.positions:
+        if not isinstance(self.stepper, MotionStepper):
+            return derivatives.found(self.state, outputs, parameters, interrupted=interrupted)
+        if trail is None or trail.state.positions is not self.state.positions:
             trail = self._last_step_followed(parameters, interrupted)
         return derivatives.along(trail, outputs, parameters)
 
     def _last_step_followed(self, parameters: Sequence[str] | None, interrupted: Callable[[], bool] | None) -> Trail:
         """Repeat the last step with derivatives."""
-        if self._last is None or self._last.found.positions is not self._state.positions:
+        if self._last is None or self._last.found.positions is not self.state.positions:
             raise GdfeError("no derivative: no step in motion led here; remedy: step first")
         trail = self._derivatives.trail(self._last.start, parameters)
         trail.begin()
         deadline = Deadline(interrupted=interrupted) if interrupted else None
-        self._last.again(self._stepper, trail.observe, deadline)
+        self._last.again(self.stepper, trail.observe, deadline)
         if deadline is not None and deadline.passed():
             raise GdfeError(ENDED)
-        if not np.array_equal(trail.state.positions, self._state.positions):
+        if not np.array_equal(trail.state.positions, self.state.positions):
             raise GdfeError("no derivative: the last step was cut by a deadline; remedy: step without one")
         return trail
 
@@ -455,8 +460,8 @@ class Simulation:
         """
         derivatives = self._derivatives
         derivatives.named(parameters)
-        if isinstance(self._stepper, MotionStepper):
-            self._trail = derivatives.trail(self._state, parameters)
+        if isinstance(self.stepper, MotionStepper):
+            self._trail = derivatives.trail(self.state, parameters)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -467,7 +472,7 @@ class Simulation:
     def _derivatives(self) -> Derivatives:
         from gdfe_ros.derivatives import Derivatives  # needed here only
 
-        return Derivatives(self.scene, self._stepper)
+        return Derivatives(self.scene, self.stepper)
 
     def jacobian(
         self,
@@ -495,10 +500,10 @@ class Simulation:
         chosen = [self._orders.actuator(name) for name in names]
         if not chosen:
             return np.zeros((len(points), 3, 0))
-        if not isinstance(self._stepper, MotionStepper):
+        if not isinstance(self.stepper, MotionStepper):
             from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
 
-            return np.stack(jacobian(self._stepper, self._state, points, chosen, interrupted=interrupted), axis=2)
+            return np.stack(jacobian(self.stepper, self.state, points, chosen, interrupted=interrupted), axis=2)
         outputs = [f"probes.{name}" for name in (self.scene.probes if probes is None else probes)]
         wanted = [f"actuators.{name}" for name in names]
         followed = self._trail is not None

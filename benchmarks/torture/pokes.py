@@ -97,11 +97,11 @@ def _pressed(friction: float, presses: int) -> Finding:
     """Move a coarse block by more than a cell into another, and turn it, in single steps; then draw it off."""
     driver = Driver(scene_from_text(BLOCKS, overrides={"self_contact": {"friction": friction}}))
     simulation, random, depth = driver.simulation, np.random.default_rng(3), 0.0
-    inside = simulation._stepper.actuation.contacts[-1].inside
+    inside = simulation.stepper.actuation.contacts[-1].inside
     for _ in range(presses):
         place = random.uniform([-0.02, -0.02, -0.06], [0.02, 0.02, 0.0])
         result = driver.step(Pose(tuple(place), tuple(random.uniform(-0.4, 0.4, 3))), name="high")
-        found = inside.depths(simulation._state.positions, 0.0)[0].max() / simulation.mesh.size
+        found = inside.depths(simulation.state.positions, 0.0)[0].max() / simulation.mesh.size
         depth = max(depth, float(found)) if result.converged else depth
     for height in np.linspace(0.1, 0.0, RETURNS):
         result = driver.step(Pose((0.0, 0.0, height)), name="high")

@@ -40,24 +40,28 @@ class SimNode(ManagedNode):
         interrupted: set when the process is asked to end, so that a long service stops early.
         options: options of ``rclpy.node.Node``: ``namespace``, ``context``, ``parameter_overrides``, ...
 
+    Attributes:
+        session: the parts of the configured node; None before it is configured.
+        refusals: counts refused commands by reason.
+
     Raises:
         GdfeError: a parameter has a value that is not allowed.
     """
 
     def __init__(self, interrupted: threading.Event | None = None, **options: Any) -> None:
         super().__init__(NODE_NAME, **options)
-        self._session: SimulationSession | None = None
+        self.session: SimulationSession | None = None
         self._problem = ""
         self._prepared: Simulation | Exception | None = None
         self._settings = NodeParameters(self)
         logger = self.get_logger()
         self._refused = Channel(self, topics.REFUSED)
-        self._refusals = RefusalLog(logger.warning, self._tell_refusal)
-        self._diagnostics = Diagnostics(self, self._refusals)
+        self.refusals = RefusalLog(logger.warning, self._tell_refusal)
+        self._diagnostics = Diagnostics(self, self.refusals)
         self._interrupted = interrupted or threading.Event()
-        self._answers = Services(self, self._settings, lambda: self._session)
-        self._standard = StandardServices(self, lambda: self._session, interrupted)
-        self._trajectories = TrajectoryAction(self, lambda: self._session)
+        self._answers = Services(self, self._settings, lambda: self.session)
+        self._standard = StandardServices(self, lambda: self.session, interrupted)
+        self._trajectories = TrajectoryAction(self, lambda: self.session)
         # A steady clock, because with use_sim_time the ROS clock may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
@@ -79,7 +83,7 @@ class SimNode(ManagedNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop stepping and finish the bag; the simulation keeps its state."""
-        self._session.stop()
+        self.session.stop()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -100,7 +104,7 @@ class SimNode(ManagedNode):
     def close(self) -> None:
         """End the threads, finish the bag, drop the simulation; safe to call at any time."""
         self.await_preparation()
-        session, self._session = self._session, None
+        session, self.session = self.session, None
         if session is not None:
             session.destroy()
 
@@ -123,8 +127,8 @@ class SimNode(ManagedNode):
         prepared, self._prepared = self._prepared or self._try_to_prepare(), None
         if isinstance(prepared, Exception):
             raise prepared
-        self._session = SimulationSession(self, self._settings, prepared, self._refusals, ending=self._interrupted)
-        scene = self._session.scene
+        self.session = SimulationSession(self, self._settings, prepared, self.refusals, ending=self._interrupted)
+        scene = self.session.scene
         named: dict[str, list[str]] = {"handles": []}
         for handle in scene.handles:
             named.setdefault(handle.section, []).append(handle.name)
@@ -133,11 +137,11 @@ class SimNode(ManagedNode):
         self.get_logger().info(f"scene {scene.name!r}: {', '.join([size, *parts])}")
 
     def _activate(self) -> None:
-        self._session.start()
-        held = [each for each in self._session.scene.handles if each.fixed and topics.MOVED[each.section].put is None]
+        self.session.start()
+        held = [each for each in self.session.scene.handles if each.fixed and topics.MOVED[each.section].put is None]
         fixed = tuple(f"{each.section}/{each.name}/" for each in held)
-        inputs = ", ".join(f"~/{key}" for key in self._session.inputs.keys if not key.startswith(fixed))
-        self.get_logger().info(f"active, clock {self._session.mode.value}; takes commands on {inputs or 'no topic'}")
+        inputs = ", ".join(f"~/{key}" for key in self.session.inputs.keys if not key.startswith(fixed))
+        self.get_logger().info(f"active, clock {self.session.mode.value}; takes commands on {inputs or 'no topic'}")
 
     def _attempt(self, name: str, action: Callable[[], None]) -> TransitionCallbackReturn:
         """Execute a transition and return its code; exceptions are logged here, because rclpy does not show them."""
@@ -177,7 +181,7 @@ class SimNode(ManagedNode):
             self._refused.send(messages.refused(source, refusal), 0)
 
     def _report(self) -> None:
-        session = self._session  # another thread may call `close`
+        session = self.session  # another thread may call `close`
         if session is not None:
             session.look()
         self._diagnostics.publish(session, self.lifecycle_state, self._problem)

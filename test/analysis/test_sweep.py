@@ -82,7 +82,7 @@ def test_cases_with_an_equal_matrix_share_its_factor() -> None:
     for steps in (2, 3):
         assert case_run.run_case(text, {"solver.steps": steps})["status"] == "converged"
         (kept,) = case_run._KEPT
-        factors.append(weakref.ref(kept._stepper.equilibrium.matrix._factor))
+        factors.append(weakref.ref(kept.stepper.equilibrium.matrix._factor))
         del kept
     assert factors[0]() is factors[1]() is not None
 

@@ -145,11 +145,11 @@ def test_buttons_call_services(shown: Callable[..., Shown], tmp_path: Path) -> N
     viewer.press("pause")
     viewer.wait(lambda: "go on" in viewer.controls and "paused" in viewer.text(), "the pause")
     viewer.press("reset")
-    viewer.wait(lambda: session._state.record.time == 0.0, "the reset")
+    viewer.wait(lambda: session.state.record.time == 0.0, "the reset")
     viewer.press("one step")
-    viewer.wait(lambda: session._state.record.time == pytest.approx(0.01), "one step")
+    viewer.wait(lambda: session.state.record.time == pytest.approx(0.01), "one step")
     viewer.press("go on")
-    viewer.wait(lambda: session._state.record.time > 0.05, "time to go on")
+    viewer.wait(lambda: session.state.record.time > 0.05, "time to go on")
 
 
 def test_the_program_is_played_to_a_node(shown: Callable[..., Shown]) -> None:
@@ -165,7 +165,7 @@ def test_the_program_is_played_to_a_node(shown: Callable[..., Shown]) -> None:
     viewer.press("play the program")
     viewer.wait(lambda: session.commands["left"] < 1.0, "the program again")
     viewer.press("reset")
-    viewer.wait(lambda: session._state.record.time < 0.5 and "plays" not in viewer.text(), "the reset")
+    viewer.wait(lambda: session.state.record.time < 0.5 and "plays" not in viewer.text(), "the reset")
 
 
 def test_what_no_step_follows_is_commanded_again(bar: str) -> None:
@@ -229,7 +229,7 @@ def test_a_program_that_leads_too_far_ends_with_a_note(shown: Callable[..., Show
     viewer.press("play the program")
     viewer.wait(lambda: any("the program ends here" in note for note in viewer.notes), "a note")
     viewer.press("reset")
-    viewer.wait(lambda: session._state.record.time < 0.5 and "plays" not in viewer.text(), "the reset")
+    viewer.wait(lambda: session.state.record.time < 0.5 and "plays" not in viewer.text(), "the reset")
     assert session.failure is None
 
 
@@ -237,15 +237,15 @@ def test_moduli_of_a_node_are_its_parameters(shown: Callable[..., Shown], tmp_pa
     """Change a modulus on the page and beside it: the force changes, the page goes on; while a bag is written, not."""
     page = shown(bag_path=str(tmp_path / "bag"))
     viewer, session = page.viewer, page.session
-    weight = session._state.wrenches["tip"][2]
+    weight = session.state.wrenches["tip"][2]
     viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.2]))
-    viewer.wait(lambda: session._state.wrenches["tip"][2] > 1.5 * weight, "a force")
-    viewer.wait(lambda: session._state.record.converged and not session._state.record.handles, "rest")
-    before = session._state.wrenches["tip"][2]
+    viewer.wait(lambda: session.state.wrenches["tip"][2] > 1.5 * weight, "a force")
+    viewer.wait(lambda: session.state.record.converged and not session.state.record.handles, "rest")
+    before = session.state.wrenches["tip"][2]
     viewer.move("rubber [Pa]", 0.25e6)
     viewer.press("change the body")
     viewer.wait(lambda: session.moduli == {"rubber": 0.25e6}, "the node's new scene")
-    viewer.wait(lambda: session._state.wrenches["tip"][2] < weight + 0.6 * (before - weight), "half the force")
+    viewer.wait(lambda: session.state.wrenches["tip"][2] < weight + 0.6 * (before - weight), "half the force")
     with NodeSession("gdfe_sim", patience=60.0) as other:
         assert other.moduli == {"rubber": 0.25e6}
         other.start(told=lambda view: None, warn=print)

@@ -43,10 +43,10 @@ class _Robot:
             self.executor.spin_once(timeout_sec=0.05)
 
     def wait_for_the_first_step(self) -> None:
-        self.wait(lambda: self.node.lifecycle_state == "active" and self.node._session.stepper.count == 1)
+        self.wait(lambda: self.node.lifecycle_state == "active" and self.node.session.stepper.count == 1)
 
     def command(self, z: float) -> None:
-        inbox = self.node._session.inputs.inbox
+        inbox = self.node.session.inputs.inbox
         inbox.put("handles/tip/target", PoseOrder("tip", (0.0, 0.0, z), (0.0, 0.0, 0.0, 1.0)))
 
     def close(self) -> None:
@@ -78,7 +78,7 @@ def test_a_failure_while_the_node_becomes_active_is_not_forgotten(
     monkeypatch.setattr(SteppingThread, "start", start_and_wait)
     robot = _Robot(make, bag_path=str(tmp_path / "bag"))
     robot.wait(lambda: robot.node.lifecycle_state == "active")
-    stepper = robot.node._session.stepper
+    stepper = robot.node.session.stepper
     assert "broken on purpose" in stepper.failure
     assert stepper.paused
     stepper.pause(False)
@@ -93,7 +93,7 @@ def test_a_failing_step_pauses_the_node_in_its_last_good_state(tmp_path: Path) -
     robot = _Robot(bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
     robot.command(0.05)
-    session = robot.node._session
+    session = robot.node.session
     robot.wait(lambda: session.stepper.count == 2)
     simulation, before = session.simulation, session.simulation.snapshot()
     step = simulation.step
@@ -104,7 +104,7 @@ def test_a_failing_step_pauses_the_node_in_its_last_good_state(tmp_path: Path) -
     assert "broken on purpose" in session.stepper.failure
     assert (robot.node.lifecycle_state, session.stepper.paused) == ("active", True)
     assert simulation.targets == before.targets
-    assert np.array_equal(simulation.positions, before.state.positions + simulation._origin)
+    assert np.array_equal(simulation.positions, before.state.positions + simulation.origin)
     simulation.step = step
     robot.command(0.06)
     robot.wait(lambda: session.stepper._inbox.ready())
@@ -120,7 +120,7 @@ def test_positions_that_are_no_numbers_are_not_published(tmp_path: Path) -> None
     """Let the solver return NaN: nothing of that step is published, the node is paused in the state before it."""
     robot = _Robot(bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
-    session = robot.node._session
+    session = robot.node.session
     step = session.simulation.step
 
     def poisoned(*given: Any, **named: Any) -> Any:
@@ -143,7 +143,7 @@ def test_what_publishing_raises_is_told_and_ends_nothing(tmp_path: Path) -> None
     """Let publishing one step raise: it is counted as a fault, the next step is published."""
     robot = _Robot(bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
-    session = robot.node._session
+    session = robot.node.session
     session.flush()
     publish, left = session.courier._handle, [1]
 
@@ -166,7 +166,7 @@ def test_what_publishing_raises_is_told_and_ends_nothing(tmp_path: Path) -> None
 
 def _fail_often(robot: _Robot, count: int) -> None:
     """Let every other step raise in the middle of a run, and go on after each."""
-    session = robot.node._session
+    session = robot.node.session
     step, made = session.simulation.step, session.stepper.count
     for number in range(count):
         session.simulation.step = _broken
@@ -228,7 +228,7 @@ def test_bags_that_failed_and_bags_that_did_not_are_told(tmp_path: Path) -> None
     """Finish a sound bag, one whose disk was full, and a sound one again: each answer says how it went."""
     robot = _Robot(bag_path=str(tmp_path / "first"))
     robot.wait_for_the_first_step()
-    session = robot.node._session
+    session = robot.node.session
     assert "0 dropped" in session.record(False)
     for name, fails in (("second", True), ("third", False)):
         robot.node.set_parameters([Parameter("bag_path", value=str(tmp_path / name))])
@@ -246,7 +246,7 @@ def test_a_command_that_the_simulation_refuses_is_counted_and_passed_over(tmp_pa
     """Let the simulation refuse one command: the step is made without it, the node goes on."""
     robot = _Robot(bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
-    simulation = robot.node._session.simulation
+    simulation = robot.node.session.simulation
     step = simulation.step
 
     def picky(command: Any, **named: Any) -> Any:
@@ -256,9 +256,9 @@ def test_a_command_that_the_simulation_refuses_is_counted_and_passed_over(tmp_pa
 
     simulation.step = picky
     robot.command(0.1)
-    robot.wait(lambda: robot.node._session.stepper.count == 2)
+    robot.wait(lambda: robot.node.session.stepper.count == 2)
     assert robot.node.lifecycle_state == "active"
-    assert robot.node._refusals.counts()["refused: out of range"] == 1
+    assert robot.node.refusals.counts()["refused: out of range"] == 1
     robot.close()
 
 

@@ -91,7 +91,7 @@ def test_driven_scenes_balance(name: str) -> None:
         assert JUMPED not in result.message
         state = simulation.snapshot().state
         if last is not None and last.balance is not None and state.balance is not None:
-            work, _ = work_between(last, _solution_of(state), simulation._stepper.equilibrium.handles)
+            work, _ = work_between(last, _solution_of(state), simulation.stepper.equilibrium.handles)
             before, after = (each.summary.energy + each.balance.potential for each in (last, state))
             worst = max(worst, abs(before + work - after) / max(state.summary.energy, abs(state.balance.potential)))
         last = state

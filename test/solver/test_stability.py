@@ -103,7 +103,7 @@ def test_looking_changes_no_bit_of_what_is_stable(monkeypatch: pytest.MonkeyPatc
     def run(look: bool) -> list[bytes]:
         simulation = Simulation(scene_from_text(COLUMN))
         if not look:
-            monkeypatch.setattr(simulation._stepper.equilibrium, "_saddles", None)
+            monkeypatch.setattr(simulation.stepper.equilibrium, "_saddles", None)
         ways = [*np.linspace(0.0, 0.02, 9), 0.05, 0.0]
         results = [simulation.step(_shortened(-0.01, way)) for way in ways]
         assert {result.stable for result in results} == {True if look else None}

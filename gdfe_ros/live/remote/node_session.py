@@ -71,7 +71,7 @@ class NodeSession:
         self.outdated = False
         self._text: str | None = None
         self._report, self._heard = NodeReport(), time.monotonic()
-        self._state: PublishedState | None = None
+        self.state: PublishedState | None = None
         self._commanded: dict[str, float] = {}
         self._led: dict[str, Pose] = {}
         self._steps: Steps | None = None
@@ -108,7 +108,7 @@ class NodeSession:
     @property
     def commands(self) -> Mapping[str, float]:
         """Commands received, else the present values of the actuators; loads only after their first command."""
-        state, known = self._state, {}
+        state, known = self.state, {}
         for actuator in self._scene.actuators if state is not None else ():
             position, _, effort = state.joints[actuator.name]
             known[actuator.name] = effort if actuator.mode in EFFORTS else position
@@ -118,7 +118,7 @@ class NodeSession:
     def targets(self) -> Mapping[str, Pose]:
         """Targets received, else the present poses of handles and obstacles."""
         poses = {handle.name: Pose() for handle in self._scene.handles}
-        return poses | (self._state.poses if self._state is not None else {}) | self._led
+        return poses | (self.state.poses if self.state is not None else {}) | self._led
 
     @property
     def moduli(self) -> Mapping[str, float]:
@@ -268,7 +268,7 @@ class NodeSession:
 
     def _take(self, state: PublishedState) -> None:
         """Pass on the view of a step."""
-        self._state = state
+        self.state = state
         self._told(view_of(state, self._scene))
 
     def _note_pause(self, paused: bool) -> None:

@@ -36,7 +36,7 @@ dynamics: {step: 0.005, velocity: [20, 0, 0]}
 def test_no_bounce_makes_energy(scheme: str) -> None:
     """Let a ball of rubber fall by a centimetre: it comes back, never with more energy than it fell with."""
     simulation = Simulation(scene_from_text(BALL, overrides={"dynamics.scheme": scheme}))
-    heights, totals, mass = [], [], float(simulation._stepper._mass.sum())
+    heights, totals, mass = [], [], float(simulation.stepper.mass.sum())
     for _ in range(120):
         result = simulation.step()
         assert result.converged, result.message
@@ -59,7 +59,7 @@ def test_a_ball_at_rest_presses_with_its_weight(scheme: str) -> None:
     for _ in range(350):
         result = simulation.step()
         assert result.converged, result.message
-    weight = float(simulation._stepper._mass.sum()) * 9.81
+    weight = float(simulation.stepper.mass.sum()) * 9.81
     assert result.reactions["floor"][2] == pytest.approx(weight, rel=0.02)
     assert result.contacts["floor"].forces[:, 2].sum() == pytest.approx(weight, rel=0.02)
 

@@ -26,14 +26,14 @@ self_contact: {}
 
 def the_contact(simulation: Simulation) -> OwnContact:
     """Return the term of contact of a body with itself."""
-    return simulation._stepper.actuation.contacts[-1]
+    return simulation.stepper.actuation.contacts[-1]
 
 
 def deepest(simulation: Simulation) -> float:
     """Return how deep a vertex lies inside of another part, over the body's size."""
     term = the_contact(simulation)
     inside = term.inside
-    return float(inside.depths(simulation._state.positions, 0.0)[0].max()) / simulation.mesh.size
+    return float(inside.depths(simulation.state.positions, 0.0)[0].max()) / simulation.mesh.size
 
 
 def turned(points: np.ndarray) -> np.ndarray:
@@ -68,7 +68,7 @@ def test_nothing_is_inside_at_rest(name: str) -> None:
     simulation = Simulation(load_scene(name, overrides={"self_contact": {}}))
     assert deepest(simulation) == 0.0
     term = the_contact(simulation)
-    lost = np.full_like(simulation._state.positions, np.nan)
+    lost = np.full_like(simulation.state.positions, np.nan)
     assert not term.inside.depths(lost, 0.0)[0].any()
 
 

@@ -21,7 +21,7 @@ def touching(cube: Callable[..., Simulation], form: dict, friction: float) -> tu
     """Return positions a little off an equilibrium in contact, and the numbers of the term there."""
     simulation = cube(obstacles__ball={**form, "friction": friction, "at": [0.05, 0, -0.09]})
     simulation.step(Command(handles={"ball": Pose((0.002, 0.001, 0.003))}))
-    term = simulation._stepper.equilibrium.actuation.contacts[0]
+    term = simulation.stepper.equilibrium.actuation.contacts[0]
     away = np.random.default_rng(4).normal(scale=1e-4, size=simulation.positions.shape)
     return simulation.positions + away, term.reals, term.integers
 

@@ -17,7 +17,7 @@ from gdfe_ros.steppers import scene_body
 
 def the_contact(simulation: Simulation) -> OwnContact:
     """Return the term of contact of a body with itself."""
-    return simulation._stepper.actuation.contacts[-1]
+    return simulation.stepper.actuation.contacts[-1]
 
 
 def skin_of(name: str) -> tuple[Body, OwnSurface]:
@@ -80,7 +80,7 @@ def test_the_gradient_is_that_of_the_energy_and_sums_to_nothing(friction: float)
     simulation = stack(3, 2, friction=friction)
     simulation.step(Command(handles={"high": Pose((0.0, 0.0, -0.003))}))
     simulation.step(Command(handles={"high": Pose((0.001, 0.0, -0.003))}))
-    term, x = the_contact(simulation), simulation._state.positions
+    term, x = the_contact(simulation), simulation.state.positions
     x = x + np.random.default_rng(4).normal(scale=3e-5, size=x.shape)
     force, size = np.zeros_like(x), np.zeros(1)
     pair_law.pair_energy(x, term.reals, term.integers, force, size)

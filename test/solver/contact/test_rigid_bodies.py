@@ -84,8 +84,8 @@ def test_momentum_is_kept_in_a_collision(cushion: Callable[..., Simulation]) -> 
         bodies__part__at=[0.05, 0.0, 0.0335],
     )
     run(simulation, 60)
-    stepper = simulation._stepper
-    momentum = (stepper._mass @ stepper.velocities(simulation._state)).sum(axis=0)
+    stepper = simulation.stepper
+    momentum = (stepper.mass @ stepper.velocities(simulation.state)).sum(axis=0)
     assert simulation.handle_pose("part").translation[2] > 0.01
     np.testing.assert_allclose(momentum, [0.0, 0.0, 0.4 * 0.5], atol=2e-4)
 
@@ -94,8 +94,8 @@ def test_the_gradient_is_that_of_rigid_motions(cushion: Callable[..., Simulation
     """Central differences of the energy as the box shifts and turns agree with force and moment on its vertices."""
     simulation = cushion()
     run(simulation, 20)
-    term = next(each for each in simulation._stepper.equilibrium.actuation.contacts if each.name == "part")
-    x = simulation._state.positions + 0.0
+    term = next(each for each in simulation.stepper.equilibrium.actuation.contacts if each.name == "part")
+    x = simulation.state.positions + 0.0
     x[:-4] += np.random.default_rng(5).normal(scale=1e-4, size=(len(x) - 4, 3))
     force, own = np.zeros_like(x), x[-4:] - x[-4:].mean(axis=0)
     law.contact_energy(x, term.reals, term.integers, force, np.zeros(1))
@@ -121,8 +121,8 @@ def test_the_tangent_couples_both_sides(cushion: Callable[..., Simulation], name
     """
     simulation = cushion(bodies__part__at=at)
     run(simulation, 60)
-    term = next(each for each in simulation._stepper.equilibrium.actuation.contacts if each.name == name)
-    x, random = simulation._state.positions, np.random.default_rng(0)
+    term = next(each for each in simulation.stepper.equilibrium.actuation.contacts if each.name == name)
+    x, random = simulation.state.positions, np.random.default_rng(0)
     tangents, ends = term.tangents(x), term.couplings()
     for _ in range(4):
         way, slopes, found = random.normal(size=x.shape), [], np.zeros_like(x)

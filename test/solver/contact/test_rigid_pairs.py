@@ -53,22 +53,22 @@ def pair() -> Callable[..., Simulation]:
 def kick(simulation: Simulation, **speeds: tuple[Vector, Vector]) -> None:
     """Give bodies a velocity [m/s] and a spin [rad/s] after a first step."""
     simulation.step()
-    state, h = simulation._state, simulation.scene.dynamics.step
+    state, h = simulation.state, simulation.scene.dynamics.step
     saved = {name: array.copy() for name, array in state.terms[inertia.NAME].items()}
-    for body in simulation._stepper.body.handles:
+    for body in simulation.stepper.body.handles:
         if body.name in speeds:
             x, (velocity, spin) = state.positions[body.vertices], speeds[body.name]
             moving = velocity + np.cross(spin, x - x.mean(axis=0))
             saved["velocity"][body.vertices] = saved["velocity_before"][body.vertices] = moving
             saved["before"][body.vertices] = x - h * moving
     ledger = changed(state.ledger, bound=None)  # what it is given here is in no account
-    simulation._state = state.with_(terms={**state.terms, inertia.NAME: saved}, ledger=ledger)
+    simulation.state = state.with_(terms={**state.terms, inertia.NAME: saved}, ledger=ledger)
 
 
 def momenta(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:
     """Return momentum [kg m/s] and angular momentum about the middle between them [kg m^2/s] of the two bodies."""
-    own = simulation._state.positions[-8:] + simulation._origin - [0.135, 0.0, 0.0]
-    each = (simulation._stepper._mass @ simulation._stepper.velocities(simulation._state))[-8:]
+    own = simulation.state.positions[-8:] + simulation.origin - [0.135, 0.0, 0.0]
+    each = (simulation.stepper.mass @ simulation.stepper.velocities(simulation.state))[-8:]
     return each.sum(axis=0), np.cross(own, each).sum(axis=0)
 
 

@@ -117,11 +117,11 @@ def test_the_gradient_is_that_of_the_energy(on_slope: Callable[..., Simulation])
     simulation = on_slope(
         0.3, BALL, bodies__block={"box": {"size": [0.05, 0.05, 0.02]}, "density": 900, "at": [0.003, 0.0, -0.07]}
     )
-    contacts = simulation._stepper.equilibrium.actuation.contacts
+    contacts = simulation.stepper.equilibrium.actuation.contacts
     contact = next(each for each in contacts if each.name == "ball on block")
     assert isinstance(contact, RoundContact)
     random = np.random.default_rng(3)
-    x = simulation._state.positions.copy()
+    x = simulation.state.positions.copy()
     rows = contact.reals[28 : 28 + 24]
     contact.integers[1] = 1
     contact.integers[7:11] = contact._points.carriers[0]

@@ -125,7 +125,7 @@ def test_two_soft_bodies_collide(scheme: str, swing: float) -> None:
     for step in range(150):
         result = simulation.step(Command(loads={"push": 1.0 if step < 30 else 0.0}))
         assert result.converged, result.message
-        momentum = (simulation._stepper._mass @ result.velocities).sum(axis=0)
+        momentum = (simulation.stepper.mass @ result.velocities).sum(axis=0)
         touched.append(len(result.contacts[NAME].presses))
         totals.append((momentum, result.energies["kinetic"] + result.energies["elastic"]))
     before, after = totals[40], totals[-1]

@@ -137,10 +137,10 @@ def test_what_a_skin_pushes_is_what_the_body_feels(tmp_path: Path) -> None:
     )
     for _ in range(8):
         simulation.step(Command(handles={"slope": Pose((0.001, 0.0, 0.0004), (0.01, 0.01, 0.0))}))
-    terms = [term for term in simulation._stepper.actuation.contacts if type(term) is Contact]
-    state = simulation._state
+    terms = [term for term in simulation.stepper.actuation.contacts if type(term) is Contact]
+    state = simulation.state
     for term in terms:
-        simulation._stepper.actuation.begin(state.commands, state.terms, state.positions, state.poses, state, ratio=0.0)
+        simulation.stepper.actuation.begin(state.commands, state.terms, state.positions, state.poses, state, ratio=0.0)
         forces = np.zeros_like(state.positions)
         term.add_forces(state.positions, forces)
         wrench, count = term.wrench(state.positions), simulation.mesh.n_vertices
@@ -158,8 +158,8 @@ def test_forces_are_the_slope_of_the_energy(tmp_path: Path) -> None:
     simulation = slab(tmp_path, 0.5, more)
     for _ in range(8):
         simulation.step(Command(handles={"slope": Pose((0.001, 0.0, 0.0004))}))
-    state, rng = simulation._state, np.random.default_rng(2)
-    actuation = simulation._stepper.actuation
+    state, rng = simulation.state, np.random.default_rng(2)
+    actuation = simulation.stepper.actuation
     actuation.begin(state.commands, state.terms, state.positions, state.poses, state, ratio=0.0)
     for term in actuation.contacts:
         if type(term) is not Contact:

@@ -91,8 +91,8 @@ def test_what_lies_on_a_floor_lies_still(scheme: str) -> None:
     for _ in range(400):
         result = simulation.step()
         assert result.converged, result.message
-    weight = float(simulation._stepper._mass.sum()) * 9.81
+    weight = float(simulation.stepper.mass.sum()) * 9.81
     assert np.abs(result.velocities).max() < 1e-5
-    assert np.abs(simulation._stepper.accelerations(simulation._state)).max() < 0.01
+    assert np.abs(simulation.stepper.accelerations(simulation.state)).max() < 0.01
     assert result.reactions["floor"][2] == pytest.approx(weight, rel=2e-3)
     assert result.contacts["floor"].forces[:, 2].sum() == pytest.approx(weight, rel=2e-3)

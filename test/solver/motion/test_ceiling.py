@@ -64,7 +64,7 @@ def test_a_spinning_body_gains_nothing_after_a_step_of_another_length(moving: Ca
     spinning = moving(handles={}, dynamics__velocity=[1.0, 0.0, 0.0], **keys)
     results = [spinning.step(dt=0.005 / 3.0)] + [spinning.step() for _ in range(200)]
     require_bounded(results)
-    momentum = (spinning._stepper._mass @ results[-1].velocities).sum(axis=0)
+    momentum = (spinning.stepper.mass @ results[-1].velocities).sum(axis=0)
     np.testing.assert_allclose(momentum, [0.04, 0.0, 0.0], atol=4e-9)
 
 
@@ -124,9 +124,9 @@ def test_a_motion_of_an_archive_without_a_bound_goes_on(moving: Callable) -> Non
     bars = [moving(loads={"weight": {"gravity": [0, 0, -9.81]}}) for _ in range(2)]
     for bar in bars:
         bar.step()
-    state = bars[1]._state
-    bars[1]._state = state.with_(ledger=type(state.ledger)(work=state.ledger.work, lost=state.ledger.lost))
+    state = bars[1].state
+    bars[1].state = state.with_(ledger=type(state.ledger)(work=state.ledger.work, lost=state.ledger.lost))
     for _ in range(3):
         first, second = (bar.step() for bar in bars)
         np.testing.assert_array_equal(first.positions, second.positions)
-    assert bars[1]._state.ledger.bound is not None
+    assert bars[1].state.ledger.bound is not None

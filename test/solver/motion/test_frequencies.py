@@ -19,7 +19,7 @@ TORSION = 0.14057702 * 6.0
 
 def tangent(simulation: object) -> csr_matrix:
     """Return dF/dx (3 f, 3 f) [N/m] at rest, by differences of the forces that the simulation descends on."""
-    stepper = simulation._stepper
+    stepper = simulation.stepper
     state, free, spacing = stepper.at_rest(), stepper.body.unknowns.free, 1e-7
     columns = []
     for vertex in free:
@@ -41,7 +41,7 @@ def test_a_slender_bar_vibrates_as_beam_theory_says(moving: Callable) -> None:
         materials={"rubber": {"law": "neo_hookean", "young": YOUNG, "poisson": POISSON, "density": DENSITY}},
         handles={"base": {"where": {"face": "x-"}, "fixed": True}},
     )
-    free = bar._stepper.body.unknowns.free
+    free = bar.stepper.body.unknowns.free
     mass = mass_matrix(bar.mesh.vertices, bar.mesh.cells, np.full(bar.mesh.n_cells, DENSITY))[free][:, free]
     values = eigsh(tangent(bar).tocsc(), 30, M=kron(mass, identity(3)).tocsc(), sigma=0.0)[0]
     found = np.sqrt(values) / (2.0 * np.pi)

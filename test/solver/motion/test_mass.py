@@ -31,7 +31,7 @@ def test_a_mass_on_a_probe_has_the_kinetic_energy_of_a_point(moving: Callable, s
         expected += 0.5 * mass * np.sum(np.cross(spin, away) ** 2)
     squares = np.array([0.1, 0.02, 0.02]) ** 2
     expected += 0.5 * BODY / 12.0 * np.dot(squares.sum() - squares, np.square(spin))
-    found = thrown._stepper.energies(thrown._stepper.at_rest())["kinetic"]
+    found = thrown.stepper.energies(thrown.stepper.at_rest())["kinetic"]
     assert found == pytest.approx(expected, rel=1e-12)
 
 

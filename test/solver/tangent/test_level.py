@@ -35,7 +35,7 @@ Levels = tuple[TangentLevel, Tangent, TangentProducts, NDArray[np.float64]]
 def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
     """Take the tangent of a strip that is stretched by a share of its length; evenly where ``power`` is 1."""
     simulation = Simulation(scene_from_text(SCENE.replace("TIP", tip)))
-    equilibrium = simulation._stepper.equilibrium
+    equilibrium = simulation.stepper.equilibrium
     body = equilibrium.body
     state, share = equilibrium.at_rest(), (body.rest[:, 0] - body.rest[:, 0].min()) / 0.1
     moved = body.rest + np.outer(share**power * stretch * 0.1, [1.0, 0.0, 0.0])

@@ -45,7 +45,7 @@ class Strip:
     def moved(cls, stretch: float) -> Strip:
         """Stretch it by a share of its length, after the tangent was taken at rest."""
         simulation = Simulation(scene_from_text(STRIP))
-        equilibrium = simulation._stepper.equilibrium
+        equilibrium = simulation.stepper.equilibrium
         body, state = equilibrium.body, equilibrium.at_rest()
         level = TangentLevel(body, equilibrium.matrix.assembled)
         tasks = []
@@ -134,7 +134,7 @@ def test_ritz_values_are_those_of_a_library() -> None:
 def test_a_factor_follows_a_rotation() -> None:
     """Turn the strip as a whole by a radian: its tangent at rest, turned with it, is the one that is taken there."""
     simulation = Simulation(scene_from_text(STRIP.replace(", fixed: true", "")))
-    equilibrium = simulation._stepper.equilibrium
+    equilibrium = simulation.stepper.equilibrium
     body, state = equilibrium.body, equilibrium.at_rest()
     turned = np.ascontiguousarray(body.rest @ Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix().T)
     first, second = (TangentLevel(body, equilibrium.matrix.assembled) for _ in range(2))

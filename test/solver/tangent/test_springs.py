@@ -28,8 +28,8 @@ def closed() -> Simulation:
 def notches() -> SimpleNamespace:
     """Take the tangent of such a finger, and products with the present one."""
     simulation = closed()
-    equilibrium = simulation._stepper.equilibrium
-    task = Solve.at(equilibrium._model, simulation._state).evaluate(
+    equilibrium = simulation.stepper.equilibrium
+    task = Solve.at(equilibrium._model, simulation.state).evaluate(
         equilibrium._whole, equilibrium.matrix.coupling, threads=None
     )
     level, work = equilibrium._model.level, task.active.workspace
@@ -66,7 +66,7 @@ def test_states_with_springs_are_saved_to_the_bit() -> None:
     """Save a finger whose notches have closed, load it into another simulation, go on: the very same."""
     first, second = closed(), Simulation(load_scene("tendon_finger", overrides={"self_contact": {}}))
     load_state(second, save_state(first))
-    assert len(second._state.tangent.ends) > 10
+    assert len(second.state.tangent.ends) > 10
     found = [each.step(Command(actuators={"flexor": 11.0})) for each in (first, second)]
     assert found[0].iterations == found[1].iterations
     assert np.array_equal(found[0].positions, found[1].positions)

@@ -106,7 +106,7 @@ def test_what_a_term_saves_is_part_of_the_state() -> None:
 
 def test_the_force_is_the_slope_of_the_energy() -> None:
     """Compare the packed kernel with central differences, and its numbers with the term's views of them."""
-    body = _simulation(None)._stepper.body
+    body = _simulation(None).stepper.body
     term = Bed(body, 3.0)
     table = TermTable.pack([term])
     assert np.shares_memory(term.reals, table.reals)
