@@ -25,7 +25,7 @@ from gdfe_ros.solver.state import Snapshot
 FARTHEST = 1000.0
 """Largest translation [body lengths] and largest rotation [revolutions] of a commanded pose."""
 MOST_INFLATED = 1000.0
-"""Largest commanded volume of a chamber, over its volume at rest: at this limit its walls are ten times as wide."""
+"""Largest commanded volume of a chamber, over its undeformed volume: at this limit its walls are ten times as wide."""
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class JointMotion(NamedTuple):
 
     @classmethod
     def at(cls, positions: Sequence[float]) -> JointMotion:
-        """Return joints at rest."""
+        """Return joints that do not move."""
         q = np.array(positions, dtype=np.float64)
         return cls(q, q.copy(), np.zeros(len(q)), np.zeros(len(q)))
 

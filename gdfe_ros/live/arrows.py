@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 _LONGEST = 0.35
 """Length of the arrow of the largest force so far, over the body's size."""
 _LEAST_SHARE = 0.01
-"""Share of the largest force so far below which a force has no arrow."""
+"""Fraction of the largest force so far below which a force has no arrow."""
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.008, 0.022, 0.05
 """Radii and length of the parts of an arrow, over the body's size."""
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 #: coordinate in common, so that a wall perpendicular to another axis passes them one by one. Along a column the
 #: integrals are exact.
 COLUMNS, LATTICE = 144, 89
-#: Share of material below which a cube is no cell: its material is given to the fullest neighbouring cell.
+#: Fraction of material below which a cube is no cell: its material is given to the fullest neighbouring cell.
 LEAST_SHARE = 0.1
-#: Difference of the share from 0 or 1 below which a cube counts as empty or whole.
+#: Difference of the fraction from 0 or 1 below which a cube counts as empty or whole.
 EXACT = 1e-9
 
 

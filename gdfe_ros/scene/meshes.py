@@ -108,7 +108,7 @@ def _made(
 
 
 def _require_apart(parts: Mapping[str, MeshPart], report: Defects) -> None:
-    """Report meshes that overlap at rest."""
+    """Report meshes that overlap in the undeformed configuration."""
     placed = {name: part.placed() for name, part in parts.items()}
     for first, second in combinations(placed, 2):
         found = find_overlap(placed[first], placed[second])

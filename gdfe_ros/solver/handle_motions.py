@@ -18,7 +18,7 @@ Vectors = NDArray[np.float64]
 
 
 LEAST_TURN = 1e-6
-"""Least extent of a handle's vertices, over that at rest, for which its rotation can still be determined."""
+"""Least extent of a handle's vertices, over the undeformed one, for which its rotation can still be determined."""
 
 
 class HandleMotions:

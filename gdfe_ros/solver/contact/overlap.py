@@ -22,7 +22,7 @@ POINTS, ROUNDS, CLOSER = 9, 14, 0.4
 MOST_SHIFTS = 20
 """Limit of shifts towards the outside. One is enough except where edges cross."""
 WITHIN = 0.75
-"""Share of all directions in which a point sees the surface, above which it counts as inside and not on the edge."""
+"""Fraction of all directions in which a point sees the surface, above which it counts as inside and not on the edge."""
 SKIN = 0.98
 """Scale of a rigid body's own surface points, which are tested for being inside of the soft body."""
 
@@ -147,7 +147,7 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
 
 
 def _seen_share(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
-    """Return the largest share of all directions in which the faces (q, 4, 3) [m] are seen from one of ``points`` [m].
+    """Return the largest fraction of directions in which one of ``points`` [m] sees the faces (q, 4, 3) [m].
 
     The solid angle of a triangle is that of van Oosterom and Strackee (1983).
     """

@@ -2,7 +2,7 @@
 """Coupling of the rigid rows to the free vertices: block elimination with one factor for x, y and z.
 
 The constant matrix couples no axes, but a rotation does. Each handle moves its vertices by scalar fields: 1, and for a
-rotating handle the three components of the arms at rest. A motion of the handle, rotated by Q and with the rotation
+rotating handle the three components of the undeformed arms. A motion of the handle, rotated by Q and with the rotation
 vector theta, is a combination of these fields for each axis, dx = dt + (J_l(theta) dtheta) x (Q r). The harmonic
 extensions of the fields are computed once, and the Schur complement of the rigid rows follows from them for any Q.
 """

@@ -162,7 +162,7 @@ class Parameters:
             values = getattr(data, key)
             for i, value in enumerate(values):
                 if key == "stress" and i == 0:
-                    continue  # zero at rest
+                    continue  # zero while undeformed
 
                 def made(changed: float, key: str = key, i: int = i, values: tuple = values) -> Material:
                     fresh = CurveData(**{**vars(data), key: _with(values, i, changed)})

@@ -59,7 +59,7 @@ class Stepper:
             self.equilibrium = RelativeEquilibrium(body, self.actuation)
 
     def at_rest(self) -> State:
-        """Return the state at rest, without commands."""
+        """Return the undeformed state, without commands."""
         return self.equilibrium.at_rest()
 
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
