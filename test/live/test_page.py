@@ -356,7 +356,7 @@ def test_a_viewer_that_hangs_holds_nobody_up(live: Callable[..., Any]) -> None:
 
 
 def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
-    """Look at a page without a run yet: it shows the undeformed body and a note on the build; a drag shows the same note."""
+    """Look at a page without a run yet: it shows the undeformed body and that the run is built; so does a drag."""
     scene = scene_from_text(bar, origin="of a test")
     page = Page(host="127.0.0.1", port=8600, frames=30.0)
     session = None
@@ -477,7 +477,7 @@ def _moduli(page: Any) -> dict[str, float]:
 
 
 def test_a_dragged_probe_is_followed_by_the_actuators(live: Callable[..., Any]) -> None:
-    """Drag a probe to where tendons of 1 N hold it: it goes there; farther away, the page says that it is out of reach."""
+    """Drag a probe to where tendons of 1 N hold it: it goes there; the page says if it is out of reach."""
     page = live()
     viewer, simulation = page.look(), page.session.simulation
     other = Simulation(simulation.scene)

@@ -50,7 +50,7 @@ class _Standard:
 def test_a_node_is_played_paused_stepped_stopped_and_quit(
     client: Any, start: Callable, coarse: dict, interfaces: Callable
 ) -> None:
-    """Go through the states with the fast clock: each is reported, steps need a pause, stopping resets, quitting ends."""
+    """Go through the states with the fast clock: reports, steps that need a pause, a stop that resets, an end."""
     interfaces("simulation_interfaces")
     standard = _Standard(client)
     process = start(**coarse, clock="fast", publish_clock=True, autostart=False)
