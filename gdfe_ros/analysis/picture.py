@@ -46,7 +46,7 @@ def draw_body(
     The surface is the skin of a mesh that has one.
 
     Args:
-        path: PNG file, or a stream.
+        path: PNG file, or a binary file object.
         mesh: undeformed.
         positions: of the vertices.
         values: of the cells.

@@ -94,7 +94,7 @@ class RigidFields:
             for axis in range(3):
                 way = np.zeros(3)
                 way[axis] = unknowns.turns[p, axis] / unknowns.radius[p]
-                # dx = way x (Q r): row i contains the coefficients of r's three components.
+                # dx is the cross product with Q r: row i contains the coefficients of r's three components.
                 motion[:, first + 1 : first + 4, column + axis] = np.cross(way, np.asarray(turned[p]).T).T
         return motion
 
