@@ -206,7 +206,7 @@ class State:
 
     Attributes:
         positions: (n, 3) [m].
-        base: (n, 3) [m], positions whose rows of handle vertices are the commanded ones.
+        base: (n, 3) [m]. The rows of handle vertices are the commanded positions.
         poses: commanded, by handle.
         commands: of actuators and loads, by name, in the unit of each mode.
         slides, turns: (p, 3) free translations [m] and rotation vectors [rad] of the handles with a free axis.
@@ -225,8 +225,8 @@ class State:
         sound: whether no element is folded or inverted.
         suspect: whether the positions were given and have folded or inverted elements.
         tried: whether the load path from rest was tried without success.
-        anchor: the last equilibrium, if this state is none because a solve was cut or a failed step left crumpled
-            elements; otherwise None.
+        anchor: the last equilibrium if this state is not an equilibrium, because a solve was cut or a failed step left
+            crumpled elements; None otherwise.
         ledger: energy account of a moving body; None without dynamics.
     """
 

@@ -186,9 +186,10 @@ class Minimiser:
     def _iterate(
         self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool = False
     ) -> Descended:
-        """Iterate with the constant matrix; with ``evaluate``, evaluate the terms at the start first.
+        """Iterate with the constant matrix until the distance is below ``target`` [m].
 
-        During the first ``least`` iterations only the ``floor`` [m] ends it.
+        The first ``least`` iterations end only below the smaller distance ``floor`` [m]. With ``evaluate``, the terms
+        are evaluated at the start first.
         """
         compiled = task.active.matrix.kind is not Factorisation.SCIPY
         later = compiled and limit > 0 and not self.observer  # the compiled iterations evaluate them as well

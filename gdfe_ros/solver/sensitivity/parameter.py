@@ -53,7 +53,7 @@ class Parameter:
     model: Callable[[float], Variant] | None = None
 
     def step(self, commands: Mapping[str, float]) -> float:
-        """Return the variation of its value at the given commands."""
+        """Return the finite difference's step, in the parameter's unit, at the given commands."""
         return NEAR * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
 
     def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
