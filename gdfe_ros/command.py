@@ -197,7 +197,7 @@ class Orders:
         rest = enclosed_volume(actuator.at(self._scene.mesh.vertices), actuator.quads)
         if value > MOST_INFLATED * rest:
             raise CommandError(
-                f"actuator {actuator.name!r}: volume {value!r} m^3 is {value / rest:.3g} times that at rest, "
+                f"actuator {actuator.name!r}: volume {value!r} m^3 is {value / rest:.3g} times the undeformed one, "
                 f"{rest:.3g} m^3; at most {MOST_INFLATED:g} times are allowed; remedy: check the unit: 1 ml is 1e-6 m^3"
             )
 

@@ -195,7 +195,9 @@ def _ogden_terms(
     entry = {"mu": moduli(alpha)[0].tolist(), "alpha": alpha.tolist()}
     if not 0.0 < sum(entry["mu"]) < HARDEST:
         total = f"moduli that sum to {sum(entry['mu']):.4g} Pa"
-        raise GdfeError(f"ogden with {count} terms: {total} are unstable at rest; remedy: fewer --terms, or law: curve")
+        raise GdfeError(
+            f"ogden with {count} terms: {total} are unstable without deformation; remedy: fewer --terms, or law: curve"
+        )
     return Ogden(mu=tuple(entry["mu"]), alpha=tuple(entry["alpha"]), **common), entry
 
 

@@ -115,7 +115,7 @@ def _require_apart(parts: Mapping[str, MeshPart], report: Defects) -> None:
         if found is not None:
             x, y, z = found.point
             text = (
-                f"mesh {second!r} lies in mesh {first!r} at rest, {found.depth:.3g} m deep or more near "
+                f"mesh {second!r} lies in mesh {first!r} initially, {found.depth:.3g} m deep or more near "
                 f"({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: move or turn one of them, by at and rotation_deg"
             )
             report.add(("meshes", second, "at"), text)

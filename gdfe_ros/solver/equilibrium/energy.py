@@ -121,7 +121,7 @@ class EquilibriumSolver:
         entered = [contact.name for contact in self.actuation.contacts if contact.inside]
         summary = Summary(
             converged=not entered,
-            message=f"not solved yet: at rest the body is inside of {', '.join(entered)}" if entered else "",
+            message=f"not solved yet: the undeformed body is inside of {', '.join(entered)}" if entered else "",
             error_estimate=0.0,
             energy=0.0,
             min_det=1.0,
