@@ -144,12 +144,12 @@ class FeedbackControl:
         wanted, stack = self._stack.checked(goals), self._stack
         require_positive("the time of a command", dt, "s")
         self._goals, (commands, values) = wanted, self._known
-        error, way = stack.errors(wanted, values), stack.length(wanted, values)
+        error, distance = stack.errors(wanted, values), stack.length(wanted, values)
         low, high = self._limits.room(self._sent, dt)
         behind = self._sent - commands
-        share = min(1.0, self._trust / max(way, 1e-300))
+        fraction = min(1.0, self._trust / max(distance, 1e-300))
         given = {"least": DAMPING, "costs": self._limits.costs(self._rows)}
-        change = least_squares(self._rows, share * error, low + behind, high + behind, **given)
+        change = least_squares(self._rows, fraction * error, low + behind, high + behind, **given)
         self._sent = np.clip(self._limits.changed(commands, change), self._sent + low, self._sent + high)
         left = error - self._rows @ (self._sent - commands)
         return Reach(

@@ -62,5 +62,5 @@ class Arrows:
             node, wanted = self._nodes[kind], sizes[kind] > _LEAST_SHARE * self.largest
             node.visible = bool(wanted.any())
             if node.visible:
-                ways = vectors[wanted] * (_LONGEST * self._size / self.largest)
-                node.points = np.stack([ends[wanted] - ways, ends[wanted]], axis=1).astype(np.float32)
+                shafts = vectors[wanted] * (_LONGEST * self._size / self.largest)
+                node.points = np.stack([ends[wanted] - shafts, ends[wanted]], axis=1).astype(np.float32)

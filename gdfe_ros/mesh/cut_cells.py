@@ -30,8 +30,8 @@ def cube_moments(
         Shape (cubes, 7), x fastest: means over the cube of 1, xi, eta, zeta, xi^2, eta^2, zeta^2 times the indicator of
         material, in reference coordinates -1 .. 1.
     """
-    ways = [_along(vertices, triangles, count, axis) for axis in range(3)]
-    moments, crossed = (np.stack(part) for part in zip(*ways, strict=True))
+    directions = [_along(vertices, triangles, count, axis) for axis in range(3)]
+    moments, crossed = (np.stack(part) for part in zip(*directions, strict=True))
     moments = np.take_along_axis(moments, crossed.argmax(axis=0)[None, :, None], axis=0)[0]
     whole = np.abs(moments[:, 0] - 1.0) < EXACT
     moments[whole] = [1.0, 0.0, 0.0, 0.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0]

@@ -117,10 +117,10 @@ def _way_out(one: Placed, other: Placed) -> NDArray[np.float64]:
     """Return the shift (3,) [m] that moves a rigid body out of another body or obstacle."""
     shift = np.zeros(3)
     for _ in range(MOST_SHIFTS):
-        depth, way = _depth(replace(one, origin=one.origin + shift), other)
+        depth, direction = _depth(replace(one, origin=one.origin + shift), other)
         if depth <= 0.1 * TOUCHING * _diagonal(one):
             break
-        shift += depth * way
+        shift += depth * direction
     return shift
 
 
@@ -133,7 +133,7 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
     middle, half = np.zeros(3), one.half
     line = np.linspace(-1.0, 1.0, POINTS)
     grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
-    least, way = np.inf, np.zeros(3)
+    least, direction = np.inf, np.zeros(3)
     for _ in range(ROUNDS):
         places = np.clip(middle + grid * half, -one.half, one.half)
         points = one.world(places)
@@ -141,9 +141,9 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
         sums = away + one.seen_from(points)[0]
         deepest = int(np.argmin(sums))
         if sums[deepest] < least:
-            least, way, middle = float(sums[deepest]), normals[deepest], places[deepest]
+            least, direction, middle = float(sums[deepest]), normals[deepest], places[deepest]
         half = CLOSER * half
-    return max(0.0, -least), way
+    return max(0.0, -least), direction
 
 
 def _seen_share(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:

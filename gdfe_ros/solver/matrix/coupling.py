@@ -92,10 +92,10 @@ class RigidFields:
                 continue
             column = 3 * (unknowns.turn_row[p] - count)
             for axis in range(3):
-                way = np.zeros(3)
-                way[axis] = unknowns.turns[p, axis] / unknowns.radius[p]
+                direction = np.zeros(3)
+                direction[axis] = unknowns.turns[p, axis] / unknowns.radius[p]
                 # dx is the cross product with Q r: row i contains the coefficients of r's three components.
-                motion[:, first + 1 : first + 4, column + axis] = np.cross(way, np.asarray(turned[p]).T).T
+                motion[:, first + 1 : first + 4, column + axis] = np.cross(direction, np.asarray(turned[p]).T).T
         return motion
 
 
