@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many simulations at once: one after another, in threads of one process, in processes; steps a second, summed.
 
-``python -m benchmarks.batches [--out FILE]`` prints the table of docs/benchmark.md. Each way runs in a process of its
-own, in turns; medians count. Bodies with an equal matrix share its factor in a process: what the first one of them and
-each further one takes stands beside.
+``python -m benchmarks.batches [--out FILE]`` prints the table of docs/benchmark.md. Each method runs in a process of
+its own, in turns; medians count. Bodies with an equal matrix have one factor in a process: what the first one of them
+and each further one takes stands beside.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from benchmarks.report import options, write_report
 SCENE = "bend5"
 MESHES = ((10, 1, 1), (20, 2, 2), (50, 5, 5))
 BATCH, STEPS, REPEATS = 8, 50, 3
-"""Simulations, steps that each makes, runs of each way."""
+"""Simulations, steps that each makes, runs of each method."""
 TIMEOUT = 600.0
 
 
@@ -43,7 +43,7 @@ class Way(str, Enum):
 
 
 def measure(cells: tuple[int, int, int], workers: int) -> dict[str, Any]:
-    """Play a batch each way in turn; return steps a second by way, and set-up times [s] in one process.
+    """Play a batch with each method in turn; return steps a second by method, and set-up times [s] in one process.
 
     Raises:
         subprocess.CalledProcessError: a run failed.

@@ -97,7 +97,7 @@ def measure_beam() -> dict[str, Any]:
 def beam_theory() -> list[dict[str, float]]:
     """Return recorded sag and frequency beside linear theory, with the modulus that the sag without load asks for.
 
-    ``lever`` [m] is how far beyond the end a load would have to hang, and ``softer`` the share of the modulus that
+    ``lever`` [m] is how far beyond the end a load would have to hang, and ``softer`` the fraction of the modulus that
     would have to be left, for the recorded sag; with either goes the frequency that theory then has.
     """
     recorded = {load: swings(*measured_beam(load))[:2] for load in LOADS}

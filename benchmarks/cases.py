@@ -35,8 +35,8 @@ class LogNeoHooke:
     ``W = mu/2 (tr F^T F - 3) - mu ln J + lame/2 (ln J)^2`` [J/m^3].
 
     Attributes:
-        young: Young's modulus at rest [Pa].
-        poisson: Poisson's ratio at rest [-].
+        young: initial Young's modulus [Pa].
+        poisson: initial Poisson's ratio [-].
     """
 
     young: float
@@ -44,17 +44,17 @@ class LogNeoHooke:
 
     @property
     def mu(self) -> float:
-        """Shear modulus at rest [Pa]."""
+        """Initial shear modulus [Pa]."""
         return self.young / (2.0 * (1.0 + self.poisson))
 
     @property
     def lame(self) -> float:
-        """First Lame constant at rest [Pa]."""
+        """Initial first Lame constant [Pa]."""
         return self.young * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
 
     @property
     def bulk(self) -> float:
-        """Bulk modulus at rest [Pa]."""
+        """Initial bulk modulus [Pa]."""
         return self.lame + 2.0 * self.mu / 3.0
 
 
@@ -65,9 +65,9 @@ class OgdenSeries:
     ``W = sum_i 2 mu_i / alpha_i^2 (sum_k (J^(-1/3) lambda_k)^alpha_i - 3) + bulk/2 (J - 1)^2``.
 
     Attributes:
-        mu: moduli ``mu_i`` [Pa]; their sum is the shear modulus at rest.
+        mu: moduli ``mu_i`` [Pa]; their sum is the initial shear modulus.
         alpha: exponents ``alpha_i`` [-].
-        poisson: Poisson's ratio at rest [-]; it sets the bulk modulus.
+        poisson: initial Poisson's ratio [-]; it sets the bulk modulus.
     """
 
     mu: tuple[float, ...]

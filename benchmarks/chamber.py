@@ -43,7 +43,7 @@ class Followed:
 
 
 def follow(scene: Scene, pressures: Sequence[float], *, tolerance: float | None = None, pace: int = PACE) -> Followed:
-    """Stream ascending pressures [Pa] from rest in our solver, at the scene's tolerance or another one."""
+    """Solve a stream of ascending pressures [Pa] in our solver, at the scene's tolerance or another one."""
     tolerance = scene.solver.tolerance if tolerance is None else tolerance
     simulation = Simulation(scene, settings=dataclasses.replace(scene.solver, tolerance=tolerance))
     simulation.warm_up()

@@ -56,7 +56,7 @@ def solve_chamber(
 
 
 class _Walk:
-    """The way up in pressure [MPa]: Newton's method from an extrapolated start, increments halved where it fails."""
+    """Pressures of the load path [MPa]: Newton's method from extrapolated starts; increments are halved if it fails."""
 
     def __init__(self, felupe: Any, solid: Any, pressure: Any, field: Any, boundaries: Any, solver: Any) -> None:
         self._felupe, self._items, self._pressure, self._field = felupe, [solid, pressure], pressure, field

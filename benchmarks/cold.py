@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""First part of the benchmark: every solver on its own meshes, from rest at once or in streams of small steps."""
+"""First part of the benchmark: every solver on its own meshes, in one step or in streams of small steps."""
 
 from __future__ import annotations
 

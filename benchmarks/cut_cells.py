@@ -28,9 +28,9 @@ SECTIONS = 360
 ANGLE = 1e-3
 """By which each end is turned [rad]: small, so that linear theory holds."""
 MIDDLE = 0.25
-"""Share of the length, about its middle, over which the curvature is measured, away from the clamped ends."""
+"""Fraction of the length, about its middle, over which the curvature is measured, away from the clamped ends."""
 HELD = 0.95
-"""Beyond this share of half the length, vertices belong to the ends that are turned."""
+"""Beyond this fraction of half the length, vertices belong to the ends that are turned."""
 FINENESS = (4, 6, 8, 12)
 """Cells over the diameter."""
 KINDS = ("whole", "cut")

@@ -51,7 +51,7 @@ class Way(str, Enum):
 
 
 def measure(scene: str) -> dict[str, Any]:
-    """Run a scene each way.
+    """Run a scene with each method.
 
     Raises:
         subprocess.CalledProcessError: a run failed.
@@ -83,7 +83,7 @@ def environment_table(report: Sequence[dict[str, Any]]) -> str:
 
 
 def _run(scene: str, way: Way) -> dict[str, float]:
-    """Make steps one way in this process."""
+    """Make steps with one method in this process."""
     if way is Way.PROCESSES:
         vector = make_vector_env(scene, 2, steps=_ENDLESS)
         try:

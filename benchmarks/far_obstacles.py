@@ -2,7 +2,7 @@
 """What an obstacle costs that is never touched: ``python -m benchmarks.far_obstacles``.
 
 Scenes play without and with it in one process, step by step in turn, so that a busy machine slows down both; times are
-those of the processor. The shares are of the medians of a step, and of the sums over all steps.
+those of the processor. The percentages are of the medians of a step, and of the sums over all steps.
 """
 
 from __future__ import annotations

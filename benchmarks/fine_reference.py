@@ -79,7 +79,7 @@ def make_reference(case: Case, *, refinement: int, steps: int, command: str) -> 
 
 
 def main() -> int:
-    """Make the reference of a scene, keep it and print how far it is from the shared one."""
+    """Make the reference of a scene, keep it and print how far it is from the common one."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fine_reference", description=__doc__)
     parser.add_argument("scene", choices=[name.value for name in CaseName])
     parser.add_argument("--refinement", type=int, help="cells along each edge of a cell of the paper's mesh")

@@ -25,7 +25,7 @@ class Grid:
     """A bar of equal boxes with a lattice of nodes; x from 0, y and z centred on 0.
 
     Node ``(i, j, k)`` has index ``i + (nx + 1) * (j + (ny + 1) * k)`` with ``n = order * cells``
-    lattice steps along each axis; cells are counted the same way.
+    lattice steps along each axis; cells are counted likewise.
 
     Attributes:
         size: lengths along x, y, z [m].

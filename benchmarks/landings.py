@@ -31,7 +31,7 @@ CUBE = "{bar: {size: [0.04, 0.04, 0.04], cells: [4, 4, 4]}}"
 BAR = "{bar: {size: [0.2, 0.02, 0.02], cells: [20, 2, 2]}}"
 BALL = "{sphere: {inner: 0.03, outer: 0.04, cells: [6, 2]}}"
 WAYS = {"corner": (1.0, 1.0, 1.0), "edge": (0.0, 1.0, 1.0), "askew": (0.3, 0.5, 0.81), "face": (0.0, 0.0, 1.0)}
-"""Which way is up, from the body."""
+"""Upward direction, from the body."""
 SCHEMES = ("bdf2", "newmark", "generalised_alpha")
 GRAVITY = 9.81
 """[m/s^2]."""
@@ -88,7 +88,7 @@ class Outcome:
         min_det: least volume ratio of a corner.
         iterations: a step, on average.
         seconds: processor time of all steps [s].
-        message: the first that was told.
+        message: the first that was reported.
     """
 
     steps: int

@@ -121,7 +121,7 @@ def _vertex_at(mesh: HexMesh, place: tuple[float, float, float]) -> NDArray[np.i
 
 
 def hertz(approach: float) -> float:
-    """Return the force [N] at which a half space of the ball's curvature gives way by so much [m]."""
+    """Return the force [N] at which a half space of the ball's curvature is indented by so much [m]."""
     return 4.0 / 3.0 * YOUNG / (1.0 - POISSON**2) * math.sqrt(RADIUS) * approach**1.5
 
 

@@ -70,7 +70,7 @@ def _draw(
     values: NDArray[np.float64],
     view: tuple[float, float],
 ) -> None:
-    """Draw the deformed surface over a pale one at rest, without axes, true to scale."""
+    """Draw the deformed surface over the pale undeformed one, without axes, true to scale."""
     surface = mesh.surface()
     rest, quads = mesh.vertices[surface], positions[surface]
     colours = matplotlib.colormaps[COLOURS](np.clip(values[mesh.boundary.cells], 0.0, 1.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shipped robots: how fast each streams, how far it deforms, and a picture of all.
+"""The shipped robots: how fast each steps, how far it deforms, and a picture of all.
 
 ``python -m benchmarks.robots [--out FILE] [--pictures FOLDER]`` plays every program at 100 steps a second of simulation
 time on one core, writes the report and ``robots.png``, and prints the table of docs/benchmark.md.

@@ -41,7 +41,7 @@ Motion = Callable[[float], Command]
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A motion: positions (n, 3) [m] at rest and at its end, times [s] and idle elements of the steps that count."""
+    """A motion: positions (n, 3) [m] undeformed and at its end, times [s] and idle elements of the steps that count."""
 
     rest: NDArray[np.float64]
     positions: NDArray[np.float64]

@@ -111,7 +111,7 @@ def table(rows: Sequence[Sequence[str]]) -> str:
 
 
 def row(name: str, stream: Stream) -> tuple[str, ...]:
-    """Play a stream both ways and return its row."""
+    """Play a stream with and without the kept tangent and return its row."""
     truth = _play(stream, TRUTH)
     level = _against(_play(stream, TOLERANCE), truth)
     alone = next((run for run in _alone(stream, truth) if run.error <= level.error), None)

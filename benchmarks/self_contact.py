@@ -31,7 +31,7 @@ self_contact: {}
 solver: {tolerance: 1.0e-5}
 """
 GAP, PRESSED = 2e-4, 0.0052
-"""Between the blocks of a stack at rest, and by how much the upper one comes down [m]."""
+"""Between the blocks of a stack initially, and by how much the upper one comes down [m]."""
 TENSIONS = (3.0, 6.0, 9.0, 12.0, 15.0, 20.0)
 """Of the finger's flexor [N]."""
 CELLS = ((4, 4), (4, 3), (2, 5))

@@ -26,7 +26,7 @@ COLUMNS = 6
 
 
 def measured(scene: str, command: Command) -> list[float]:
-    """Return [ms] of a cold solve, of the factor, of a warm column, its share of a cold solve, and its solves."""
+    """Return [ms] of a cold solve, of the factor, of a warm column, its ratio to a cold solve, and its solves."""
     simulation = Simulation(load_scene(scene))
     simulation.step(command)  # compiles
     simulation.sensitivities(["positions"], simulation.parameter_names[:1])

@@ -25,7 +25,7 @@ from gdfe_ros.solver.state import Snapshot
 FARTHEST = 1000.0
 """Largest translation [body lengths] and largest rotation [revolutions] of a commanded pose."""
 MOST_INFLATED = 1000.0
-"""Largest commanded volume of a chamber, over its volume at rest: at this limit its walls are ten times as wide."""
+"""Largest commanded volume of a chamber, over its undeformed volume: at this limit its walls are ten times as wide."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ class Orders:
         rest = enclosed_volume(actuator.at(self._scene.mesh.vertices), actuator.quads)
         if value > MOST_INFLATED * rest:
             raise CommandError(
-                f"actuator {actuator.name!r}: volume {value!r} m^3 is {value / rest:.3g} times that at rest, "
+                f"actuator {actuator.name!r}: volume {value!r} m^3 is {value / rest:.3g} times the undeformed one, "
                 f"{rest:.3g} m^3; at most {MOST_INFLATED:g} times are allowed; remedy: check the unit: 1 ml is 1e-6 m^3"
             )
 

@@ -23,7 +23,7 @@ def share_dir() -> Path:
         Absolute path of the directory.
 
     Raises:
-        GdfeError: the package was copied without its share files.
+        GdfeError: the package was copied without the files of its share directory.
     """
     module = Path(__file__).resolve()
     prefixes = module.parents[1:]

@@ -162,7 +162,7 @@ class Simulation:
             raise
 
     def rest_command(self) -> Command:
-        """Return the command at rest: no handle moved, neutral actuators, loads with their own factor."""
+        """Return the initial command: no handle moved, neutral actuators, loads with their own factor."""
         return Command(
             handles=dict.fromkeys(self._movable, Pose()),
             actuators={name: self._neutral[name] for name in self.actuator_names},

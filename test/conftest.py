@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Isolation of tests: a ROS domain for each worker, one thread, strict message fields, logs out of the way.
+"""Isolation of tests: a ROS domain for each worker, one thread, strict message fields, logs in a folder of their own.
 
 The environment is set before anything imports rclpy, a message package or numba; subprocesses inherit it.
 """
@@ -106,7 +106,7 @@ os.environ.update(
     ROS_LOG_DIR=os.path.join(tempfile.gettempdir(), "gdfe_ros_test_logs"),
     NUMBA_NUM_THREADS="1",
     OMP_NUM_THREADS="1",
-    # Threads that share a solve sleep until all are done: beside other workers, spinning takes four times the time.
+    # Threads of one solve sleep until all are done: beside other workers, spinning takes four times the time.
     OMP_WAIT_POLICY="PASSIVE",
     OPENBLAS_NUM_THREADS="1",
     MPLBACKEND="Agg",

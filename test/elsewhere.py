@@ -5,7 +5,7 @@
 are named, once for each entry of `ROUNDINGS`. It prints the failures of each run and a table of all. The exit status is
 1 where a test failed.
 
-numba and OpenBLAS can be told to compute as another processor would, NumPy to leave AVX-512 out: sums are taken in
+numba and OpenBLAS can be set to compute as another processor would, NumPy to leave AVX-512 out: sums are taken in
 another order, or without fused multiplication. Each processor has a cache of kernels of its own below
 ``build/elsewhere``, which is kept: the first run compiles, and later ones do not. What pytest says while a rounding
 runs is in ``build/elsewhere/NAME.log``.

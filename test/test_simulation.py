@@ -214,7 +214,7 @@ def test_reactions_are_in_newtons_and_balance(simulate: MakeSimulation) -> None:
 
 @pytest.mark.parametrize("law", ["linear", "neo_hookean"])
 def test_work_of_the_handle_is_the_energy_stored(simulate: MakeSimulation, law: str) -> None:
-    """Lift the tip in forty steps: force times way adds up to the strain energy within half a percent.
+    """Lift the tip in forty steps: force times displacement adds up to the strain energy within half a percent.
 
     The linear law does so on any mesh; elsewhere the hourglass stiffness follows the tangent modulus, which costs 1 %
     of the energy with two elements over the thickness and falls with their square.
@@ -312,7 +312,7 @@ def test_a_generous_deadline_changes_nothing(simulate: MakeSimulation) -> None:
 
 @pytest.mark.parametrize(("degrees", "substeps"), [(90, 1), (180, 2), (360, 4), (-360, 4)])
 def test_large_turns_are_cut_into_substeps(simulate: MakeSimulation, degrees: float, substeps: int) -> None:
-    """Turn the tip by up to a whole turn at once: it arrives twisted by that much, not the short way."""
+    """Turn the tip by up to a whole turn at once: it arrives twisted by that much, not by the shorter rotation."""
     simulation = simulate()
     result = simulation.step(tip(turn=(degrees, 0, 0)))
     assert result.converged, result.message

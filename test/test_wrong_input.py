@@ -73,7 +73,7 @@ def test_times_are_refused_before_anything_moves(times: dict[str, Any]) -> None:
 )
 @pytest.mark.parametrize("motion", ["", "dynamics: {}"], ids=["statics", "motion"])
 def test_values_of_the_wrong_kind_are_named(command: Command, motion: str) -> None:
-    """Command what is no finite number and no pose: named with what is allowed, at rest and in motion."""
+    """Command what is no finite number and no pose: named with what is allowed, without and with dynamics."""
     simulation = Simulation(scene_from_text(SCENE + motion))
     with pytest.raises(CommandError, match=r"(pull|weight|tip)'.*allowed"):
         simulation.step(command)
@@ -98,7 +98,7 @@ def test_positions_that_are_no_numbers_are_named() -> None:
 
 @pytest.mark.parametrize("given", [5, "tip", {"tip": Pose()}], ids=str)
 def test_what_is_no_command_and_no_snapshot_is_named(given: Any) -> None:
-    """Step with, and restore, something else: told what is taken, nothing has changed."""
+    """Step with, and restore, something else: refused with what is taken, nothing has changed."""
     simulation = Simulation(scene_from_text(SCENE))
     with pytest.raises(CommandError, match="a step follows a Command, or None; got"):
         simulation.step(given)
@@ -122,7 +122,7 @@ def test_a_time_of_too_many_internal_steps_is_refused() -> None:
 
 @pytest.mark.parametrize("value", [1e20, 1e150, 1e300])
 def test_a_command_out_of_all_proportion_ends(value: float) -> None:
-    """Pull with far more than any body stands, in motion and at rest: the step ends, unconverged, with a reason."""
+    """Pull with far more than any body stands, with and without dynamics: the step ends, unconverged, with a reason."""
     for motion in ("", "dynamics: {}"):
         simulation = Simulation(scene_from_text(SCENE + motion))
         result = simulation.step(Command(actuators={"pull": value}), dt=0.01)

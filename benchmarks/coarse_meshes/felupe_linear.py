@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""FElupe on a problem: its stiffness at rest, of trilinear hexahedra with mean dilatation (Q1P0); a fine reference."""
+"""FElupe on a problem: its initial stiffness, of trilinear hexahedra with mean dilatation (Q1P0); a fine reference."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def pad_modulus(cells: int, width: float, poisson: float) -> float:
 
 
 def _stiffness(felupe: Any, region: Any, poisson: float) -> Any:
-    """Return the stiffness at rest, with the volume kept by a pressure in each cell."""
+    """Return the initial stiffness, with the volume kept by a pressure in each cell."""
     field = felupe.FieldContainer([felupe.Field(region, dim=3)])
     law = felupe.NeoHooke(mu=YOUNG / (2.0 * (1.0 + poisson)))
     solid = felupe.SolidBodyNearlyIncompressible(law, field, bulk=YOUNG / (3.0 * (1.0 - 2.0 * poisson)))

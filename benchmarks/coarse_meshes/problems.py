@@ -19,11 +19,11 @@ SIDE = 0.02
 SLENDERNESS, TURN = 6, 1e-3
 """Length of the bar over its width, and the angle by which each end is turned [rad]."""
 MIDDLE = 0.25
-"""Share of the bar's length, about its middle, over which twist and curvature are measured: ends are clamped."""
+"""Fraction of the bar's length, about its middle, over which twist and curvature are measured: ends are clamped."""
 SAINT_VENANT = {1: 0.14057702, 2: 0.45736336}
 """Torsion constant over the fourth power of the thickness, by width over thickness (Timoshenko and Goodier)."""
 WIDTH, PRESSED = 4, 1e-4
-"""Width of the pad over its height, and the share of the height by which it is pressed together."""
+"""Width of the pad over its height, and the fraction of the height by which it is pressed together."""
 PAD = 3.108
 """Mean stress over E times the mean strain of the pad: what FElupe's triquadratic hexahedra tend to on ever finer
 cells, as ``python -m benchmarks.coarse_meshes --reference`` prints it."""

@@ -48,7 +48,7 @@ def small_table(report: Mapping[str, Any]) -> str:
 
 
 def trial_table(trials: Mapping[str, Sequence[float]]) -> str:
-    """Return a row for each way that was tried."""
+    """Return a row for each trial."""
     heads = ("error [%]", *(f"{name}: {across} across" for name, across in COLUMNS))
     return markdown_table(
         heads, [[way, *(f"{100.0 * error:+.2f}" for error in errors)] for way, errors in trials.items()]

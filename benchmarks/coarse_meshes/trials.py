@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was tried against the stiffness of confined rubber: other pressures, and mean gradients that see neighbours.
 
-On the linear problem: stiffness of this solver's elements at rest, with another volume term or another mean gradient.
+On the linear problem: stiffness of this solver's undeformed elements, with another volume term or another mean
+gradient.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ COLUMNS = (("pad", 2), ("pad", 4), ("tube", 2), ("tube", 4), ("bending, nu 0.495
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """This solver's elements at rest, taken apart.
+    """This solver's undeformed elements, taken apart.
 
     Attributes:
         body: the elements.
@@ -173,7 +174,7 @@ def curved_faces(elements: Elements) -> Matrix:
         # The trapezoidal rule over a face misses a twelfth of the second differences along it.
         curved = same - (second[axis - 1] + second[axis - 2]) / 12.0
         gradient = [sum_ + part @ curved for sum_, part in zip(gradient, elements.summed(faces[axis]), strict=True)]
-    # The cell at rest curves alike: with respect to that shape linear fields have the gradient that they should.
+    # The undeformed cell curves alike: with respect to that shape linear fields have the gradient that they should.
     inverse = np.linalg.inv(np.stack([part @ body.rest for part in gradient], axis=2))
     gradient = [sum(sparse.diags(inverse[:, j, k]) @ gradient[j] for j in range(3)) for k in range(3)]
     return elements.hourglass + elements.distortion(gradient, shear) + elements.volume(gradient, bulk)
@@ -218,7 +219,7 @@ WAYS: dict[str, Callable[[Elements], Matrix]] = {
 
 
 def trial(way: str, name: str, across: int) -> float:
-    """Return the error of a way on a problem, as a fraction."""
+    """Return the error of a trial on a problem, as a fraction."""
     problem = PROBLEMS[name](across)
     stiffness = WAYS[way](Elements.of(name, across, problem)).tocsr()
     forces = np.zeros(problem.mesh.vertices.size) if problem.forces is None else problem.forces.ravel()
@@ -228,5 +229,5 @@ def trial(way: str, name: str, across: int) -> float:
 
 
 def all_trials() -> dict[str, list[float]]:
-    """Return the errors of every way, in the order of `COLUMNS`."""
+    """Return the errors of every trial, in the order of `COLUMNS`."""
     return {way: [trial(way, name, across) for name, across in COLUMNS] for way in WAYS}

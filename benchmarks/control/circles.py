@@ -34,7 +34,7 @@ class Circle:
     tolerance: float = 1e-4
 
     def goals(self, middle: np.ndarray, turn: float) -> np.ndarray:
-        """Return goals (t, 3) [m] after a share of a ``turn``, around ``middle`` (t, 3) [m]."""
+        """Return goals (t, 3) [m] after a fraction of a ``turn``, around ``middle`` (t, 3) [m]."""
         goals, angle = middle.copy(), 2.0 * np.pi * turn
         goals[self.first] += self.radius * np.cos(angle)
         goals[self.second] += self.radius * np.sin(angle)

@@ -120,7 +120,7 @@ class Browser:
         return self.ask("return window.gdfe.keys.at(-1)")
 
     def drag(self, start: tuple[float, float], way: tuple[float, float], *, steps: int = 8) -> None:
-        """Drag the mouse, its left button down, from a place in the window along a way [px]."""
+        """Drag the mouse, its left button down, from a place in the window along a path [px]."""
         places = [
             [origin + part * step / steps for origin, part in zip(start, way, strict=True)] for step in range(steps + 1)
         ]
@@ -136,9 +136,9 @@ class Browser:
 
         Args:
             mesh: of the body, as the page was opened: nobody has turned the picture.
-            handle: at rest.
+            handle: in its rest pose.
             axis: of the arrow (3,).
-            pixels: of the way.
+            pixels: of the path.
         """
         scale, view = scale_of(mesh), first_view(mesh)
         foot = scale * handle.centre(mesh.vertices)

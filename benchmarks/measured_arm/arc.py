@@ -2,7 +2,7 @@
 """What the recordings of the arm say without any model: an arc of constant length, seen in a frame that is turned.
 
 An arc of length L that ends at the angle t has moved its tip by L (1 - cos t) / t to the side and by L (1 - sin t / t)
-towards the base. Its total way does not depend on the frame in which it is seen; the direction does.
+towards the base. Its total path length does not depend on the frame in which it is seen; the direction does.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def arc(tilt: Array, length: float) -> tuple[Array, Array]:
 
 
 def turned(axial: Array, lateral: Array, tilt: Array, length: float) -> tuple[Array, Array]:
-    """Return the measured total way over the arc's (k,), and the angle (k,) [rad] between the two directions."""
+    """Return the measured path length over the arc's (k,), and the angle (k,) [rad] between the two directions."""
     along, aside = arc(tilt, length)
     ratio = np.hypot(axial, lateral) / np.hypot(along, aside)
     return ratio, np.arctan2(-axial, lateral) - np.arctan2(-along, aside)

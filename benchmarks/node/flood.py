@@ -23,7 +23,7 @@ _BATCH = 250
 _PAUSE = 0.06
 """Between two batches [s]: some 3000 commands a second, in bursts of up to ``_AHEAD``."""
 _AHEAD = 1000
-"""Commands that may be under way: what a topic keeps. Beyond, those that a slow node has not read are lost."""
+"""Commands that may be in transit: what a topic keeps. Beyond, those that a slow node has not read are lost."""
 MOST_GROWTH = 4_000_000
 """Of the resident memory [B] that counts as flat."""
 _COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}

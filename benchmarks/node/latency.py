@@ -30,7 +30,7 @@ class Latency:
         steps: measured.
         p50: from command to mesh, median.
         p99: the same, 99th percentile.
-        solve_p50: the solver's share of it, by the step records.
+        solve_p50: the solver's part of it, by the step records.
         solve_p99: the same, 99th percentile.
     """
 

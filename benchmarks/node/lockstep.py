@@ -18,7 +18,7 @@ from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing.process import NodeProcess
 
 _AHEAD = 500
-"""Commands that may be under way: half of what the publisher keeps."""
+"""Commands that may be in transit: half of what the publisher keeps."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 """MJCF models of the benchmark bars: interpolated flexes on a lattice of sliding bodies.
 
 Every lattice node but the clamped ones is a body; one flex for each segment interpolates the solid
-between the nodes and shares those on the borders of the segments. Such flexes have one elastic law:
+between the nodes and divides those on the borders of the segments. Such flexes have one elastic law:
 corotated linear elasticity in Young's modulus and Poisson's ratio (a cell stretched uniaxially by
 1 to 60 % answers with exactly the linear stress). It differs from the scenes' neo-Hookean law at
 finite strain, in forces more than in shapes.

@@ -51,7 +51,7 @@ class PeerError(GdfeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Variant:
-    """One way to run a peer on a scene.
+    """One method to run a peer on a scene.
 
     Attributes:
         label: name for tables, e.g. ``C3D8I 50x5x5``.
@@ -141,7 +141,7 @@ class Peer(Protocol):
         """Return the runs worth showing on a scene; empty if the peer cannot do the scene."""
 
     def solve(self, case: Case, variant: Variant, points: Array) -> PeerSolution:
-        """Run once and return the solution at rest positions ``points``, shape (n, 3) [m]."""
+        """Run once and return the solution at undeformed positions ``points``, shape (n, 3) [m]."""
 
 
 def load_peer(solver: Solver) -> Peer:

@@ -111,7 +111,7 @@ class Phases:
         return timed
 
     def _split_directions(self) -> None:
-        """Take the directions out of the evaluations: an iteration that is told to end finds one, and does no more."""
+        """Take the directions out of the evaluations: an iteration that has to end finds one, and does no more."""
         if not self._directions:
             return
         problem, work, *_ = self._last

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small displacements of a body of tetrahedra: one solve with the tangents of its elements at rest."""
+"""Small displacements of a body of tetrahedra: one solve with the tangents of its undeformed elements."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gdfe_ros.solver.elements.tetrahedra import element_tangents
 
 
 def tangents(body: Body) -> NDArray[np.float64]:
-    """Return the tangents (m, 30, 30) [N/m] at rest, with the whole bulk modulus instead of pressures."""
+    """Return the initial tangents (m, 30, 30) [N/m], with the whole bulk modulus instead of pressures."""
     table, count = body.table, len(body.cells)
     parameters = table.parameters.copy()
     carried = parameters[:, PENALTY] > 0.0

@@ -46,9 +46,10 @@ class Drive:
     Attributes:
         body: YAML of mesh and handles.
         actuators: YAML of one actuator `a`; empty where a load `a` drives.
-        values: commands one after the other; for a chamber's volume, shares of that at rest.
-        back: the last command is the neutral one, and the body must be back at rest within this share of its size.
-        share: the values are shares of the neutral command.
+        values: commands one after the other; for a chamber's volume, multiples of the undeformed one.
+        back: the last command is the neutral one, and the body must be undeformed again within this fraction of its
+            size.
+        share: the values are multiples of the neutral command.
         refusal: words of the report that is the right answer.
         may_report: a report is as good as an equilibrium.
         loads: YAML of one load `a`.

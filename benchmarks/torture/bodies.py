@@ -85,7 +85,7 @@ class Driver:
         simulation: that is driven.
         results: of every step so far.
         rise: largest rise of the energy inside a descent so far, over the sum of its terms.
-        neutral: command of every actuator and load at rest.
+        neutral: command of every actuator and load that leaves the body undeformed.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -55,7 +55,7 @@ class Stream:
 
 
 def _bar(size: tuple[float, float, float], cells: tuple[int, int, int], sag: float, **options: object) -> Scene:
-    """Return a clamped bar or plate that would sag by a share of its length if it bent as little as a beam's theory."""
+    """Return a clamped bar or plate whose sag, by beam theory, would be a fraction of its length."""
     length, _, thickness = size
     gravity = -sag * length * 8.0 * 1e6 * thickness**2 / (12.0 * 1000.0 * length**4)
     mesh = f"bar: {{size: {list(size)}, cells: {list(cells)}}}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 6: material laws that soften, kink, turn back or are unstable: told beforehand, and never an explosion."""
+"""Group 6: material laws that soften, kink, turn back or are unstable: reported beforehand, and never an explosion."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def _edge_across_edge(reach: float, random: np.random.Generator) -> Spot:
     side = random.choice([-1.0, 1.0])
     way = np.array([0.0, -side, -1.0]) / np.sqrt(2.0)
     spot = np.array([random.uniform(-0.03, 0.045), side * 0.025, HEIGHT])
-    # An edge of the box lies along (0, 1, -side): turned by 45 degrees about x, then about the way.
+    # An edge of the box lies along (0, 1, -side): turned by 45 degrees about x, then about the direction of motion.
     edge = np.array([0.0, side, -1.0]) / np.sqrt(2.0)
     face = (np.array([1.0, 0.0, 0.0]) - way) / np.sqrt(2.0)
     faces = np.column_stack([face, edge, np.cross(face, edge)])

@@ -14,8 +14,8 @@ from gdfe_ros.solver.settings import Policy
 
 TOLERANCE = 1e-6
 BOUND = 1e-3
-"""Of the body's size, between two ways to the neutral state: its webs and thin walls are far softer than its cells, and
-the tolerance is an estimate."""
+"""Of the body's size, between two load paths to the neutral state: its webs and thin walls are far softer than its
+cells, and the tolerance is an estimate."""
 LET_GO = 100.0
 """Seconds of the step back, time enough for every rate limit."""
 ROBOTS = {

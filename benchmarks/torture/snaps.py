@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 8: shallow arches and domes loaded until they snap through, and back: every jump is told, nothing else is."""
+"""Group 8: shallow arches and domes loaded until they snap through, and back: each jump is reported, nothing else."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Shell:
         size, cells: of the plate that it is bent from.
         rise: of its middle over its edge [m].
         edges: axes across whose ends it is clamped.
-        weight: largest acceleration [m/s^2] at 1000 kg/m^3, some way past the limit point.
+        weight: largest acceleration [m/s^2] at 1000 kg/m^3, well past the limit point.
     """
 
     size: tuple[float, float, float]
@@ -70,7 +70,7 @@ SHELLS: dict[str, Shell] = {
 
 
 def _there_and_back(shell: Shell, law: str) -> Finding:
-    """Load in small steps and unload: jumps are told, the rest converges, and the end is an equilibrium at rest."""
+    """Load in small steps and unload: jumps are reported, the rest converges, and the end is undeformed."""
     driver = Driver(shell.scene(LAWS[law](), TOLERANCE))
     height, flaws = driver.simulation.mesh.vertices[:, 2].mean(), []
     for share in (*np.linspace(0.0, 1.0, STEPS + 1)[1:], *np.linspace(1.0, 0.0, STEPS + 1)[1:]):

@@ -33,7 +33,7 @@ MOTION = {"scheme": "bdf2", "step": 0.005, "damping": {"viscosity": 300.0, "mass
 CALM = 200
 """Steps after which what is damped so is at rest."""
 RELEASES = 6
-"""Steps in which a body that was left, as its message said, on its way must have come home."""
+"""Steps in which a body that was left before its goal, as its message said, must have come home."""
 DEEPEST = 1e-4
 """Depth over the body's size to which a vertex may lie in what it touches after a step that converged."""
 _BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.02)

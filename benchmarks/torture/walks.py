@@ -27,7 +27,7 @@ STEPS = 100_000
 BOUND = 1e-6
 """Largest distance from rest over the length when every command is back at zero."""
 RETURN = 200
-"""Steps of each way back."""
+"""Steps of each path back."""
 PACE, PULL = 0.01, 0.001
 """Step of the walk, and by how much it is pulled home, both over the range."""
 MOST_GROWTH = 5e6

@@ -34,7 +34,7 @@ Line = NDArray[np.float64]
 
 
 def draw_iterations() -> list[Image.Image]:
-    """Draw the bar after more and more iterations of its first step, both ways, and the equilibrium."""
+    """Draw the bar after more and more iterations of its first step, with both methods, and the equilibrium."""
     counts = np.unique(np.geomspace(1.0, MOST, FRAMES).astype(int))
     true, with_level = _bar(), _paths(_bar(), counts)
     with patch.object(slender, "SLENDER", 0.0):

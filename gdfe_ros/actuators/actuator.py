@@ -93,7 +93,11 @@ class Chamber(Actuator):
         return self.quads.ravel() if self.points is None else self.points.corners[self.points.weights != 0.0]
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions [m] to which ``quads`` refer, for vertices at ``positions`` (n, 3) [m]."""
+        """Return the positions (k, 3) [m] that ``quads`` index: those of ``points`` if given, else of the vertices.
+
+        Args:
+            positions: (n, 3) [m] of the mesh's vertices.
+        """
         return positions if self.points is None else self.points.at(positions)
 
 

@@ -48,8 +48,8 @@ def embed(mesh: Mesh, points: ArrayLike, *, what: str) -> Embedding:
     """Find the cell and the weights of each point (p, 3) [m].
 
     Args:
-        mesh: the body at rest.
-        points: coordinates [m]; on a face shared by cells the weights are the same from either side.
+        mesh: the undeformed body.
+        points: coordinates [m]; on a face between cells the weights are the same from either side.
         what: name of the points in an error.
 
     Raises:

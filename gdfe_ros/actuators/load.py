@@ -54,7 +54,7 @@ class Gravity:
         acceleration: (3,) finite [m/s^2].
         density: (m,) of each cell [kg/m^3].
         attached: masses that have weight too.
-        filling: filled share of the cells; None: entirely.
+        filling: filled fraction of the cells; None: entirely.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Gravity:
         _require_finite(self.name, "acceleration", self.acceleration)
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Return the force at each vertex (n, 3) [N]; each corner's share of the mass is exact for trilinear cells."""
+        """Return the force at each vertex (n, 3) [N]; each corner's part of the mass is exact for trilinear cells."""
         share = corner_volumes(rest, cells, self.filling)
         forces = _collect(len(rest), cells, (self.density[:, None] * share)[..., None] * self.acceleration)
         for item in self.attached:
@@ -166,7 +166,7 @@ def _tet_points(nodes: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64
 
 
 def corner_areas(rest: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the share of each node in the area of each face (q, 4) or (q, 6), in the same shape [m^2].
+    """Return the part of each node in the area of each face (q, 4) or (q, 6), in the same shape [m^2].
 
     Bilinear quads have 2 x 2 Gauss points; for the six nodes of a quadratic triangle see `node_areas`.
     """

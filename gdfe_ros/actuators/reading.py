@@ -18,7 +18,7 @@ class Readings:
 
     Args:
         actuators: of a scene.
-        rest: (n, 3) vertices at rest [m].
+        rest: (n, 3) undeformed vertices [m].
     """
 
     def __init__(self, actuators: Iterable[Actuator], rest: NDArray[np.float64]) -> None:

@@ -179,8 +179,8 @@ class Differences:
         at which the field differs). Whether the other run converges there does not matter.
 
         The tolerance bounds the displacement over the body's size. Lengths may differ by this displacement; strains by
-        it over the shortest edge; moduli, energies and forces by the same share of the largest value of their kind. A
-        force may also differ by Young's modulus times the mean cross section times the tolerance: the axial force of
+        it over the shortest edge; moduli, energies and forces by the same fraction of the largest value of their kind.
+        A force may also differ by Young's modulus times the mean cross section times the tolerance: the axial force of
         such a displacement, however small the forces of bending are.
 
         One unit in the last place of a float32 is added for values published as such. Iterations, substeps, error

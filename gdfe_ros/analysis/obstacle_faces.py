@@ -37,7 +37,7 @@ def recorded_faces(
 
     Args:
         scene: the recorded scene.
-        samples: arrays of a step, by topic and field; an obstacle without a pose among them is at rest.
+        samples: arrays of a step, by topic and field; an obstacle without a pose among them is at its initial pose.
         positions: of the body's vertices (n, 3) [m].
     """
     faces = []

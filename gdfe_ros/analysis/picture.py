@@ -41,13 +41,13 @@ def draw_body(
     around: NDArray[np.float64] | None = None,
     scenery: Scenery | None = None,
 ) -> None:
-    """Draw the surface at ``positions`` (n, 3) [m] coloured by cell ``values`` (m,), over the outline at rest.
+    """Draw the surface at ``positions`` (n, 3) [m] coloured by cell ``values`` (m,), over the undeformed outline.
 
     The surface is the skin of a mesh that has one.
 
     Args:
-        path: PNG file, or a stream.
-        mesh: at rest.
+        path: PNG file, or a binary file object.
+        mesh: undeformed.
         positions: of the vertices.
         values: of the cells.
         title: above the picture.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ARROW = 0.25
 """Length of the arrow of the largest force, over the size of the body."""
 LEAST_FORCE = 0.02
-"""Share of the largest force below which a force has no arrow."""
+"""Fraction of the largest force below which a force has no arrow."""
 CONTACTS = "contacts"
 """Topic of the contact points, without the node's name."""
 
@@ -60,7 +60,9 @@ class Scenery:
     def recorded(
         cls, scene: Scene, samples: Mapping[str, Mapping[str, NDArray]], positions: NDArray[np.float64]
     ) -> Scenery:
-        """Return the scenery of a recorded step; without a topic in the bag, forces are missing or obstacles at rest.
+        """Return the scenery of a recorded step.
+
+        Without their topics, forces are missing and obstacles have their initial poses.
 
         Args:
             scene: the recorded scene.

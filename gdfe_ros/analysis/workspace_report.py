@@ -60,7 +60,7 @@ def draw_workspace(path: Path, found: ReachableSet, *, title: str) -> None:
     for number, (across, up, first, second) in enumerate(_PAIRS, 2):
         axes = figure.add_subplot(2, 2, number)
         axes.scatter(points[:, first], points[:, second], **style)
-        axes.plot(found.rest[first], found.rest[second], "x", color="#c2562d", label="at rest")
+        axes.plot(found.rest[first], found.rest[second], "x", color="#c2562d", label="undeformed")
         axes.set_xlabel(f"{across} [m]")
         axes.set_ylabel(f"{up} [m]")
         axes.set_aspect("equal", adjustable="datalim")

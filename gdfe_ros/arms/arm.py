@@ -39,7 +39,7 @@ class Visual:
 class Arm:
     """An arm that carries a handle.
 
-    The handle keeps its rest pose relative to the flange. With the flange at (p, R), at rest (p0, R0), a handle with
+    The handle keeps its rest pose relative to the flange. With the flange at (p, R), initially (p0, R0), a handle with
     the rest centre c has the pose
 
         rotation R R0^T, translation p + R R0^T (c - p0) - c.
@@ -49,8 +49,8 @@ class Arm:
         dynamics: kinematics and dynamics of its links.
         flange: name of the link that carries the handle.
         handle: name of the handle.
-        centre: (3,) [m] of the handle at rest.
-        start: (n,) positions of its commanded joints at rest [rad] or [m].
+        centre: (3,) [m] of the handle in its rest pose.
+        start: (n,) initial positions of its commanded joints [rad] or [m].
         links: pieces of its links that touch.
         visuals: drawn shapes of its links.
     """
@@ -81,7 +81,7 @@ class Arm:
 
     @cached_property
     def rest(self) -> dict[str, LinkFrame]:
-        """Frame of each link at rest."""
+        """Initial frame of each link."""
         return self.dynamics.frames(self.start)
 
     def poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:

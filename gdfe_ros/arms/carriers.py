@@ -73,7 +73,7 @@ class Carriers:
         return bool(self._arms)
 
     def at_rest(self) -> Motions:
-        """Return the joints at rest."""
+        """Return the initial state of the joints."""
         return {arm.name: JointMotion.at(arm.start) for arm in self._arms}
 
     @staticmethod

@@ -33,7 +33,7 @@ class JointMotion(NamedTuple):
 
     @classmethod
     def at(cls, positions: Sequence[float]) -> JointMotion:
-        """Return joints at rest."""
+        """Return joints that do not move."""
         q = np.array(positions, dtype=np.float64)
         return cls(q, q.copy(), np.zeros(len(q)), np.zeros(len(q)))
 
@@ -53,9 +53,9 @@ class Cut(NamedTuple):
 class JointLimits:
     """Limits of an arm's joints.
 
-    A joint follows a goal that moves at a velocity within its limits, and brakes in time for one that stands. With the
-    distance e to the goal, the time h of the step and the largest acceleration a, the largest velocity from which
-    repeated steps of -a h end at the goal is
+    A joint follows a moving goal if the goal's velocity is within the limits. It brakes in time for a goal that does
+    not move. Let e be the distance to the goal [rad] or [m], h the time step [s] and a the largest acceleration. A
+    joint that changes its velocity by -a h in each step can stop at the goal if its velocity is at most
 
         u(e) = a (sqrt(h^2 / 4 + 2 |e| / a) - h / 2),  or |e| / h within the last step.
 

@@ -36,7 +36,7 @@ def touching_links(
         robot: its description.
         names: of the links that touch.
         surfaces: of the meshes, by URI.
-        rest: frames of the links at rest.
+        rest: initial frames of the links.
         friction: Coulomb's coefficient.
 
     Raises:

@@ -26,7 +26,7 @@ class Handle:
     Attributes:
         name: unique in the scene; part of topic names.
         vertices: sorted vertex ids (k,) int32.
-        fixed: the handle stays at rest and accepts no commands.
+        fixed: the handle stays at its rest pose and accepts no commands.
         free: world axes along which the handle slides unloaded; its position there is an unknown.
         turning: world axes, through the handle's centre, about which it rotates freely; the components of its rotation
             vector there are unknowns. With one or three free axes no moment remains; with two the energy is minimal.

@@ -36,8 +36,8 @@ class Obstacle(Handle):
     Attributes:
         vertices: none.
         form: its shape.
-        origin: of its frame at rest [m].
-        turn: of its frame at rest, a rotation vector [rad].
+        origin: of its frame in the rest pose [m].
+        turn: of its frame in the rest pose, a rotation vector [rad].
         friction: Coulomb's coefficient.
         points: evaluation of gaps.
     """
@@ -56,7 +56,7 @@ class Obstacle(Handle):
         return replace(self, origin=tuple(np.subtract(self.origin, origin).tolist()))
 
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the origin (3,) [m] of its frame at rest, whatever the body's ``vertices``."""
+        """Return the origin (3,) [m] of its frame in the rest pose, whatever the body's ``vertices``."""
         return np.array(self.origin)
 
     def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:

@@ -33,7 +33,7 @@ most 500 times the change that the strongest actuator would need."""
 BASELINE = 3.0
 """Least motion, in tolerances, with which a measurement corrects the Jacobian: noise is then at most a third of it."""
 WITHIN = 0.5
-"""Share of the distance that a change is predicted to remove, above which its goal counts as within reach."""
+"""Fraction of the distance that a change is predicted to remove, above which its goal counts as within reach."""
 
 
 class FeedbackControl:
@@ -51,7 +51,7 @@ class FeedbackControl:
             three times this distance do not correct the Jacobian.
         slew: least time [s] in which a command crosses its range. If it is below that of the robot (a node's
             ``slew_time``), the robot follows some actuators more than others.
-        learning: share of the prediction error of a change that corrects the Jacobian, from 0 to 1.
+        learning: fraction of the prediction error of a change that corrects the Jacobian, from 0 to 1.
 
     Raises:
         CommandError: no such probe or actuator, dynamics, or a number outside of its range.
@@ -144,12 +144,12 @@ class FeedbackControl:
         wanted, stack = self._stack.checked(goals), self._stack
         require_positive("the time of a command", dt, "s")
         self._goals, (commands, values) = wanted, self._known
-        error, way = stack.errors(wanted, values), stack.length(wanted, values)
+        error, distance = stack.errors(wanted, values), stack.length(wanted, values)
         low, high = self._limits.room(self._sent, dt)
         behind = self._sent - commands
-        share = min(1.0, self._trust / max(way, 1e-300))
+        fraction = min(1.0, self._trust / max(distance, 1e-300))
         given = {"least": DAMPING, "costs": self._limits.costs(self._rows)}
-        change = least_squares(self._rows, share * error, low + behind, high + behind, **given)
+        change = least_squares(self._rows, fraction * error, low + behind, high + behind, **given)
         self._sent = np.clip(self._limits.changed(commands, change), self._sent + low, self._sent + high)
         left = error - self._rows @ (self._sent - commands)
         return Reach(

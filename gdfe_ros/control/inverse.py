@@ -161,11 +161,11 @@ class InverseControl:
         stack, now, tries = self._stack, self._now(), 0
         here, values = self.simulation.snapshot(), stack.values()
         rows = self._jacobian.at(now, values)
-        length, way = float(np.linalg.norm(error)), stack.length(wanted, values)
+        length, distance = float(np.linalg.norm(error)), stack.length(wanted, values)
         while tries < MOST_TRIES:
-            tries, share = tries + 1, min(1.0, self._trust / way)
+            tries, fraction = tries + 1, min(1.0, self._trust / distance)
             given = {"least": LEAST, "costs": self._limits.costs(rows)}
-            change = least_squares(rows, share * error, *self._limits.room(now, dt), **given)
+            change = least_squares(rows, fraction * error, *self._limits.room(now, dt), **given)
             gain = length - float(np.linalg.norm(error - rows @ change))
             worth = np.linalg.norm(rows @ change) >= STANDSTILL and gain >= FAINT
             if worth and self._went(now, change, dt):
@@ -180,8 +180,8 @@ class InverseControl:
                 self._jacobian.forget()
                 moved, error, spent = self._nearer(wanted, error, dt)
                 return moved, error, tries + spent
-            self._trust = SHORTER * min(self._trust, way)
-            if not worth or self._trust * length < way:
+            self._trust = SHORTER * min(self._trust, distance)
+            if not worth or self._trust * length < distance:
                 break
         self._trust = 1.0
         return False, error, tries

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 SURPRISE = 0.3
 """Error of the predicted motion of a change, over that motion, above which the exact Jacobian is computed again. A
-moving goal is missed by at most that share of a step."""
+moving goal is missed by at most that fraction of a step."""
 
 
 class KeptJacobian:

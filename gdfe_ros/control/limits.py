@@ -14,7 +14,7 @@ from gdfe_ros.scene.scene import Scene
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-9
-"""Share of a change that counts as rounding."""
+"""Fraction of a change that counts as rounding."""
 
 
 class CommandLimits:

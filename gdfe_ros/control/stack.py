@@ -49,7 +49,11 @@ class Stack:
         self._ends = np.cumsum([len(target.axes) for target in self.targets])[:-1]
 
     def checked(self, goals: ArrayLike, what: str = "goals") -> Array:
-        """Return goals (t, 3), or other values that an error calls ``what``, after a check.
+        """Return ``goals`` as an array (t, 3) after a check.
+
+        Args:
+            goals: values of all targets.
+            what: name of the values in an error.
 
         Raises:
             CommandError: the shape is wrong, or a value is not finite.

@@ -124,7 +124,7 @@ class Target(ProbeTarget):
         return simulation.probe_positions()[self.probe]
 
     def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
-        """Return a share of the body's size [m]."""
+        """Return a fraction of the body's size [m]."""
         return WAY * simulation.mesh.size
 
 
@@ -164,7 +164,7 @@ class OrientationTarget(ProbeTarget):
     def derivative(self, simulation: Simulation, output: Array) -> Array:
         """Return the rotations (3, n) [rad] that motions (3 v, n) [m] of the vertices cause.
 
-        R is the best-fitting rotation of the corners x, at rest X, both about their means. With y = R X and
+        R is the best-fitting rotation of the corners x, undeformed X, both about their means. With y = R X and
         V = sum x y^T, motions dx rotate R by w with (tr V - V) w = sum y x dx (cross products).
         """
         now, rest = self._corners(simulation)
@@ -176,7 +176,7 @@ class OrientationTarget(ProbeTarget):
         return np.linalg.solve(np.trace(stretch) * np.eye(3) - 0.5 * (stretch + stretch.T), moments)
 
     def _corners(self, simulation: Simulation) -> tuple[Array, Array]:
-        """Return the corners (8, 3) [m] of the probe's cell about their mean, now and at rest."""
+        """Return the corners (8, 3) [m] of the probe's cell about their mean, deformed and undeformed."""
         vertices = simulation.scene.probes[self.probe].corners[0]
         now, rest = simulation.positions[vertices], simulation.mesh.vertices[vertices]
         return now - now.mean(axis=0), rest - rest.mean(axis=0)

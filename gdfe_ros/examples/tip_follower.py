@@ -103,7 +103,7 @@ class TipFollower(Node):
         self._answer()
 
     def _answer(self) -> None:
-        """Publish the next command, once both the pose and the joint states of a state have arrived."""
+        """Publish the next command. Wait until the pose and the joint states of the same step have arrived."""
         if self._scene is None or self._pose is None or self._joints is None or self._goal is None:
             return
         stamp = _nanoseconds(self._pose)

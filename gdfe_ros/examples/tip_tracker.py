@@ -31,7 +31,7 @@ class TipTracker:
         low: (actuators,) least commands.
         high: (actuators,) largest commands.
         axes: indices of the controlled coordinates x, y, z.
-        gain: share of the distance that one command covers, in (0, 1].
+        gain: fraction of the distance that one command covers, in (0, 1].
         baseline: least motion that corrects the Jacobian [m]; a hundred times the noise is enough.
         reach: largest motion that one command is computed for [m].
     """

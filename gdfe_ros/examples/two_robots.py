@@ -2,8 +2,8 @@
 """Several robots in one process: a node for each robot, in its own namespace, and one executor for all.
 
 ``python -m gdfe_ros.examples.two_robots`` runs ``/left/gdfe_sim`` and ``/right/gdfe_sim``. Each node steps in its own
-threads, so that the nodes share the processor's cores. To give each node its own process, start ``sim.launch.py`` with
-the argument ``namespace``.
+threads, so that the nodes run on all of the processor's cores. To give each node its own process, start
+``sim.launch.py`` with the argument ``namespace``.
 """
 
 from __future__ import annotations

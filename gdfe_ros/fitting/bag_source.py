@@ -134,7 +134,9 @@ def _from_rest(run: BagRun, topics: list[str]) -> tuple[list[BagStep], tuple[str
     steps: list[BagStep] = []
     for step in BagSteps(run, topics=topics):
         if not steps and step.record.begin is not Begin.REST:
-            raise GdfeError(f"bag {run.reader.path} does not begin at rest; remedy: record from the activation on")
+            raise GdfeError(
+                f"bag {run.reader.path} does not begin in the initial state; remedy: record from the activation on"
+            )
         if steps and (step.record.begin is not Begin.LAST or step.record.step != steps[-1].record.step + 1):
             return steps, (
                 f"read only up to t = {steps[-1].record.time:g} s, where the run was restarted or steps are missing",

@@ -20,7 +20,7 @@ def parameter_rows(fit: Fit) -> list[tuple[str, str, str, str]]:
 
 
 def match_rows(fit: Fit) -> list[tuple[str, str, str, str, str, str]]:
-    """Return a row for each series: recording, series, fitted or predicted, values, misfit, its share of the motion."""
+    """Return a row for each series: recording, series, fitted or predicted, values, misfit, its ratio to the motion."""
     return [
         (
             match.recording,

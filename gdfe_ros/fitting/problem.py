@@ -74,7 +74,7 @@ class FitProblem:
         self._known: tuple[tuple[object, ...], list[Trajectory | NotSimulatedError]] | None = None
 
     def look_to(self, share: float) -> None:
-        """Compare only the first ``share`` of each recording's time; 1 compares all of it."""
+        """Compare only the first fraction ``share`` of each recording's time; 1 compares all of it."""
         ends = [max(series.times[-1] for series in recording.series) for recording in self.recordings]
         self.horizons = [np.inf if share >= 1.0 else share * end for end in ends]
         self._known = None

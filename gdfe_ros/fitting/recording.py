@@ -73,7 +73,7 @@ class Recording:
         shift: time [s] by which the recording's clock is ahead of the simulation's; initial value if it is fitted.
         shift_between: bounds of the time shift [s] if it is fitted; None if it is not.
         frame: number of fitted unknowns of the frame: 0, 3 (translation) or 6 (rotation vector, translation).
-        from_equilibrium: whether a motion begins in equilibrium under its first commands, else at rest.
+        from_equilibrium: whether a motion begins in equilibrium under its first commands, else in the initial state.
         remarks: remarks for the user on the reading of the recording.
     """
 

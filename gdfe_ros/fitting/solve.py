@@ -14,7 +14,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
 
 HORIZONS = (1 / 16, 1 / 4, 1.0)
-"""Shares of a motion that are fitted one after the other. An oscillation that is off by a whole period is a local
+"""Fractions of a motion that are fitted one after the other. An oscillation that is off by a whole period is a local
 minimum of the misfit; the first oscillation has no such minimum."""
 STEP = 1e-5
 """Relative change of the unknowns, and of the sum of squares, at which a search ends."""

@@ -29,7 +29,7 @@ CANCELLED = 100.0
 DEGREE = 6
 """Default degree of a polynomial, as in the paper."""
 SOFTEST, HARDEST = 1e3, 1e12
-"""Range of moduli at rest [Pa] outside of which a unit is wrong: gels have a few kilopascals, diamond has 1e12 Pa."""
+"""Range of initial moduli [Pa] outside of which a unit is wrong: gels have a few kilopascals, diamond has 1e12 Pa."""
 LARGEST_STRAIN = 15.0
 """Engineering strain above which the values are probably percentages: no rubber is stretched sixteenfold."""
 
@@ -83,7 +83,7 @@ def fit_tensile(
         terms: number of terms of Ogden's law; None: the least number of a stable law whose misfit is below ``GOOD`` at
             every point, or else that of the best stable law.
         degree: degree of the polynomial.
-        poisson: Poisson's ratio at rest, for the scene.
+        poisson: initial Poisson's ratio, for the scene.
         density: mass density [kg/m^3], for the scene.
 
     Raises:
@@ -195,7 +195,9 @@ def _ogden_terms(
     entry = {"mu": moduli(alpha)[0].tolist(), "alpha": alpha.tolist()}
     if not 0.0 < sum(entry["mu"]) < HARDEST:
         total = f"moduli that sum to {sum(entry['mu']):.4g} Pa"
-        raise GdfeError(f"ogden with {count} terms: {total} are unstable at rest; remedy: fewer --terms, or law: curve")
+        raise GdfeError(
+            f"ogden with {count} terms: {total} are unstable without deformation; remedy: fewer --terms, or law: curve"
+        )
     return Ogden(mu=tuple(entry["mu"]), alpha=tuple(entry["alpha"]), **common), entry
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 _LONGEST = 0.35
 """Length of the arrow of the largest force so far, over the body's size."""
 _LEAST_SHARE = 0.01
-"""Share of the largest force so far below which a force has no arrow."""
+"""Fraction of the largest force so far below which a force has no arrow."""
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.008, 0.022, 0.05
 """Radii and length of the parts of an arrow, over the body's size."""
 
@@ -62,5 +62,5 @@ class Arrows:
             node, wanted = self._nodes[kind], sizes[kind] > _LEAST_SHARE * self.largest
             node.visible = bool(wanted.any())
             if node.visible:
-                ways = vectors[wanted] * (_LONGEST * self._size / self.largest)
-                node.points = np.stack([ends[wanted] - ways, ends[wanted]], axis=1).astype(np.float32)
+                shafts = vectors[wanted] * (_LONGEST * self._size / self.largest)
+                node.points = np.stack([ends[wanted] - shafts, ends[wanted]], axis=1).astype(np.float32)

@@ -58,9 +58,9 @@ class Messages:
                 setattr(message, name, np.asarray(array, dtype=np.float64))
         else:
             for path, array in values.items():
-                *way, last = path.split(".")
+                *parents, last = path.split(".")
                 part = message
-                for name in way:
+                for name in parents:
                     part = getattr(part, name)
                 setattr(part, last, float(array[0]))
         return self._bytes(message, kind)

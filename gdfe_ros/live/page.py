@@ -87,7 +87,7 @@ class Page:
         return len(self._server.get_clients())
 
     def lay_out(self, scene: Scene, title: str) -> None:
-        """Draw the body of a scene at rest, while its run is still being built."""
+        """Draw the undeformed body of a scene, while its run is still being built."""
         gui = self._server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         gui.set_panel_label(f"gdfe live: {title}")

@@ -143,7 +143,7 @@ class LiveSession:
         """Do nothing: steps are always passed on, because plots show earlier ones."""
 
     def doing(self) -> tuple[str, bool]:
-        """Return a text about the activity and whether it is a problem; empty at rest and while following commands."""
+        """Return a text about the activity and whether it is a problem; empty while the run waits or follows."""
         if self.stepper.failure:
             return f"paused: {self.stepper.failure}", True
         work, playing = self.stepper.work, self._programme

@@ -100,7 +100,7 @@ class Stage:
         self._touched: dict[str, float] = {}
         self._bodily = [handle.name for handle in scene.handles if isinstance(handle, RigidBody)]
         self._controls = {handle.name: self._control(handle) for handle in scene.handles if _is_dragged(handle)}
-        self._ways: dict[str, deque[NDArray[np.float64]]] = {name: deque(maxlen=_TRACE) for name in scene.probes}
+        self._paths: dict[str, deque[NDArray[np.float64]]] = {name: deque(maxlen=_TRACE) for name in scene.probes}
         self._arrows = {
             name: Arrows(self._space, _path(name), colours, size=self._size, thin=thin)
             for name, colours, thin in ((REACTIONS, _HELD, 1.0), (CONTACTS, _TOUCHES, 0.5))
@@ -149,7 +149,9 @@ class Stage:
         """Draw the traces."""
         if self._traces is None:
             return
-        lines = [np.stack([way[:-1], way[1:]], axis=1) for way in map(np.array, self._ways.values()) if len(way) > 1]
+        lines = [
+            np.stack([path[:-1], path[1:]], axis=1) for path in map(np.array, self._paths.values()) if len(path) > 1
+        ]
         self._traces.visible = bool(lines)
         if lines:
             self._traces.points = np.concatenate(lines).astype(np.float32)
@@ -223,11 +225,11 @@ class Stage:
 
     def _follow(self, time: float, points: NDArray[np.float64]) -> None:
         """Extend the traces to the probes; a reset clears them."""
-        for way, point in zip(self._ways.values(), points, strict=True):
+        for path, point in zip(self._paths.values(), points, strict=True):
             if time < self._time:
-                way.clear()
-            if not way or np.abs(point - way[-1]).max() > _GRAIN * self._size:
-                way.append(point)
+                path.clear()
+            if not path or np.abs(point - path[-1]).max() > _GRAIN * self._size:
+                path.append(point)
         self._time = time
 
     def _draw_reactions(self, view: View) -> None:

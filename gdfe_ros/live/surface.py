@@ -36,7 +36,7 @@ class DrawnSurface:
     """The boundary of a mesh, or its skin, as triangles coloured by vertex.
 
     Args:
-        mesh: the body at rest.
+        mesh: the undeformed body.
         scale: from metres to the units of the view.
 
     Attributes:

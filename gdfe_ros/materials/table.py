@@ -25,10 +25,10 @@ larger than the loss by softening. For other laws the ratio is 0.45."""
 SHEAR, YOUNG, POISSON, BULK, PENALTY, LAME, CARRIED, TERMS, OGDEN = range(9)
 """Columns of ``MaterialTable.parameters``; Ogden's mu_i and alpha_i alternate from column ``OGDEN`` on."""
 LOCAL = OGDEN + 12
-"""Column of the local share of the volume stiffness, see `with_local_share`."""
+"""Column of the local part of the volume stiffness, see `with_local_share`."""
 LOCAL_SHARE = 1.5
-"""Largest local share over the shear modulus; in a prototype 1 to 2.5 worked as well. Without a local share, laws of
-isochoric strain have motions without energy; with the whole stiffness as local share, elements lock."""
+"""Largest local part over the shear modulus; in a prototype 1 to 2.5 worked as well. Without a local part, laws of
+isochoric strain have motions without energy; with the whole stiffness as local part, elements lock."""
 
 
 class MaterialTable(NamedTuple):
@@ -39,7 +39,7 @@ class MaterialTable(NamedTuple):
         parameters: (k, 21) float64, columns named above: shear modulus mu0, Young's modulus E0, Poisson's ratio,
             bulk modulus K, the bulk modulus kappa that is part of the energy, Lame's lambda of the logarithmic
             neo-Hookean volume term (0 with a pressure per element), 1 if a pressure per element keeps the
-            volume, number of Ogden terms, local share of the volume stiffness [Pa, -].
+            volume, number of Ogden terms, local part of the volume stiffness [Pa, -].
         curve: (k, intervals + 1, 5) float64: on interval i with t = eps_eq/width - i,
             Phi' = c0 + c1 t + c2 t^2 + c3 t^3 [Pa]; c4 is Phi at t = 0 [J/m^3].
         tangent: (k, intervals + 1) float64, d sigma / d e [Pa] at the same nodes.
@@ -68,7 +68,7 @@ def pack(materials: Sequence[Material]) -> MaterialTable:
 def with_local_share(table: MaterialTable) -> MaterialTable:
     """Return the materials with their volume stiffness divided, for elements with several integration points.
 
-    The local share, min(lambda, 1.5 mu) of a logarithmic volume energy and min(K, 1.5 mu) of the others, acts at the
+    The local part, min(lambda, 1.5 mu) of a logarithmic volume energy and min(K, 1.5 mu) of the others, acts at the
     points. ``BULK``, ``PENALTY`` and ``LAME`` keep the rest, which acts on an element's mean volume ratio. For a
     homogeneous deformation their sum is the law.
     """

@@ -10,7 +10,7 @@ from gdfe_ros.compiled import inlined
 NEWTON_STEPS = 40
 """Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps."""
 DEGENERATE = 1e-9
-"""Share of the size: if two signed stretches cancel to this, a rotation is not unique."""
+"""Fraction of the size: if two signed stretches cancel to this, a rotation is not unique."""
 SMALLEST = 1e-30
 """Added to a denominator so that the rotation of a collapsed element (F = 0) is finite."""
 

@@ -24,7 +24,7 @@ class Cavity:
         quads: vertex ids, shape (q, 4) or (q, 6), int32, normals out of the cavity, into the material: pressure in
             the cavity pushes along them.
         cells: cell behind each quad, shape (q,), int32.
-        volume: volume of the cavity at rest [m^3], > 0.
+        volume: undeformed volume of the cavity [m^3], > 0.
         center: mean of its vertices [m], shape (3,).
     """
 

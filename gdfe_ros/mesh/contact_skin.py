@@ -57,7 +57,7 @@ def _require_closed(points: NDArray[np.float64], triangles: NDArray[np.int64]) -
         x, y, z = points[leaks[0]].mean(axis=0)
         text = (
             f"contact needs a closed skin. At {len(leaks)} edges of this skin the second triangle is missing or faces "
-            f"the other way, first at ({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: close the holes "
+            f"the other direction, first at ({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: close the holes "
             "(MeshLab: Close Holes, Blender: 3D-Print toolbox), or set contact: false, then the skin is only drawn"
         )
         raise MeshError("skin", [text])

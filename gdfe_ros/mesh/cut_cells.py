@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 #: coordinate in common, so that a wall perpendicular to another axis passes them one by one. Along a column the
 #: integrals are exact.
 COLUMNS, LATTICE = 144, 89
-#: Share of material below which a cube is no cell: its material is given to the fullest neighbouring cell.
+#: Fraction of material below which a cube is no cell: its material is given to the fullest neighbouring cell.
 LEAST_SHARE = 0.1
-#: Difference of the share from 0 or 1 below which a cube counts as empty or whole.
+#: Difference of the fraction from 0 or 1 below which a cube counts as empty or whole.
 EXACT = 1e-9
 
 
@@ -30,8 +30,8 @@ def cube_moments(
         Shape (cubes, 7), x fastest: means over the cube of 1, xi, eta, zeta, xi^2, eta^2, zeta^2 times the indicator of
         material, in reference coordinates -1 .. 1.
     """
-    ways = [_along(vertices, triangles, count, axis) for axis in range(3)]
-    moments, crossed = (np.stack(part) for part in zip(*ways, strict=True))
+    directions = [_along(vertices, triangles, count, axis) for axis in range(3)]
+    moments, crossed = (np.stack(part) for part in zip(*directions, strict=True))
     moments = np.take_along_axis(moments, crossed.argmax(axis=0)[None, :, None], axis=0)[0]
     whole = np.abs(moments[:, 0] - 1.0) < EXACT
     moments[whole] = [1.0, 0.0, 0.0, 0.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0]

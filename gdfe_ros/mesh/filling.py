@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Filled share of cells: a box in each cell with the moments of its material.
+"""Filled fraction of cells: a box in each cell with the moments of its material.
 
 The material of a cut cell has any shape. Its stiffness and weight follow, to second order, from its volume, its
 centroid and its second moments, and a box has the same number of parameters. An element on that box, carried by the

@@ -27,7 +27,7 @@ class Mesh:
         cells: vertex ids of each cell, shape (m, c), int32, in VTK's order.
         cell_sets: named sorted cell ids, int32 (physical groups, element sets of an imported file).
         vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
-        filling: filled share of the cells; None: entirely.
+        filling: filled fraction of the cells; None: entirely.
         skin: surface that is drawn instead of the cells' outer faces; None: these faces.
         touching: contact points of skins, used instead of the faces of the cells under them; None: faces everywhere.
         parts: the meshes of which this one was assembled, by name; empty for a single mesh.

@@ -24,7 +24,7 @@ class ShapeOperators(NamedTuple):
         gradient: (m, 8, 3) float64 [1/m], exact volume average of the trilinear gradients (Flanagan and
             Belytschko 1981): the mean deformation gradient is F = sum_a x_a (x) g_a.
         hourglass: (m, 4, 8) float64, vectors gamma_k orthogonal to every linear field, of unit length in whole cells.
-        edge_axes: (m, 3, 3) float64, row i is the unit direction of the element's i-th edge at rest.
+        edge_axes: (m, 3, 3) float64, row i is the unit direction of the element's undeformed i-th edge.
         edge_lengths: (m, 3) float64 [m], mean length of the edges along each direction.
         reference: (m, 3, 3) float64 [1/m], inverse of dX/dxi at the element's centre.
         parallel: (m,) bool, the element is a parallelepiped: its operators are sums and differences of corners.

@@ -100,7 +100,7 @@ def carry_skin(
     Triangles with longer edges than the cells are divided, because they would stay flat where the cells bend.
 
     Args:
-        vertices: of the mesh at rest (n, 3) [m].
+        vertices: of the undeformed mesh (n, 3) [m].
         cells: their corners (m, 8).
         points: of the surface (k, 3) [m].
         triangles: between the points (t, 3).

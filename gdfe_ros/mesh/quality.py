@@ -15,7 +15,7 @@ from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.mesh import Mesh
 
-#: Vertices closer than this share of the mesh size coincide.
+#: Vertices closer than this fraction of the mesh size coincide.
 COINCIDENT = 1e-7
 #: Cells with a smaller scaled Jacobian are flat or inverted at a corner.
 FLAT = 1e-6

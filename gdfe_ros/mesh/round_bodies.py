@@ -15,7 +15,7 @@ from gdfe_ros.mesh.subset import join, merge_vertices
 
 Map = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], tuple[ArrayLike, ...]]
 
-#: Half the side of the square in the middle of a cap, as a share of the inner radius.
+#: Half the side of the square in the middle of a cap, as a fraction of the inner radius.
 _CORE = 0.55
 
 

@@ -14,7 +14,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cavities import corners_of
 from gdfe_ros.mesh.mesh import Mesh, MeshPart
 
-#: Points this close to a box or sphere still count as inside, as a share of the mesh size: coordinates such
+#: Points this close to a box or sphere still count as inside, as a fraction of the mesh size: coordinates such
 #: as 0.1 * 3 are not exact.
 INSIDE_SLACK = 1e-9
 #: Vertices this close to the extreme coordinate lie on a face: imported coordinates may be single precision.

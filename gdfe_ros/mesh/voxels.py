@@ -48,7 +48,7 @@ def read_voxels(
         cell: edge of the cubes [m].
         scale: metres for each unit of the file, e.g. 0.001 for millimetres; None assumes metres and rejects bodies of
             implausible size.
-        cells: whole cubes whose centres lie inside, or cut cubes that count by their filled share.
+        cells: whole cubes whose centres lie inside, or cut cubes that count by their filled fraction.
 
     Returns:
         The mesh, its grid centred on the bounding box of the surface; x is the fastest index of vertices and cells.
@@ -95,7 +95,7 @@ def fill_surface(
         vertices: positions [m], shape (n, 3).
         triangles: vertex ids of a closed surface, shape (t, 3).
         cell: edge of the cubes [m].
-        cells: whole cubes whose centres lie inside, or cut cubes that count by their filled share.
+        cells: whole cubes whose centres lie inside, or cut cubes that count by their filled fraction.
         where: name of the surface in an error.
 
     Raises:

@@ -35,8 +35,8 @@ _SHAFT, _HEAD = 0.01, 0.02
 class ContactMarkers:
     """Makes the markers of a step: namespaces ``obstacles``, ``bodies`` and ``forces``.
 
-    A plane is a sheet around the projection of the body's centre at rest. Arrows begin at the contact points; those of
-    sticking points are green, those of slipping points red.
+    A plane is a sheet around the projection of the undeformed body's centre. Arrows begin at the contact points; those
+    of sticking points are green, those of slipping points red.
 
     Args:
         scene: scene with the obstacles and rigid bodies.

@@ -27,7 +27,7 @@ class SurfaceMarker:
     """Serialised markers of a mesh's surface, or of its skin.
 
     Args:
-        mesh: the body at rest.
+        mesh: the undeformed body.
         frame_id: of its coordinates.
     """
 

@@ -64,7 +64,7 @@ class MeshPacker:
     """Packs vertices into messages as by ``messages.mesh_cloud``.
 
     Args:
-        rest: (n, 3) vertices at rest [m].
+        rest: (n, 3) undeformed vertices [m].
         frame_id: of their coordinates.
     """
 
@@ -84,7 +84,7 @@ class VelocityPacker:
     """Packs vertices and their velocities into messages as by ``messages.velocity_cloud``.
 
     Args:
-        rest: (n, 3) vertices at rest [m].
+        rest: (n, 3) undeformed vertices [m].
         frame_id: of the coordinates and the velocities.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared state of a configured node: the simulation, its frames, and its clock."""
+"""State of a configured node, common to its parts: the simulation, its frames, and its clock."""
 
 from __future__ import annotations
 

@@ -12,9 +12,9 @@ from gdfe_ros.actuators import Actuator
 from gdfe_ros.simulation import Command
 
 _SLOWEST = 1.0 / 32.0
-"""Smallest share of the full rate."""
+"""Smallest fraction of the full rate."""
 _SLOWER, _FASTER = 0.5, 1.2
-"""Factors of the share after a change that did not converge in its step, and after one that did."""
+"""Factors of this fraction after a change that did not converge in its step, and after one that did."""
 _HELD, _BACK = 200, 2000
 """Iterations after which holding a command, or going back, is given up; a change that converges needs 5 to 150."""
 _LEAST = 4
@@ -34,13 +34,13 @@ class _Phase(Enum):
 class Slew:
     """Limits the rate of actuator commands, by default to their range in ``slew_time``.
 
-    In a step an actuator's command changes by at most share * range / slew_time * dt. The share is 1 until a deadline
-    cuts a step before it converges. Then the share is halved, and the command is held until a later step, which
+    In a step an actuator's command changes by at most share * range / slew_time * dt. The fraction ``share`` is 1 until
+    a deadline cuts a step before it converges. Then it is halved, and the command is held until a later step, which
     continues the solve, has converged. If no step converges within 200 iterations, the command goes back to the last
     converged one, and the next change is half as large. If the smallest change fails too, each next change is twice as
     large, to pass a limit of stability. If even the change to the goal fails, the command stays at the last converged
     one until another goal is given. If the step back to the last converged command does not converge within 2000
-    iterations, the command is not the cause, and only ``slew_time`` limits it. The share grows by a fifth with each
+    iterations, the command is not the cause, and only ``slew_time`` limits it. The fraction grows by a fifth with each
     step that converges. Step records contain the limited commands, so that replays do not depend on this limit.
 
     Args:
@@ -77,7 +77,7 @@ class Slew:
 
     @property
     def share(self) -> float:
-        """Present share of the full rate."""
+        """Present fraction of the full rate."""
         return self._share
 
     def limit(self, command: Command, present: Mapping[str, float], *, dt: float, slew_time: float) -> Command:

@@ -90,7 +90,7 @@ class StandardServices:
         return response
 
     def _state(self) -> _State:
-        """Return the state: stopped means paused at rest, time 0."""
+        """Return the state: stopped means paused in the initial state, time 0."""
         session, label = self._session(), self._node.lifecycle_state
         if session is None:
             return _State.INITIALIZING if label == "configuring" else _State.STOPPED

@@ -90,9 +90,9 @@ class Transforms:
             self._own = own.keys()
             self._read()
             parents = {**self._parents, **own}
-        ways = _way_up(source, parents), _way_up(target, parents)
-        common = next((frame for frame in ways[0] if frame in ways[1]), None)
-        return None if common is None else ways[1][common].inverse() @ ways[0][common]
+        chains = _chain_up(source, parents), _chain_up(target, parents)
+        common = next((frame for frame in chains[0] if frame in chains[1]), None)
+        return None if common is None else chains[1][common].inverse() @ chains[0][common]
 
     def reset(self) -> None:
         """Drop the stamps, as time goes back to zero."""
@@ -150,14 +150,14 @@ def _checked(transform: Any) -> Placement:
     return Placement.of(origin, turn)
 
 
-def _way_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:
+def _chain_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:
     """Return the place of a frame in each of its ancestors, nearest first."""
-    way = {frame: Placement()}
-    while frame in parents and parents[frame][0] not in way and len(way) < _DEEPEST:
+    chain = {frame: Placement()}
+    while frame in parents and parents[frame][0] not in chain and len(chain) < _DEEPEST:
         parent, placement = parents[frame]
-        way[parent] = placement @ way[frame]
+        chain[parent] = placement @ chain[frame]
         frame = parent
-    return way
+    return chain
 
 
 def transforms_installed() -> bool:

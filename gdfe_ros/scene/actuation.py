@@ -117,7 +117,7 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[st
 
 
 def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tuple[Load, ...]) -> dict[str, float]:
-    """Return the command of every actuator and load at which it has no effect on the body at rest."""
+    """Return the command of every actuator and load at which it has no effect on the undeformed body."""
     commands = {load.name: 0.0 for load in loads}
     for actuator in actuators:
         commands[actuator.name] = 0.0

@@ -21,7 +21,7 @@ _CAVITY = Quantity("number of the cavity; 0 is the largest", least=0, most=100_0
 _STRETCH = Quantity("stretch along x, y, z at command 1", least=0.05, most=20.0, count=3)
 _ACCELERATION = Quantity("acceleration [x, y, z]", "m/s^2", least=-1e6, most=1e6, count=3)
 _FORCE = Quantity("force [x, y, z]", "N", least=-1e9, most=1e9, count=3)
-_TRACTION = Quantity("traction [x, y, z], force per area at rest", "Pa", least=-1e12, most=1e12, count=3)
+_TRACTION = Quantity("traction [x, y, z], force per undeformed area", "Pa", least=-1e12, most=1e12, count=3)
 
 Point3 = Annotated[tuple[float, float, float], _POINT]
 _MESH = "name of one of the `meshes`; the coordinates are then in its own frame"

@@ -37,11 +37,11 @@ class ArmModel(Entry):
     urdf: FilePath | None = Field(None, description="path of its URDF; for xacro, the file that `xacro` writes")
     embedded: str | None = Field(None, description="a packed URDF with its meshes, as recorded scenes contain it")
     flange: str = Field(description="name of the link that carries the handle, e.g. tool0")
-    handle: str = Field(description="name of the handle; its pose relative to the flange stays the one at rest")
+    handle: str = Field(description="name of the handle; its pose relative to the flange stays the initial one")
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     start: dict[str, float] = Field(
-        {}, description="positions of joints at rest [rad] or [m], by name; the others are at 0"
+        {}, description="initial positions of joints [rad] or [m], by name; the others are at 0"
     )
     prefix: str = Field("", description="put before the names of its links and joints, so that two arms differ")
     packages: dict[str, FilePath] = Field({}, description="folders of the packages in package://, by name")

@@ -63,7 +63,7 @@ def build_arms(
 
 
 def joint_starts(arms: Sequence[Arm]) -> dict[str, float]:
-    """Return the positions of all commanded joints at rest [rad] or [m], by name."""
+    """Return the initial positions of all commanded joints [rad] or [m], by name."""
     return {joint.name: float(value) for arm in arms for joint, value in zip(arm.joints, arm.start, strict=True)}
 
 
@@ -177,7 +177,7 @@ class _Builder:
             self._report.add((*self._path, "flange"), text)
 
     def _start(self, robot: Description) -> NDArray[np.float64] | None:
-        """Return the positions of the commanded joints at rest [rad] or [m]; None if defects are reported."""
+        """Return the initial positions of the commanded joints [rad] or [m]; None if defects are reported."""
         joints = {joint.name: joint for joint in robot.commanded}
         sound = True
         for name in self._model.start:

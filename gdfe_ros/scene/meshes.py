@@ -108,14 +108,14 @@ def _made(
 
 
 def _require_apart(parts: Mapping[str, MeshPart], report: Defects) -> None:
-    """Report meshes that overlap at rest."""
+    """Report meshes that overlap in the undeformed configuration."""
     placed = {name: part.placed() for name, part in parts.items()}
     for first, second in combinations(placed, 2):
         found = find_overlap(placed[first], placed[second])
         if found is not None:
             x, y, z = found.point
             text = (
-                f"mesh {second!r} lies in mesh {first!r} at rest, {found.depth:.3g} m deep or more near "
+                f"mesh {second!r} lies in mesh {first!r} initially, {found.depth:.3g} m deep or more near "
                 f"({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: move or turn one of them, by at and rotation_deg"
             )
             report.add(("meshes", second, "at"), text)

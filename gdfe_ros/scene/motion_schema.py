@@ -14,7 +14,7 @@ from gdfe_ros.solver.motion.dynamics import LONGEST_STEP, SHORTEST_STEP, THICKES
 
 _STEP = Quantity("longest internal step in time", "s", least=SHORTEST_STEP, most=LONGEST_STEP)
 _RHO = Quantity(
-    "spectral radius of generalised_alpha: share of an infinitely fast motion that remains after a step",
+    "spectral radius of generalised_alpha: fraction of an infinitely fast motion that remains after a step",
     least=0.0,
     most=1.0,
 )
@@ -22,7 +22,7 @@ _MASS_DAMPING = Quantity("damping force per mass and velocity, relative to the w
 _VISCOSITY = Quantity(
     "viscosity: stress per rate of strain, in addition to the material's stress", "Pa s", least=0.0, most=THICKEST
 )
-_SHARE = Quantity("share of the instantaneous modulus that this branch carries", above=0.0, below=1.0)
+_SHARE = Quantity("fraction of the instantaneous modulus that this branch carries", above=0.0, below=1.0)
 _TIME = Quantity("relaxation time, in which the branch's stress falls to 1/e", "s", above=0.0, most=1e9)
 _VELOCITY = Quantity("velocity of every vertex at the start [x, y, z]", "m/s", least=-1e4, most=1e4, count=3)
 _SPIN = Quantity(
@@ -101,7 +101,9 @@ class MassModel(Entry):
     """A mass that is attached to vertices or to a probe: it adds weight under gravity, and inertia in motion."""
 
     mass: Annotated[float, _MASS]
-    where: WhereModel | None = Field(None, description="the vertices that share the mass equally, e.g. {face: x+}")
+    where: WhereModel | None = Field(
+        None, description="the vertices among which the mass is divided equally, e.g. {face: x+}"
+    )
     probe: str | None = Field(None, description="name of the probe that the mass is attached to")
 
     @model_validator(mode="after")

@@ -29,11 +29,11 @@ _RADIUS = Quantity("radius", "m", above=0.0, most=1e6)
 _SIZE = Quantity("edges [x, y, z]", "m", above=0.0, most=1e6, count=3)
 _NORMAL = Quantity("normal of a plane, out of the obstacle [x, y, z]", least=-1e6, most=1e6, count=3)
 _AT = Quantity(
-    "position at rest [x, y, z] of its centre; for a plane, of any of its points; for a mesh, of the file's origin",
+    "initial position [x, y, z] of its centre; for a plane, of any of its points; for a mesh, of the file's origin",
     "m",
     count=3,
 )
-_ROTATION = Quantity("rotation vector at rest [x, y, z]", "degrees", least=-36000, most=36000, count=3)
+_ROTATION = Quantity("initial rotation vector [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 _DENSITY = Quantity("density", "kg/m^3", above=0.0, most=1e6)
 _MASS = Quantity("mass, instead of the density", "kg", above=0.0, most=1e6)
 _SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")

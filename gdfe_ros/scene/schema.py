@@ -36,7 +36,7 @@ _POSITION = Quantity("position of the joint, in rad or m", least=-1e6, most=1e6)
 _VELOCITY = Quantity("velocity of the joint there, in rad/s or m/s", least=-1e6, most=1e6)
 _DURATION = Quantity("duration", "s", above=0.0, most=1e6)
 _TOLERANCE = Quantity(
-    "tolerance: allowed distance to the equilibrium, as a share of the body's size", least=1e-12, most=1e-1
+    "tolerance: allowed distance to the equilibrium, as a fraction of the body's size", least=1e-12, most=1e-1
 )
 _STEPS = Quantity(
     "number of load steps of a program; default: the solver chooses",
@@ -45,7 +45,7 @@ _STEPS = Quantity(
     whole=True,
     remedy="leave it out: the solver chooses",
 )
-_THREADS = Quantity("number of threads that share the elements", least=1, most=1024, whole=True)
+_THREADS = Quantity("number of threads among which the elements are divided", least=1, most=1024, whole=True)
 _ITERATIONS = Quantity("largest number of iterations per step", least=1, most=1_000_000, whole=True)
 
 
@@ -60,7 +60,7 @@ class HandleModel(Entry):
     """Vertices that are held, or moved together as one rigid piece."""
 
     where: WhereModel = Field(description="the vertices, e.g. {face: x-}")
-    fixed: bool = Field(False, description="true: the handle stays at rest and takes no commands")
+    fixed: bool = Field(False, description="true: the handle stays at its rest pose and takes no commands")
     free: tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...] = Field(
         (),
         description="x, y, z: axes along which the handle slides without a force; rx, ry, rz: axes of the world, "

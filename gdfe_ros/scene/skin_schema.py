@@ -26,7 +26,9 @@ class SkinModel(Choice):
 
     options: ClassVar[tuple[str, ...]] = ("scale", "contact")
 
-    file: FilePath | None = Field(None, description="path of an STL, OBJ, PLY or OFF file, in the body's frame at rest")
+    file: FilePath | None = Field(
+        None, description="path of an STL, OBJ, PLY or OFF file, in the undeformed body's frame"
+    )
     embedded: str | None = Field(None, description="a packed surface, as recorded scenes contain it")
     scale: Annotated[float, SCALE] | None = None
     contact: bool | None = Field(

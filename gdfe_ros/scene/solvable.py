@@ -204,7 +204,7 @@ def _still(handles: Sequence[Handle]) -> str:
 
 
 def _inside(handles: Sequence[Handle], mesh: Mesh | None) -> str:
-    """Return a message about rigid bodies inside each other, obstacles or the body at rest; empty if there are none."""
+    """Return a message about rigid bodies inside each other, obstacles or the undeformed body; empty without any."""
     if not any(isinstance(handle, RigidBody) for handle in handles):
         return ""
     from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_at_rest  # loads numba

@@ -61,7 +61,7 @@ def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) 
 
 
 def build_bodies(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[RigidBody, ...]:
-    """Return the valid rigid bodies; no handle or obstacle may have the name of one."""
+    """Return the valid rigid bodies; report those with the name of a handle or an obstacle."""
     for name in draft.bodies:
         if name in draft.handles or name in draft.obstacles:
             report.add(("bodies", name), "a handle or an obstacle has this name; remedy: another one", value=NO_VALUE)

@@ -52,7 +52,7 @@ class SphereModel(Entry):
 
 
 class WhereModel(Choice):
-    """Exactly one kind of selection, in the whole body or in one of several meshes, or several of them together."""
+    """A selection by exactly one of these keys, in the whole body or in one of several meshes; `any` joins several."""
 
     options: ClassVar[tuple[str, ...]] = ("mesh",)
     alone: ClassVar[tuple[str, ...]] = ("mesh",)

@@ -77,8 +77,8 @@ class Body:
     ) -> Body:
         """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, c) of one type.
 
-        ``filling`` is the filled share of cut cells. ``size`` [m] becomes the body's reference length; None stands for
-        the diagonal of the cells' bounding box.
+        ``filling`` is the filled fraction of cut cells. ``size`` [m] becomes the body's reference length; None stands
+        for the diagonal of the cells' bounding box.
         """
         material = np.ascontiguousarray(material, dtype=np.int32)
         kind = cell_type_with(cells.shape[1])

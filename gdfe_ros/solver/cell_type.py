@@ -49,7 +49,11 @@ class CellType(NamedTuple):
 def _hex_matrix(
     shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T."""
+    """Return w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T, (m, 8, 8) [N/m].
+
+    w is the ``weight`` [Pa], V the volume [m^3], g the gradient operators [1/m], c the ``hourglass`` stiffness
+    [N/m].
+    """
     blocks = np.einsum("e,eai,ebi->eab", weight * shape.volume, shape.gradient, shape.gradient)
     blocks += np.einsum("e,eka,ekb->eab", hourglass, shape.hourglass, shape.hourglass)
     return blocks

@@ -18,7 +18,7 @@ Vectors = NDArray[np.float64]
 
 
 LEAST_TURN = 1e-6
-"""Least extent of a handle's vertices, over that at rest, for which its rotation can still be determined."""
+"""Least extent of a handle's vertices, over the undeformed one, for which its rotation can still be determined."""
 
 
 class HandleMotions:
@@ -144,5 +144,5 @@ def _require_a_turn(handle: Handle, arms: Vectors, found: Vectors) -> None:
     if given < LEAST_TURN * own:
         raise CommandError(
             f"handle {handle.name!r} turns freely, and its vertices at the given positions lie in one point or on a "
-            "line: its rotation is undetermined; remedy: give positions at which it has the shape that it has at rest"
+            "line: its rotation is undetermined; remedy: give positions at which it has its undeformed shape"
         )

@@ -50,7 +50,7 @@ class SolverSettings:
         steps: number of load steps for a program; None lets the solver choose.
         max_iterations: limit of iterations of one increment, after which a step is returned as not converged; a command
             that is divided into n increments from the start has n times as many.
-        threads: most threads that share the elements of a solve under ``energy``, at most numba's
+        threads: most threads among which the elements of a solve are divided under ``energy``, at most numba's
             (``NUMBA_NUM_THREADS``, by default the machine's cores); 1 to 1024. The result is the same bit by bit.
         skip: kinds of work that are left out where they change nothing beyond the tolerance; all of them by default.
         torsion: model of torsional stiffness under ``energy``.

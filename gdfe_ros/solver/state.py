@@ -33,7 +33,7 @@ class ElementState:
     Attributes:
         pressures, pressures_before: (m,) p_e [Pa], positive in tension, of the last two accepted solves.
         bulk: (k,) penalty bulk modulus of elements with pressures, by material [Pa]; raised if pressures oscillate.
-        hourglass_scale: (m,) hourglass stiffness over that at rest.
+        hourglass_scale: (m,) hourglass stiffness over the initial one.
     """
 
     pressures: Array
@@ -86,7 +86,7 @@ class DormancyState:
         border: (k, 3) dE/dx [N] of the watched vertices when ``known`` was evaluated; None without it.
         yielding: last computed displacement [m] of the frozen vertices per 1 N of change of the border's forces;
             infinite before the first.
-        before: (n, 3) positions [m] of the last step that was examined; those at rest before the first.
+        before: (n, 3) positions [m] of the last step that was examined; the undeformed ones before the first.
         calm: (n,) vertices at rest since counting began.
         count: steps counted.
         patience: number of successive steps for which a vertex must be at rest before it is frozen.
@@ -164,7 +164,8 @@ class Balance:
     """Energy data of an equilibrium from which the work of the next increment is computed.
 
     Attributes:
-        potential: of all terms other than the elements [J]; zero at rest, and for commanded lengths and volumes.
+        potential: of all terms other than the elements [J]; zero while undeformed, and for commanded lengths and
+            volumes.
         slopes: d(energy + potential)/d(command) by actuator and load.
     """
 
@@ -205,7 +206,7 @@ class State:
 
     Attributes:
         positions: (n, 3) [m].
-        base: (n, 3) [m], positions whose rows of handle vertices are the commanded ones.
+        base: (n, 3) [m]. The rows of handle vertices are the commanded positions.
         poses: commanded, by handle.
         commands: of actuators and loads, by name, in the unit of each mode.
         slides, turns: (p, 3) free translations [m] and rotation vectors [rad] of the handles with a free axis.
@@ -224,8 +225,8 @@ class State:
         sound: whether no element is folded or inverted.
         suspect: whether the positions were given and have folded or inverted elements.
         tried: whether the load path from rest was tried without success.
-        anchor: the last equilibrium, if this state is none because a solve was cut or a failed step left crumpled
-            elements; otherwise None.
+        anchor: the last equilibrium if this state is not an equilibrium, because a solve was cut or a failed step left
+            crumpled elements; None otherwise.
         ledger: energy account of a moving body; None without dynamics.
     """
 

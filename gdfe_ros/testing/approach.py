@@ -10,11 +10,12 @@ from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
 
 _SHARES = (1.0, 0.125, 0.0)
-"""Shares of the allowed change, tried in this order until a step converges. Near a loss of stability the whole change
-often converges although smaller ones do not, because it passes the unstable range. More shares would mostly repeat the
-failure."""
+"""Fractions of the allowed change, tried in this order until a step converges. Near a loss of stability the whole
+change often converges although smaller ones do not, because it passes the unstable range. More fractions would mostly
+repeat the failure."""
 _BUDGET = 400
-"""Limit of iterations of a step without dynamics, after which a smaller share is tried; most steps need 20 to 150."""
+"""Limit of iterations of a step without dynamics, after which a smaller fraction is tried; most steps need 20 to
+150."""
 
 
 class Approach:

@@ -204,10 +204,10 @@ def make_env(
         observation: function of the simulation that returns an array; None: probes, actuators, and the goal if any.
         reward: function of the simulation and the clipped action that returns a number; None: minus the distance [m] of
             the first probe from a goal. Each reset draws a goal: the position of the probe after a few steps towards a
-            random command, starting at rest if a seed is given, else at the last goal. For these steps, a scene with
-            handles is simulated without dynamics, a scene without handles with its dynamics.
+            random command, starting from the initial state if a seed is given, else at the last goal. For these steps,
+            a scene with handles is simulated without dynamics, a scene without handles with its dynamics.
         terminated: function of the simulation, true at the end of an episode; None: never.
-        observation_space: None: unbounded, with the shape of the observation at rest.
+        observation_space: None: unbounded, with the shape of the initial observation.
         overrides: values that replace those of the scene, by dotted key; its program is not played.
         dt: simulation time of a step [s].
         steps: number of steps after which an episode is truncated.

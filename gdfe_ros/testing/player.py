@@ -62,7 +62,7 @@ def play_program(
     }
     started = time.perf_counter()
     with NodeProcess(settings) as node, NodeConnection(node, f"/{NODE_NAME}", topics, patience=PATIENCE) as link:
-        # Wait for step 0, the body at rest: if it arrived later, it would be taken for the step of the first command.
+        # Wait for step 0, the undeformed body: if it arrived later, it would be taken for that of the first command.
         link.wait_for_step(0)
         link.wait_for_listener()
         link.require_alone()

@@ -24,7 +24,7 @@ def test_equal_runs_are_equal(make_bag: Callable[..., Path]) -> None:
 
 
 def test_a_changed_modulus_is_found(make_bag: Callable[..., Path], capsys: Any) -> None:
-    """Record with one other modulus: the scenes' key, the first stamp and the size of the difference are told."""
+    """Record with one other modulus: the scenes' key, the first stamp and the size of the difference are reported."""
     first, second = make_bag("a"), make_bag("b", materials__e40__young=41e3)
     comparison = compare_bags(first, second)
     assert comparison.scene_changes == {"materials.e40.young": (40e3, 41e3)}

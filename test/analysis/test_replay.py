@@ -54,7 +54,7 @@ def test_a_reset_is_replayed(maker: Any, tmp_path: Path) -> None:
 
 
 def test_one_changed_modulus_is_found_at_its_stamp(make_bag: Callable[..., Path], capsys: Any) -> None:
-    """Change one modulus: fields of the material differ at rest, positions from the first motion on."""
+    """Change one modulus: fields of the material differ initially, positions from the first motion on."""
     bag = make_bag()
     assert main(["replay", str(bag), "--set", "materials.e40.young=41e3"]) == 1
     shown = capsys.readouterr().out

@@ -236,7 +236,7 @@ def test_names_cannot_break_the_page(make_bag: Callable[..., Path], tmp_path: Pa
 
 
 def test_the_histogram_counts_every_cell() -> None:
-    """Add strains over six orders of magnitude: shares sum to one, and lie in the right classes."""
+    """Add strains over six orders of magnitude: fractions sum to one, and lie in the right classes."""
     histogram = StrainHistogram(4, columns=2)
     for number, most in enumerate((1e-7, 1e-4, 0.01, 0.5)):
         histogram.add(number, 0.1 * number, np.linspace(0.0, most, 100, dtype=np.float32))

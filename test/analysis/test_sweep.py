@@ -58,7 +58,7 @@ def test_a_bad_axis_is_refused(entry: str) -> None:
 
 
 def test_a_sweep_is_resumed_and_reports_failures(tmp_path: Path, capsys: Any) -> None:
-    """Run three cases of which one is impossible, then four: only the new one is run, the bad one is told."""
+    """Run three cases of which one is impossible, then four: only the new one is run, the bad one is reported."""
     out = tmp_path / "sweep"
     base = ["sweep", "bend5", "--out", str(out), "--workers", "1", "--grid", "solver.steps=[2]"]
     assert main([*base, "--grid", "mesh.bar.cells=[[10,1,1],[12,1,1],[0,1,1]]"]) == 1

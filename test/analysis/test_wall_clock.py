@@ -19,7 +19,7 @@ from gdfe_ros.testing.simulator import Simulator
 @pytest.mark.exact("the node's process shifts nothing")
 @pytest.mark.parametrize("deadline", [0.0, 0.001])
 def test_a_run_under_the_wall_clock_replays(tmp_path: Path, deadline: float) -> None:
-    """Stream poses at 100 Hz, without and with a deadline that cuts most solves: the replay has the same bits."""
+    """Send poses at 100 Hz, without and with a deadline that cuts most solves: the replay has the same bits."""
     overrides = {"mesh.bar.cells": [20, 2, 2], "solver.tolerance": 1e-8}
     parameters = {"clock": "wall", "rate": 100.0, "deadline": deadline, "command_set": [""]}
     with Simulator("bend5", overrides=overrides, parameters=parameters, bag=tmp_path / "bag") as simulator:

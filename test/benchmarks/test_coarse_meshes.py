@@ -80,7 +80,7 @@ def test_curved_faces_see_what_cells_do_not() -> None:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_no_way_resists_rigid_motions(way: str) -> None:
-    """Move and turn the distorted tube with every way's stiffness: no force."""
+    """Move and turn the distorted tube with every trial's stiffness: no force."""
     problem = tube(2)
     places, stiffness = problem.mesh.vertices, WAYS[way](Elements.of("tube", 2, problem))
     for axis in np.eye(3):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark of contact: what its kept report says, what MuJoCo is given, what is told where it is missing."""
+"""The benchmark of contact: what its kept report says, what MuJoCo is given, what is reported where it is missing."""
 
 from __future__ import annotations
 

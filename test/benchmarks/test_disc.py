@@ -11,7 +11,7 @@ from benchmarks.peers.disc import quarter_disc
 
 @pytest.mark.parametrize("cells", [2, 6])
 def test_it_fills_the_quarter_disc(cells: int) -> None:
-    """Sum the areas of convex, counter-clockwise corners: that of the polygon, shared by three blocks."""
+    """Sum the areas of convex, counter-clockwise corners: that of the polygon, divided among three blocks."""
     disc = quarter_disc(cells)
     assert disc.cells.shape == (3 * cells**2, 8)
     corners = disc.points[disc.cells[:, :4]]

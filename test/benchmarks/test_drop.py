@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark of motion: what peers are given, what is read back, and what is told of those that are missing."""
+"""The benchmark of motion: what peers are given, what is read back, and reports about missing peers."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_paths_are_read_back() -> None:
 
 
 def test_mujoco_gets_the_mass_of_the_bar() -> None:
-    """Add up the bodies of the model with the clamped share of the lattice: the bar's mass."""
+    """Add up the bodies of the model with the clamped part of the lattice: the bar's mass."""
     text = mujoco_drop._model(Grid(size=SIZE, cells=(4, 1, 1)), 0.01)
     masses = [float(mass) for mass in re.findall(r'mass="([^"]+)"', text)]
     whole = DENSITY * float(np.prod(SIZE))

@@ -11,7 +11,7 @@ from benchmarks.environments import Way, environment_table
 
 @pytest.mark.parametrize("way", Way)
 def test_each_way_makes_its_steps(way: Way, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make three steps of a scene each way: they are counted, and take time."""
+    """Make three steps of a scene with each method: they are counted, and take time."""
     monkeypatch.setattr(environments, "STEPS", 3)
     found = environments._run("bending_tube", way)
     assert found["steps"] == 3

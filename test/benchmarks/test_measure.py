@@ -75,7 +75,7 @@ def test_a_file_of_another_form_is_measured_again(table: Table) -> None:
 
 
 def test_a_failure_does_not_stop_the_others(table: Table, tmp_path: Path) -> None:
-    """Run a script that fails, one that writes nothing, and a good one: two are told, the kept files stay."""
+    """Run a script that fails, one that writes nothing, and a good one: two are reported, the kept files stay."""
     bad = script(tmp_path, "bad", "raise SystemExit('no such robot')")
     silent = script(tmp_path, "silent", "")
     keep(bad.file, Report(["old"]))
@@ -89,7 +89,7 @@ def test_a_failure_does_not_stop_the_others(table: Table, tmp_path: Path) -> Non
 
 
 def test_a_script_that_hangs_is_ended(table: Table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run a script that sleeps beyond its time beside one that it has started: both are ended, and that is told."""
+    """Run a script that sleeps beyond its time beside one that it has started: both are ended, and that is reported."""
     monkeypatch.setattr(running, "LEAST", 0.05)
     monkeypatch.setattr(running, "PATIENCE", 0.01)
     beats: list[None] = []

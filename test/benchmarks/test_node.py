@@ -17,7 +17,7 @@ def test_a_command_takes_longer_than_its_solve() -> None:
 
 
 def test_what_a_step_costs_is_told_by_thread() -> None:
-    """Have 100 commands worked off with subscribers and a bag: each thread that works has its share."""
+    """Have 100 commands worked off with subscribers and a bag: each thread that works has its part of the time."""
     found = cost.measure(500, subscribed=True, recorded=True, steps=100)
     assert found.period == pytest.approx(found.solve + found.delay)
     assert found.alone > 0.0

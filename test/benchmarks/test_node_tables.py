@@ -33,7 +33,7 @@ def _report() -> dict[str, Any]:
 
 
 def test_tables_hold_the_figures() -> None:
-    """Print a report by hand: shares, sums and rates are worked out."""
+    """Print a report by hand: fractions, sums and rates are worked out."""
     rows = {name: rows for name, (_, rows) in all_rows(_report()).items()}
     assert rows["latency"] == [("1250", "2.00", "4.00", "1.50", "3.00")]
     assert rows["node cost"][1] == ("1250", "mesh, strain", "yes", "2.40", "2.10", "1.90", "0.30", "12.5", "0.50")

@@ -130,7 +130,7 @@ def test_the_reaction_is_the_wrench_about_the_deformed_handle() -> None:
 
 
 def test_the_mujoco_model_has_a_body_for_every_moving_node() -> None:
-    """Make bodies of all nodes but the clamped ones and one flex of each segment, shared at the borders."""
+    """Make bodies of all nodes but the clamped ones and one flex of each segment, common at the borders."""
     case = CASES[CaseName.BEND5]
     grid = case.grid((10, 1, 1), order=2)
     root = ElementTree.fromstring(write_model(case, grid, Drive.HEAVY, timestep=0.2))

@@ -53,7 +53,7 @@ def test_the_error_does_not_depend_on_units_or_frame() -> None:
     ],
 )
 def test_meaningless_comparisons_are_refused(displacement, reference, text: str) -> None:
-    """Refuse other shapes, values that are not finite and a reference at rest."""
+    """Refuse other shapes, values that are not finite and an undeformed reference."""
     with pytest.raises(ValueError, match=text):
         measure_error(displacement, reference)
 

@@ -32,7 +32,7 @@ def test_nothing_is_left_to_compile() -> None:
 
 
 def test_the_first_scene_comes_before_all_others() -> None:
-    """Every shipped scene is compiled once, after what all of them share."""
+    """Every shipped scene is compiled once, after what all of them have in common."""
     names = [name for name, _ in command.work()]
     assert names[0] == command.FIRST
     assert set(names) == set(command.scene_names())

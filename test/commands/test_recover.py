@@ -30,7 +30,7 @@ def _cut_bag(path: Path) -> Path:
 
 
 def test_a_cut_bag_is_recovered(tmp_path: Path, capsys: Any) -> None:
-    """Recover: exit status 0, a whole bag beside the old one, and what was lost is told."""
+    """Recover: exit status 0, a whole bag beside the old one, and what was lost is reported."""
     bag = _cut_bag(tmp_path / "run")
     assert main(["recover", str(bag)]) == 0
     shown = capsys.readouterr().out

@@ -50,7 +50,7 @@ def test_a_full_turn_is_not_rest() -> None:
 
 
 def test_blend_passes_through_more_than_half_a_turn() -> None:
-    """Blend from rest to 540 degrees: halfway is 270 degrees, not the short way round."""
+    """Blend from rest to 540 degrees: halfway is 270 degrees, not the shorter rotation."""
     end = Pose(translation=(2.0, 0.0, 0.0), rotation=(3.0 * math.pi, 0.0, 0.0))
     assert Pose().blend(end, 0.5) == Pose(translation=(1.0, 0.0, 0.0), rotation=(1.5 * math.pi, 0.0, 0.0))
     assert Pose().blend(end, 0.0) == Pose()

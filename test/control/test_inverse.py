@@ -28,7 +28,7 @@ def finger() -> Simulation:
 
 
 def test_a_fingertip_follows_a_circle() -> None:
-    """Find tensions for a circle; a model of its own, told these alone, is off by less than 1 % of the radius."""
+    """Find tensions for a circle; a model of its own, given these alone, is off by less than 1 % of the radius."""
     control, model = InverseControl(finger(), [TIP]), finger()
     middle, errors = model.probe_positions()["tip"], []
     for angle in np.linspace(0.0, 2.0 * np.pi, 13):

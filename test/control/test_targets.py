@@ -59,7 +59,7 @@ def test_an_orientation_is_reached() -> None:
 
 
 def test_a_contact_force_is_reached() -> None:
-    """Ask a finger that slides on a plate for 0.9 N: a model of its own, told the commands alone, presses so hard."""
+    """Ask a finger that slides on a plate for 0.9 N: a model of its own, given the commands alone, presses so hard."""
     simulation = finger({"flexor": 4.0}, **PLATE)
     assert 0.0 < simulation.result.reactions["plate"][2] < 0.8
     found = InverseControl(simulation, [PRESSED], actuators=["flexor"]).reach([[0.0, 0.0, 0.9]])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A finger presses on a plate with a force that it is told, in closed loop with the real node."""
+"""A finger presses on a plate with a commanded force, in closed loop with the real node."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_the_finger_presses_with_the_force_it_is_told() -> None:
 
 @pytest.mark.parametrize("stiffness", [0.1, 10.0, -10.0])
 def test_any_stiffness_is_found(stiffness: float) -> None:
-    """Grasp a spring that begins somewhere, closing either way: it comes to the goal and never shoots far beyond."""
+    """Grasp a spring that begins anywhere, closing in either direction: it comes to the goal, never far beyond."""
     closer, command, forces = ForceCloser(1.0, np.copysign(0.05, stiffness)), 0.0, []
     for _ in range(500):
         forces.append(max(0.0, stiffness * command - 1.0))

@@ -21,7 +21,7 @@ def goal_at(place: np.ndarray, frame: str = "") -> PoseStamped:
 
 
 def test_a_goal_becomes_commands() -> None:
-    """Send a goal, one in a wrong frame, and one out of reach: the tip goes there; the others are told, and why."""
+    """Send a goal, one in a wrong frame, and one out of reach: the tip goes there; the others are reported, and why."""
     with Simulator("tendon_finger", inputs=["actuation"]) as simulator:
         tip = np.array(simulator.state.probes["tip"].translation)
         parameters = [Parameter("simulation", value=simulator.name)]

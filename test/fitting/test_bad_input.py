@@ -66,7 +66,7 @@ def test_topics_that_do_not_exist(
 def test_match_files_that_do_not_fit(
     text: str, message: str, write_scene: Callable, write_table: Callable, refused: Callable, tmp_path: Path
 ) -> None:
-    """Write match files with one defect each: it is told by its key."""
+    """Write match files with one defect each: it is reported by its key."""
     assert message in refused(write_scene(), write_table(), *VARY, *_match(tmp_path, text))
 
 
@@ -88,13 +88,13 @@ def test_parameters_that_cannot_be(
 
 
 def test_a_modulus_with_the_wrong_unit(write_scene: Callable, write_table: Callable, refused: Callable) -> None:
-    """Seek a modulus of rubber between 3 and 20 kPa: what the data ask for is told."""
+    """Seek a modulus of rubber between 3 and 20 kPa: what the data ask for is reported."""
     said = refused(write_scene(), write_table(), "--vary", f"{YOUNG}=3e3..2e4")
     assert "ends at its bound 20000, but the data are fitted best by about 2e+05" in said
 
 
 def test_positions_with_the_wrong_unit(write_scene: Callable, write_table: Callable, refused: Callable) -> None:
-    """Give millimetres as metres: the body is a thousand times smaller, and the remedy is told."""
+    """Give millimetres as metres: the body is a thousand times smaller, and the remedy is named."""
     assert "remedy: `unit: mm`" in refused(write_scene(), write_table(unit="m"), *VARY)
 
 

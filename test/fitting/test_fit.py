@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes fitted to recordings of themselves: what was put in comes out, what the data do not say is told."""
+"""Scenes fitted to recordings of themselves: what was put in comes out, what the data do not determine is reported."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from benchmarks.measured_arm.section import LENGTH, OUTER, Section
 
 
 def test_the_arm_is_an_arc_of_constant_length_in_a_turned_frame() -> None:
-    """Compare ways and tilts with arcs: the same within 4 % beyond 50 mbar on the mean, 17 to 21 degrees turned."""
+    """Compare path lengths and tilts with arcs: equal within 4 % beyond 50 mbar on average, 17 to 21 degrees turned."""
     data = recorded()
     ratios, angles = turned(data["axial"], data["lateral"], data["tilt"], LENGTH)
     assert abs(np.mean(ratios[1:]) - 1.0) < 0.04

@@ -144,7 +144,7 @@ def test_a_robot_is_fitted(entry: str, robot_bag: Path, write_scene: Callable, t
 def test_what_a_topic_does_not_have(
     compare: str, command: str, message: str, robot_bag: Path, write_scene: Callable, tmp_path: Path, capsys: Any
 ) -> None:
-    """Name a frame, a joint, a field and kinds that a topic does not have: told with what it has."""
+    """Name a frame, a joint, a field and kinds that a topic does not have: refused with what it has."""
     match = tmp_path / "match.yaml"
     match.write_text(f"compare: {{seen: {compare}}}\ncommands: {{pull: {command}}}\n")
     given = ["--match", str(match), "--vary", f"{YOUNG}=5e4..8e5", "--workers", "1"]

@@ -88,7 +88,7 @@ def test_a_modulus_comes_back_through_noise(law: Law) -> None:
     ],
 )
 def test_what_cannot_be_a_test_is_refused(strain: np.ndarray, stress: np.ndarray, message: str) -> None:
-    """Give kilopascals, percent, a flat line, columns of two lengths, a wrong sign: each is told with its remedy."""
+    """Give kilopascals, percent, a flat line, columns of two lengths, a wrong sign: each is refused with its remedy."""
     with pytest.raises(GdfeError, match=message):
         fit_tensile(strain, stress, law=Law.LINEAR)
 

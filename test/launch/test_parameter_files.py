@@ -89,7 +89,7 @@ def _file(path: Path, **values: Any) -> str:
 
 
 def test_moduli_come_from_a_file_and_from_the_command_line(start: Callable[..., Node], tmp_path: Path) -> None:
-    """Give moduli in both ways, as integers too: the command line wins, and the scene that runs has them."""
+    """Give moduli by file and command line, as integers too: the command line wins, and the running scene has them."""
     path = _file(tmp_path / "own.yaml", **COARSE, **{"materials.e20.young": 41000, "materials.e40.young": 43e3})
     node = start("--params-file", path, "-p", "materials.e40.young:=44000")
     node.names()

@@ -60,7 +60,7 @@ def test_a_dragged_handle_leads_the_body(live: Callable[..., Any]) -> None:
 
 
 def test_a_drag_out_of_reach_is_refused(live: Callable[..., Any]) -> None:
-    """Drag a handle a hundred body lengths away: it stays, and the viewer is told what is allowed."""
+    """Drag a handle a hundred body lengths away: it stays, and the viewer reads what is allowed."""
     page = live()
     viewer = page.look()
     viewer.drag("tip", [300.0, 0.0, 0.0])
@@ -356,7 +356,7 @@ def test_a_viewer_that_hangs_holds_nobody_up(live: Callable[..., Any]) -> None:
 
 
 def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
-    """Look at a page that has no run yet: the body at rest, and that it is being built; a drag is told the same."""
+    """Look at a page without a run yet: it shows the undeformed body and that the run is built; so does a drag."""
     scene = scene_from_text(bar, origin="of a test")
     page = Page(host="127.0.0.1", port=8600, frames=30.0)
     session = None
@@ -477,7 +477,7 @@ def _moduli(page: Any) -> dict[str, float]:
 
 
 def test_a_dragged_probe_is_followed_by_the_actuators(live: Callable[..., Any]) -> None:
-    """Drag a probe to where tendons of 1 N hold it: it goes there; far away, the viewer is told it is out of reach."""
+    """Drag a probe to where tendons of 1 N hold it: it goes there; the page says if it is out of reach."""
     page = live()
     viewer, simulation = page.look(), page.session.simulation
     other = Simulation(simulation.scene)

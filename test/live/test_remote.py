@@ -153,7 +153,7 @@ def test_buttons_call_services(shown: Callable[..., Shown], tmp_path: Path) -> N
 
 
 def test_the_program_is_played_to_a_node(shown: Callable[..., Shown]) -> None:
-    """Play the program to the node, its tendon moved by the viewer meanwhile: that one holds, all else goes its way."""
+    """Play the program to the node and move its tendon meanwhile: the tendon holds, all else follows the program."""
     page = shown()
     viewer, session = page.viewer, page.session
     viewer.press("play the program")
@@ -185,7 +185,7 @@ def test_what_no_step_follows_is_commanded_again(bar: str) -> None:
 
 
 def test_nothing_is_commanded_that_was_left_to_the_viewer(bar: str) -> None:
-    """Leave a tendon while the program's order for it is on its way: it has arrived once the tendon is left."""
+    """Leave a tendon while the program's order for it is in transit: it has arrived once the tendon is left."""
     happened: list[str] = []
     viewers: list[threading.Thread] = []
 
@@ -323,7 +323,7 @@ def test_a_node_that_is_not_configured_is_told() -> None:
 
 
 def test_a_node_that_is_not_active_is_shown_at_rest() -> None:
-    """Configure a node only: the page has its body at rest, and the state says that it is inactive."""
+    """Configure a node only: the page has its undeformed body, and the state says that it is inactive."""
     with (
         NodeProcess({**OTHER, "autostart": False}) as process,
         NodeConnection(process, "/gdfe_sim", {}, patience=120.0) as link,

@@ -96,7 +96,7 @@ def test_remarks_name_where_a_curve_softens() -> None:
     "coefficients", [[], [0.0], [-1.0, 2.0], [math.nan], [1.0, math.inf]], ids=["none", "zero", "neg", "nan", "inf"]
 )
 def test_coefficients_are_checked(coefficients: list[float]) -> None:
-    """Refuse coefficients that are missing, not finite or without stiffness at rest."""
+    """Refuse coefficients that are missing, not finite or without initial stiffness."""
     with pytest.raises(ValueError, match="coefficients must be finite and the first, the initial modulus, positive"):
         CurveData.polynomial(coefficients)
 

@@ -21,7 +21,7 @@ def test_moduli_belong_together(law: Material) -> None:
 
 
 def test_moduli_at_rest_are_the_given_ones() -> None:
-    """Find the moduli where the user stated them: E, sum of mu, slope of the curve at rest over three."""
+    """Find the moduli where the user stated them: E, sum of mu, initial slope of the curve over three."""
     assert Linear(young=2e5, poisson=0.3).young0 == 2e5
     assert NeoHookean(young=2e5, poisson=0.3).shear0 == pytest.approx(2e5 / 2.6)
     assert Ogden(mu=(1e5, -2e4), alpha=(1.5, -3.0), poisson=0.4).shear0 == pytest.approx(8e4)
@@ -110,7 +110,7 @@ def test_given_shape_factor_is_checked(omega: float) -> None:
     ],
 )
 def test_ogden_terms_are_checked(mu: tuple[float, ...], alpha: tuple[float, ...], message: str) -> None:
-    """Refuse terms that are missing, not finite or without stiffness at rest."""
+    """Refuse terms that are missing, not finite or without initial stiffness."""
     with pytest.raises(ValueError, match=message):
         Ogden(mu=mu, alpha=alpha, poisson=0.4)
 

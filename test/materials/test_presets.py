@@ -66,7 +66,7 @@ def test_the_library_has_the_common_silicones() -> None:
 
 @pytest.mark.parametrize("name", SILICONES)
 def test_a_curve_goes_through_its_points(name: str) -> None:
-    """Compare both laws with the measured points: the curve goes through each, Ogden's misses by what is told."""
+    """Compare both laws with the measured points: the curve goes through each, Ogden's misses by what is stated."""
     data = LIBRARY[name].curve
     strain, stress = np.array(data.strain[1:]), np.array(data.stress[1:])
     np.testing.assert_allclose(preset(name, law=Law.CURVE).stress_at(strain), stress, rtol=1e-12)

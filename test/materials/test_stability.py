@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drucker's check: which laws are told to be unstable, where, and that they are."""
+"""Drucker's check: which laws are reported as unstable, where, and that they are."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ DEFORMED = {
 
 @pytest.mark.parametrize("stretches", DEFORMED.values(), ids=DEFORMED)
 def test_forces_are_the_derivative_of_the_energy(law: Material, cube: MakeCube, stretches: list[float]) -> None:
-    """Move each corner of a deformed cube to and fro: the energy changes by the force times the way."""
+    """Move each corner of a deformed cube to and fro: the energy changes by the force times the displacement."""
     random = np.random.default_rng(3)
     body = cube(law)
     for _ in range(3):

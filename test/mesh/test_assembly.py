@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several meshes become one; places are told in the frame of one of them."""
+"""Several meshes become one; places are reported in the frame of one of them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cavities are found, told apart and oriented."""
+"""Cavities are found, separated and oriented."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_several_cavities_come_largest_first() -> None:
     "second", [BoxSelection((0.4, 0.6), (-0.1, 0.1), (-0.3, 0.3)), BoxSelection((0.4, 0.6), (-0.1, 0.1), (-0.3, -0.1))]
 )
 def test_cavities_that_touch_at_an_edge_stay_apart(second: BoxSelection) -> None:
-    """Tell two cavities apart whose walls share vertices along an edge."""
+    """Separate two cavities whose walls share vertices along an edge."""
     body = cut(CUBE, [BoxSelection((0.2, 0.4), (-0.3, -0.1), (-0.3, 0.3)), second])
     cavities = find_cavities(body)
     assert len(cavities) == 2

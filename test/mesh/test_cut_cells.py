@@ -59,7 +59,7 @@ def test_whole_cubes_within_a_cut_mesh_are_exactly_whole() -> None:
 
 
 def test_a_wall_within_one_layer_of_cubes_keeps_its_thickness() -> None:
-    """Cut a plate of 0.37 cubes at the side of a block, square to each axis: the share is its thickness."""
+    """Cut a plate of 0.37 cubes at the side of a block, square to each axis: the filled fraction is its thickness."""
     for axis in range(3):
         size = np.full(3, 4.0)
         size[axis] = 2.74
@@ -102,7 +102,7 @@ def test_the_second_moment_of_a_circle_is_kept(axis: int) -> None:
 
 @pytest.mark.parametrize("fineness", [6, 12])
 def test_shares_alone_are_too_stiff_by_what_the_theory_says(fineness: int) -> None:
-    """Weight whole cells by their share: the second moment of a circle is too large by 2/3 (h / R)^2."""
+    """Weight whole cells by their filled fraction: the second moment of a circle is too large by 2/3 (h / R)^2."""
     body, edge = trimesh.creation.cylinder(0.5, 1.0, sections=360), 1.0 / fineness
     mesh = fill_surface(body.vertices, body.faces, cell=edge, cells=CutCubes.CUT)
     second = mesh.filling.share @ (mesh.centroids[:, 0] ** 2 + edge**2 / 12.0) * edge**3
@@ -130,7 +130,7 @@ def test_operators_of_a_cut_cell_are_those_of_its_box() -> None:
 
 
 def test_weight_and_mass_are_those_of_what_is_filled() -> None:
-    """Weigh a cut ball: total, centre of mass and moments of inertia follow from corners' shares and mass matrix."""
+    """Weigh a cut ball: total, centre of mass and moments of inertia follow from corners' parts and mass matrix."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
     mesh = fill_surface(ball.vertices, ball.faces, cell=0.4, cells=CutCubes.CUT)
     share = corner_volumes(mesh.vertices, mesh.cells, mesh.filling)

@@ -21,7 +21,7 @@ SURFACES: dict[str, Callable[[], trimesh.Trimesh]] = {
 
 @pytest.mark.parametrize("make", SURFACES.values(), ids=SURFACES)
 def test_it_is_the_same_surface(make: Callable[[], trimesh.Trimesh]) -> None:
-    """Refine: closed as before, facing the same way, of the same area and volume, old points first."""
+    """Refine: closed as before, facing the same direction, of the same area and volume, old points first."""
     surface = make()
     points, triangles = refine(np.array(surface.vertices), np.array(surface.faces), LONGEST)
     fine = trimesh.Trimesh(points, triangles, process=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes of tetrahedra: faces, shape functions, import, and their way through a scene's text."""
+"""Meshes of tetrahedra: faces, shape functions, import, and round trip through a scene's text."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def test_the_facts_of_a_step_file(step: Path) -> None:
 
 
 def test_a_surface_with_a_cavity_is_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep a ball-shaped cavity, whichever way its triangles face; leave no file behind."""
+    """Keep a ball-shaped cavity, whichever direction its triangles face; leave no file behind."""
     trimesh.util.concatenate([BOX, BALL]).export(tmp_path / "hollow.stl")
     monkeypatch.chdir(tmp_path)
     mesh = from_surface(tmp_path / "hollow.stl", size=0.03)

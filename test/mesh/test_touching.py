@@ -84,7 +84,7 @@ def test_both_sides_of_a_wall_touch() -> None:
 
 
 def test_a_cavity_touches_whatever_way_its_wall_faces() -> None:
-    """Line a hollow ball with a thin wall, its inner shell turned either way: the same points, on both of them."""
+    """Line a hollow ball with a thin wall, its inner shell facing in or out: the same points, on both of them."""
     found = []
     for turned in ((), (1,)):
         walls = [trimesh.creation.icosphere(3, RADIUS), trimesh.creation.icosphere(3, 0.8 * RADIUS)]
@@ -133,7 +133,7 @@ def test_open_skins_and_skins_of_a_part_are_refused() -> None:
 
 
 def test_a_skin_that_ends_before_its_body_is_refused() -> None:
-    """End a skin half a cell and 1.4 cells before a rod of 2 x 2 cells does, then 1.6: the last four cells are told."""
+    """End a skin 0.5 and 1.4 cells before a rod of 2 x 2 cells does, then 1.6: the last four cells are reported."""
     rod = bar([0.2, 0.02, 0.02], [20, 2, 2])
     for short in (0.005, 0.014, 0.016):
         skin = trimesh.creation.box((0.2 - short, 0.02, 0.02)).apply_translation([0.1 - 0.5 * short, 0.0, 0.0])
@@ -145,7 +145,7 @@ def test_a_skin_that_ends_before_its_body_is_refused() -> None:
 
 
 def test_a_skin_that_leaves_out_a_hollow_is_refused() -> None:
-    """Line a block with a wide hollow by its outside only: the cells about the hollow are told."""
+    """Line a block with a wide hollow by its outside only: the cells about the hollow are reported."""
     block = bar([0.2, 0.2, 0.2], [14, 14, 14])
     hole = (np.abs(block.centroids - block.centroids.mean(axis=0)) < 0.04).all(axis=1)
     mesh = HexMesh(*used(block.vertices, block.cells[~hole]))
@@ -162,7 +162,7 @@ def used(vertices: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 @pytest.mark.parametrize("share", [0.15, 0.4, 0.6, 0.9])
 def test_every_vertex_that_carries_a_face_has_a_point_of_it(share: float) -> None:
-    """Cut a box so that its outer cells are filled by a share: a point below each vertex of its lower side."""
+    """Cut a box so that its outer cells are filled by a fraction: a point below each vertex of its lower side."""
     count, edge = np.array([4, 4, 3]), 0.01
     mesh = lined(trimesh.creation.box((count + 2.0 * share) * edge), edge)
     places = mesh.touching.at(mesh.vertices)

@@ -34,7 +34,7 @@ def test_a_box_is_filled_exactly(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize("flip", [False, True])
 def test_a_cavity_is_kept_whatever_its_orientation(flip: bool) -> None:
-    """Keep a ball-shaped cavity in a box with its triangles facing either way."""
+    """Keep a ball-shaped cavity in a box with its triangles facing in or out."""
     ball = BALL.copy()
     if flip:
         ball.invert()
@@ -67,7 +67,7 @@ def test_points_on_edges_and_corners_are_counted_once() -> None:
 
 
 def test_points_are_within_shells_whatever_way_these_face() -> None:
-    """Ask for points in a hollow ball, in its cavity and beside it, with the inner shell turned either way."""
+    """Ask for points in a hollow ball, in its cavity and beside it, with the inner shell facing in or out."""
     points = np.array([[0.9, 0.0, 0.0], [0.2, 0.1, 0.0], [1.2, 0.0, 0.3], [0.0, 0.0, -0.8]])
     for turned in (False, True):
         inner = trimesh.creation.icosphere(2, 0.5)

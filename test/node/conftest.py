@@ -188,7 +188,7 @@ class Client:
     def status(self) -> dict[str, str]:
         """Give the values of diagnostics that were made after the call, on whatever clock they are stamped."""
         received = self.received["/diagnostics"]
-        count = len(received) + 2  # the next one may be under way
+        count = len(received) + 2  # the next one may be in transit
         self.wait(lambda: len(received) >= count)
         return {value.key: value.value for status in received[-1].status for value in status.values}
 

@@ -29,7 +29,7 @@ FOLLOW = "wrist=topic:/carrying_arm/tool_pose"
 
 
 class _Watched(CarryingArm):
-    """Keeps the joints that were told."""
+    """Keeps the joint states that it receives."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
@@ -47,7 +47,7 @@ def test_the_arm_begins_where_the_wrist_is() -> None:
 
 
 def test_the_gripper_hangs_on_the_arm(tmp_path: Any) -> None:
-    """Carry the gripper for ten steps: the wrist is where the tool was told to be, and bears the weight."""
+    """Carry the gripper for ten steps: the wrist is where the tool was reported, and bears the weight."""
     parameters = {"follow": [FOLLOW]}
     scene = {"loads.weight": WEIGHT, "solver.tolerance": 1e-5}
     bag = tmp_path / "bag"

@@ -34,7 +34,7 @@ _TOPICS = {
 
 
 class _Newcomer:
-    """Listens to diagnostics only, until told otherwise."""
+    """Listens to diagnostics only, until `listen` adds more."""
 
     def __init__(self, ros: Any, wait: Callable) -> None:
         self.node, self._wait = ros.node("newcomer"), wait

@@ -77,7 +77,7 @@ def test_a_parameter_out_of_range_at_start_ends_the_process(start: Callable) -> 
 
 
 def test_the_state_outlives_deactivate_but_not_cleanup(client: Any, start: Callable, coarse: dict) -> None:
-    """Lift the tip, deactivate, activate: it is still lifted; after cleanup and configure it is at rest."""
+    """Lift the tip, deactivate, activate: it is still lifted; after cleanup and configure it is in its rest pose."""
     start(**coarse)
     client.target(0.1)
     client.wait(lambda: client.mesh()[:, 5].max() > 0.09)

@@ -122,7 +122,7 @@ def test_obstacles_and_forces_are_shown(client: Any, start: Callable, tmp_path: 
 
 @pytest.mark.parametrize("subdivisions", [2, 5])
 def test_a_mesh_is_shown_as_its_triangles(subdivisions: int) -> None:
-    """Move a ball of triangles: they are told in its frame, all of a coarse one, at most so many of a fine one."""
+    """Move a ball of triangles: they are published in its frame, all of a coarse one, at most so many of a fine one."""
     ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.02)
     entry = {"mesh": {"embedded": pack_surface(ball.vertices, ball.faces)}, "at": [0.05, 0.0, -0.1]}
     scene = scene_from_text(CUBE, overrides={"obstacles": {"part": entry}})

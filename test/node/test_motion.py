@@ -179,7 +179,7 @@ def test_a_bag_begun_in_flight_replays(client: Any, start: Callable, tmp_path: P
 
 
 def test_a_saved_motion_goes_on_as_it_was(client: Any, start: Callable, tmp_path: Path) -> None:
-    """Save in flight, go on, load, go on: the same bits; a reset stands still at rest and falls as at first."""
+    """Save in flight, go on, load, go on: the same bits; a reset body stands still undeformed, and falls again."""
     start(**_DROP, clock="lockstep", state_path=str(tmp_path / "state"))
     _advance(client, 5)
     assert client.call(Trigger, "save_state", Trigger.Request()).success
@@ -199,7 +199,7 @@ def test_a_saved_motion_goes_on_as_it_was(client: Any, start: Callable, tmp_path
 
 
 def test_a_command_after_a_rest_acts_in_one_step(client: Any, start: Callable) -> None:
-    """Command a body that has rested for a while: the time without a command passes before, not on the way."""
+    """Command a body that has rested for a while: the time without a command passes before, not during the motion."""
     start(scene="whip", scene_overrides=["loads={}", "dynamics.damping.mass=30"], heartbeat=0.0)
     client.wait(client.records)
     client.target(0.0, handle="base")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Obstacles and rigid bodies of a node: commanded, followed, told of, recorded and replayed."""
+"""Obstacles and rigid bodies of a node: commanded, followed, published, recorded and replayed."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_an_obstacle_is_commanded_as_a_handle_is(client: Any, start: Callable, h
 
 
 def test_wrong_commands_to_obstacles_are_refused(client: Any, start: Callable, cube: str) -> None:
-    """Command a fixed one, unknown names, the wrong section, another frame: each is told, with the remedy."""
+    """Command a fixed one, unknown names, the wrong section, another frame: each is refused with the remedy."""
     process = start(scene=cube, clock="lockstep")
     client.publish("obstacles/wall/target", _pose())
     client.wait(lambda: client.diagnostics().get("refused: handle is fixed") == "1")
@@ -188,7 +188,7 @@ def test_a_target_in_the_frame_of_an_obstacle_is_beside_it(
 
 
 def test_every_point_that_touches_is_told(cube: str, tmp_path: Path) -> None:
-    """Press the ball in, obliquely: points and forces add up to its wrench, names tell the ball, sensors share it."""
+    """Press the ball in, obliquely: points and forces add up to its wrench, by its name; sensors divide it."""
     names = []
     with Simulator(cube, bag=tmp_path / "bag") as simulator:
         simulator._node.create_subscription(String, f"{simulator.name}/contact_names", names.append, _QOS)
@@ -253,7 +253,7 @@ def test_runs_with_obstacles_are_replayed_to_the_bit(tmp_path: Path, cube: str, 
 
 
 def test_a_bag_replays_without_the_file_of_an_obstacle(tmp_path: Path, cube: str) -> None:
-    """Press a ball of triangles in, remove its file and the scene's: pose and wrench were told, the bag replays."""
+    """Press a ball of triangles in, remove its file and the scene's: pose and wrench are in the bag, it replays."""
     trimesh.creation.icosphere(subdivisions=3, radius=40.0).export(tmp_path / "ball.stl")
     scene, bag = Path(cube), tmp_path / "bag"
     scene.write_text(CUBE.replace("{sphere: {radius: 0.04}", "{mesh: {file: ball.stl, scale: 0.001}"))

@@ -102,7 +102,7 @@ def test_lockstep_steps_for_commands_only() -> None:
 
 @pytest.mark.parametrize("ahead", [1000.0, 1.7e9])
 def test_a_clock_that_jumps_ahead_is_gone_on_from(ahead: float) -> None:
-    """Jump ahead by far, as to epoch time: told once, nothing is made up for, and steps go on from there."""
+    """Jump ahead by far, as to epoch time: reported once, nothing is made up for, and steps go on from there."""
     clock, told = [5 * 10**9], []
     pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
     assert pace.delay(pending=True, settled=False) is None

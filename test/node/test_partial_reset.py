@@ -44,7 +44,7 @@ def test_commands_go_back_to_rest_with_the_next_step(
 
 
 def test_the_shape_goes_back_and_time_goes_on(client: Any, start: Callable, coarse: dict) -> None:
-    """Lift the tip, reset the shape: at rest at once, the time stays; not while a bag is written."""
+    """Lift the tip, reset the shape: undeformed at once, the time stays; not while a bag is written."""
     start(**coarse)
     client.target(0.05)
     client.wait(lambda: client.mesh()[:, 5].max() > 0.049)
@@ -73,7 +73,7 @@ def test_bodies_go_back_and_the_rest_goes_on(client: Any, start: Callable, slab:
 
 
 def test_a_simulation_goes_back_to_its_shape_alone(slab: Path) -> None:
-    """Let a box press a slab, reset the shape: the slab is at rest, the box where it was, both still; time stays."""
+    """Let a box press a slab, reset the shape: the slab is undeformed, the box where it was, both still; time stays."""
     simulation = Simulation(load_scene(slab))
     for _ in range(10):
         simulation.step(Command(loads={"weight": 5.0}), dt=0.01)

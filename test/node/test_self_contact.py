@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of a body with itself through a node: told, felt by sensors, recorded and replayed."""
+"""Contact of a body with itself through a node: published, felt by sensors, recorded and replayed."""
 
 from __future__ import annotations
 

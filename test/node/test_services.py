@@ -60,7 +60,7 @@ def test_reset_goes_back_to_rest_at_time_zero(client: Any, start: Callable, coar
 
 
 def test_a_paused_node_steps_on_demand_only(client: Any, start: Callable, coarse: dict) -> None:
-    """Pause: commands wait; ~/step makes as many steps as told and answers when they are published."""
+    """Pause: commands wait; ~/step makes as many steps as requested and answers when they are published."""
     start(**coarse, step_count=3, heartbeat=0.0)
     client.wait(client.records)
     assert _switch(client, "pause", True) == (True, "paused")
@@ -113,7 +113,7 @@ def test_a_bag_begun_in_the_middle_replays_from_the_state_it_holds(
 
 
 def test_a_saved_state_is_gone_on_from_bit_for_bit(client: Any, start: Callable, coarse: dict, tmp_path: Path) -> None:
-    """Save, move on, load, move on in the same way: the meshes are equal bit for bit."""
+    """Save, move on, load, repeat the same motion: the meshes are equal bit for bit."""
     start(**coarse, clock="lockstep", state_path=str(tmp_path / "folder" / "state.bin"))
     for z in (0.01, 0.02):
         client.target(z)

@@ -55,7 +55,7 @@ def test_a_command_is_held_until_a_step_converges() -> None:
 
 
 def test_a_goal_is_held_until_a_step_converges() -> None:
-    """Let steps at the goal be cut: the command is on its way until one of them converges."""
+    """Let steps at the goal be cut: the command counts as not arrived until one of them converges."""
     outcomes = iter([False, False, True, True])
     finger = _Finger(lambda value: ((good := next(outcomes)), not good, 10))
     seen = [(finger.step(1.0 if step == 0 else None), finger.slew.moving) for step in range(4)]

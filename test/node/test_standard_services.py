@@ -50,7 +50,7 @@ class _Standard:
 def test_a_node_is_played_paused_stepped_stopped_and_quit(
     client: Any, start: Callable, coarse: dict, interfaces: Callable
 ) -> None:
-    """Go through the states under the fast clock: each is told, steps need a pause, stopping resets, quitting ends."""
+    """Go through the states with the fast clock: reports, steps that need a pause, a stop that resets, an end."""
     interfaces("simulation_interfaces")
     standard = _Standard(client)
     process = start(**coarse, clock="fast", publish_clock=True, autostart=False)
@@ -127,7 +127,7 @@ def test_steps_are_an_action_with_feedback_that_can_be_cancelled(
 def test_nothing_is_played_while_steps_are_made_on_demand(
     client: Any, start: Callable, coarse: dict, interfaces: Callable
 ) -> None:
-    """Ask to play, in both ways, while the action makes its steps under the wall clock: refused; the action goes on."""
+    """Ask to play, by both services, while the action makes steps under the wall clock: refused; the action goes on."""
     from action_msgs.msg import GoalStatus
 
     interfaces("simulation_interfaces")

@@ -84,7 +84,7 @@ def test_a_bad_goal_ends_with_its_code(client: Any, follower: _Follower) -> None
 
 
 def test_a_goal_ends_by_what_others_do(client: Any, follower: _Follower) -> None:
-    """Cancel a goal, command its actuator, reset: each ends it, the tension stays where it is or is at rest."""
+    """Cancel a goal, command its actuator, reset: each ends it, the tension stays or returns to its initial value."""
     goal = follower.send([2.0], seconds=1000)
     client.wait(lambda: follower.told)
     client.wait(goal.cancel_goal_async().done)

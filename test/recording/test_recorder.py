@@ -23,7 +23,7 @@ from gdfe_ros.recording.writer import BagWriter
 
 MEGABYTE = b"\0\1\0\0" + bytes(1 << 20)
 
-# Records incompressible messages until told to stop, or until the limit of the file size [B] ends it.
+# Records incompressible messages until stopped, or until the limit of the file size [B] ends it.
 CHILD = """
 import os, resource, sys, time
 from gdfe_ros.recording.recorder import Recorder, RecorderStatus
@@ -103,7 +103,7 @@ def test_messages_are_on_disk_within_the_flush_interval(tmp_path: Path, mesh_top
 
 
 def test_drop_refuses_at_once_and_counts(tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event) -> None:
-    """Fill the queue of a standing disk: the rest is refused without a wait, counted, and told in the bag."""
+    """Fill the queue of a standing disk: the rest is refused without a wait, counted, and noted in the bag."""
     queue = QueueOptions(max_bytes=5 << 20)
     with Recorder(tmp_path / "bag", [mesh_topic], queue=queue) as recorder:
         taken = [recorder.record(mesh_topic.name, MEGABYTE, step) for step in range(20)]
@@ -140,7 +140,7 @@ def test_block_gives_up_after_its_bound(tmp_path: Path, mesh_topic: TopicInfo, s
 def test_a_failing_writer_stops_the_recording_only(
     tmp_path: Path, mesh_topic: TopicInfo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Break the writer: `record` does not raise, who asked is told once, bag and status agree on what was lost."""
+    """Break the writer: `record` does not raise, one report is made, bag and status agree on what was lost."""
 
     def broken(*_: object) -> None:
         raise TypeError("broken on purpose")

@@ -26,7 +26,7 @@ from gdfe_ros.recording.writer import BagOptions, BagWriter, FsyncPolicy
 
 SCENE = "name: bar\n"
 
-# Records 44 kB messages at 100 Hz; how many were recorded, and how many of them were on their way to the disk when the
+# Records 44 kB messages at 100 Hz; how many were recorded, and how many of them were in transit to the disk when the
 # last flush began that is over, is put into a file that survives the kill.
 CHILD = """
 import mmap, struct, sys, time

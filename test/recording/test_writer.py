@@ -164,7 +164,7 @@ def test_splits_by_time(write_bag: Callable) -> None:
 
 
 def test_chunks_are_small(write_bag: Callable) -> None:
-    """Give many small chunks, compressed with lz4, unless told otherwise."""
+    """Give many small chunks, compressed with lz4, by default."""
     with (write_bag() / "bag_0.mcap").open("rb") as stream:
         chunks = make_reader(stream).get_summary().chunk_indexes
     assert {chunk.compression for chunk in chunks} == {"lz4"}

@@ -104,7 +104,7 @@ def test_program_starts_from_what_does_nothing() -> None:
     ],
 )
 def test_defects_are_named(old: str, new: str, expected: str) -> None:
-    """Break one entry and find its key, its value and the way out in the message."""
+    """Break one entry and find its key, its value and the remedy in the message."""
     assert old in HOLLOW + ACTUATORS
     with pytest.raises(SceneError, match=expected):
         scene_from_text((HOLLOW + ACTUATORS).replace(old, new, 1))

@@ -105,7 +105,7 @@ def test_the_ball_bounces_and_rolls(played: Callable[[str], Played]) -> None:
 
 
 def test_the_crawler_advances(played: Callable[[str], Played]) -> None:
-    """Come forward with every wave of the muscles, and be at rest with its own shape after the last."""
+    """Come forward with every wave of the muscles, and have its own shape again after the last."""
     simulation, results, _ = played("crawler")
     times = np.array([result.time for result in results])
     middles = np.array([result.positions[:, 0].mean() for result in results])
@@ -134,7 +134,7 @@ def test_soft_fingers_carry_a_soft_ball(played: Callable[[str], Played]) -> None
 
 
 def test_the_peg_widens_the_hole(played: Callable[[str], Played]) -> None:
-    """Resist the peg on its way in, drag at it on its way out by friction, and close again behind it."""
+    """Resist the peg moving in, drag at it moving out by friction, and close again behind it."""
     simulation, results, _ = played("peg_in_soft_hole")
     times, along = (
         np.array(values) for values in zip(*((r.time, r.reactions["peg"][0]) for r in results), strict=True)

@@ -137,7 +137,7 @@ def test_a_chamber_of_cut_cells_is_rebuilt_without_its_file(folder: Path) -> Non
     ],
 )
 def test_a_chamber_that_no_skin_bounds_is_refused(folder: Path, skin: str, chamber: str, expected: str) -> None:
-    """Leave out the skin, name faces, another cavity, a skin without any: each is told with its remedy."""
+    """Leave out the skin, name faces, another cavity, a skin without any: each is refused with its remedy."""
     hollow(folder, detail=2)
     trimesh.creation.icosphere(4, OUTER).export(folder / "full.stl")
     (folder / "ball.yaml").write_text(BALL.format(cell=0.005, skin=skin, chamber=chamber))

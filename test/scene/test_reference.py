@@ -37,7 +37,7 @@ def test_a_table_row_says_unit_range_and_default() -> None:
     """Look at one row of each kind."""
     text = markdown()
     assert "| `young` | Young's modulus | number | Pa | > 0, < 1e+13 | required |" in text
-    meaning = "tolerance: allowed distance to the equilibrium, as a share of the body's size"
+    meaning = "tolerance: allowed distance to the equilibrium, as a fraction of the body's size"
     assert f"| `tolerance` | {meaning} | number |  | ≥ 1e-12, ≤ 0.1 | `0.0001` |" in text
     assert "[Handle](#handle)" in text
 

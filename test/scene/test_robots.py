@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every shipped robot plays its program, does what it is for, and streams at 100 Hz on one core."""
+"""Every shipped robot plays its program, does what it is for, and keeps up 100 Hz on one core."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_finger_curls_both_ways(played: Callable[[str], Played]) -> None:
 
 
 def test_arm_leans_where_the_pressure_says(played: Callable[[str], Played]) -> None:
-    """Lean to +y when the chamber at -y is under pressure and the other way round, and down with the upper one."""
+    """Lean to +y when the chamber at -y is under pressure and the reverse, and down with the upper one."""
     simulation, results = played("three_chamber_arm")
     probe = simulation.scene.probes["tip"]
     left, right, upper = (probe.at(at(results, moment).positions)[0] for moment in (2.0, 4.0, 6.0))
@@ -118,7 +118,7 @@ def test_gripper_closes(played: Callable[[str], Played]) -> None:
 
 
 def test_strip_coils_by_growth_alone(played: Callable[[str], Played]) -> None:
-    """Turn the end by more than a right angle and come half way back."""
+    """Turn the end by more than a right angle and come back by half."""
     simulation, results = played("shape_memory_strip")
     hot = simulation.scene.probes["tip"].at(at(results, 3.0).positions)[0]
     assert hot[0] < 0.03

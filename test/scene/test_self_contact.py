@@ -42,7 +42,7 @@ def test_the_body_is_the_last_of_the_names(sound: str) -> None:
     ],
 )
 def test_bad_input_is_named(sound: str, given: str, said: str) -> None:
-    """A coefficient below zero, an unknown key, a place without faces, an empty entry: each is told with a remedy."""
+    """A coefficient below zero, an unknown key, a place without faces, an empty entry: each is refused with remedy."""
     with pytest.raises(SceneError, match=f"(?s){said}"):
         scene_from_text(f"{sound}self_contact: {given}")
 

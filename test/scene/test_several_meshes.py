@@ -201,7 +201,7 @@ def test_overrides_reach_into_a_mesh() -> None:
     ],
 )  # fmt: skip
 def test_defects_are_named(old: str, new: str, said: str) -> None:
-    """Break the scene in one place: file, key, value and remedy are told."""
+    """Break the scene in one place: file, key, value and remedy are named."""
     assert old in PAIR
     found = broken(PAIR.replace(old, new, 1))
     assert re.search(said, found), found

@@ -47,7 +47,7 @@ def load(folder: Path, skin: str = "{file: rod.stl}") -> Scene:
 
 
 def test_a_skin_is_where_its_file_is_and_follows_any_affine_motion(folder: Path) -> None:
-    """Put the skin at rest on the file's surface in pieces that can bend, and move it as the cells move."""
+    """Put the undeformed skin on the file's surface in pieces that can bend, and move it as the cells move."""
     mesh = load(folder).mesh
     wanted = trimesh.load(folder / "rod.stl")
     at_rest = mesh.outside.at(mesh.vertices)

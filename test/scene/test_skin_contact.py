@@ -70,7 +70,7 @@ def press(simulation: Simulation, depth: float, *, aside: float = 0.0):
 
 
 def test_a_cut_rod_rolls_and_a_staircase_does_not(folder: Path) -> None:
-    """Release rods on a slope: the skin rolls 70 to 105 % of a round one's way, the staircase stays where it is."""
+    """Release rods on a slope: the skin rolls 70 to 105 % of a round one's distance, the staircase stays in place."""
     ways = {}
     for name, skin, cells in (("skin", "skin: {file: rod.stl}", "cut"), ("faces", "", "whole")):
         simulation = Simulation(load(folder, skin, cells=cells, cell=RADIUS / 4.0, handles="{}", more=ROLLS))
@@ -210,7 +210,7 @@ def test_of_several_meshes_each_touches_by_what_it_has(folder: Path) -> None:
 
 
 def test_the_mesh_without_a_skin_is_named(folder: Path) -> None:
-    """Let a rod with a skin and a cut one without any lie on a floor: the latter is told, in whatever order."""
+    """Let a rod with a skin and a cut one without any lie on a floor: the latter is reported, in whatever order."""
     bare = "  bare: {voxels: {surface: rod.stl, cell: 0.004, cells: cut}, at: [0, -0.1, 0]}\n"
     for place in ("  bar: ", "  rod:\n"):
         (folder / "bare.yaml").write_text(MESHES.replace(place, bare + place, 1))
@@ -233,7 +233,7 @@ def test_the_mesh_without_a_skin_is_named(folder: Path) -> None:
     ],
 )
 def test_bad_input_is_refused(folder: Path, skin: str, cells: str, more: str, expected: str) -> None:
-    """Ask for contact on no skin, an open one, with self-contact: each is told with its key and remedy."""
+    """Ask for contact on no skin, an open one, with self-contact: each is refused with its key and remedy."""
     with pytest.raises(SceneError, match=f"(?s:.*){expected}"):
         load(folder, skin, cells=cells, cell=RADIUS / 6.0, more=more)
 
@@ -247,7 +247,7 @@ def test_a_skin_with_a_defect_is_told_once(folder: Path) -> None:
 
 
 def test_a_defect_of_a_probe_called_skin_hides_no_other(folder: Path) -> None:
-    """Put a probe called skin outside of cut cells above a floor: both defects are told."""
+    """Put a probe called skin outside of cut cells above a floor: both defects are reported."""
     with pytest.raises(SceneError) as caught:
         load(folder, "", more="probes: {skin: {at: [9, 9, 9]}}")
     told = "\n".join(caught.value.defects)

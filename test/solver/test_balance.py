@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The energy balance of an increment: smooth paths pass, jumps are told, and what folds is not accepted."""
+"""The energy balance of an increment: smooth paths pass, jumps are reported, and what folds is not accepted."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_moments_work_on_turns_in_world_axes(stepper: Stepper) -> None:
 
 @pytest.mark.parametrize("name", ["tendon_finger", "gripper", "three_chamber_arm"])
 def test_driven_scenes_balance(name: str) -> None:
-    """Play a program in small steps: potential and slopes of cables, chambers and weights add up, no jump is told."""
+    """Play a program in small steps: potential and slopes of cables, chambers, weights add up, no jump is reported."""
     scene = load_scene(name)
     scene = dataclasses.replace(scene, solver=dataclasses.replace(scene.solver, tolerance=1e-6))
     simulation, last, worst = Simulation(scene), None, 0.0

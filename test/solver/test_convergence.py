@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the error falls with the size of the elements, against closed forms: order two of displacements.
 
-A hollow sphere of incompressible neo-Hookean rubber under inner pressure. With A, B the radii at rest and a, b those
+A hollow sphere of incompressible neo-Hookean rubber under inner pressure. With A, B the undeformed radii and a, b those
 under pressure, r^3 = R^3 + a^3 - A^3 everywhere, and a follows from the balance of forces (Green and Zerna 1954):
 p = mu [f(b/B) - f(a/A)] with f(q) = 2/q + 1/(2 q^4).
 """

@@ -107,7 +107,7 @@ def test_energy_never_rises(bend: Callable[..., Bar], library: Factorisation, po
 
 @pytest.mark.parametrize("poisson", [0.3, 0.499])
 def test_no_state_nearby_has_less_energy(bend: Callable[..., Bar], poisson: float) -> None:
-    """Move the free vertices a little in many ways: the energy rises every time."""
+    """Move the free vertices a little in many directions: the energy rises every time."""
     bar_ = bend(Linear(young=1e5, poisson=poisson))
     _, outcome = bar_.solve(tolerance=1e-9)
     least = strain_energies(bar_.body, outcome.positions).sum()

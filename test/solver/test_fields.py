@@ -163,7 +163,7 @@ def test_linear_field_costs_what_the_law_says_on_any_mesh(
 
 
 def test_sign_patterns_equal_the_general_operators(make_body: MakeBody, law: Material) -> None:
-    """Compare a cube with one whose corner is off by 1e-7 edges: the fast way and the general way agree."""
+    """Compare a cube with one whose corner is off by 1e-7 edges: the fast and the general formula agree."""
     cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
     bumped = cube.vertices.copy()
     bumped[7, 0] += 1e-8
@@ -237,7 +237,7 @@ def test_fields_are_plain_arrays_of_one_value_an_element(make_body: MakeBody, di
 
 
 def test_an_inverted_element_has_a_negative_volume_ratio(make_body: MakeBody, distorted: HexMesh) -> None:
-    """Turn the body inside out: J is -1 everywhere, at rest 1."""
+    """Turn the body inside out: J is -1 everywhere, undeformed 1."""
     body = make_body(distorted)
     np.testing.assert_allclose(element_fields(body, distorted.vertices).J, 1.0)
     np.testing.assert_allclose(element_fields(body, distorted.vertices * (-1.0, 1.0, 1.0)).J, -1.0)

@@ -36,7 +36,7 @@ def stiffness(body: Body, x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def test_only_rigid_motions_are_free(make_body: MakeBody, element: HexMesh, law: Material) -> None:
-    """Count eigenvalues at rest: six vanish, eighteen are positive, none small enough to hourglass."""
+    """Count eigenvalues of the undeformed cell: six vanish, eighteen are positive, none small enough to hourglass."""
     matrix = stiffness(make_body(element, law), element.vertices)
     np.testing.assert_allclose(matrix, matrix.T, atol=1e-6 * np.abs(matrix).max())
     values = np.linalg.eigvalsh(0.5 * (matrix + matrix.T)) / (law.young0 * np.cbrt(1e-3))
@@ -156,7 +156,7 @@ def test_a_plate_of_two_layers_twists_as_kirchhoffs(make_body: MakeBody) -> None
 
 
 def test_sections_leave_no_motion_free(make_body: MakeBody, law: Material) -> None:
-    """Count eigenvalues of a cell inside of many, at the least share of its own shear: six vanish, eighteen do not."""
+    """Count eigenvalues of a cell inside of many, at the least scale of its own shear: six vanish, eighteen do not."""
     mesh = bar([0.5, 0.5, 0.5], [5, 5, 5])
     body, inner = make_body(mesh, law, torsion=Torsion.SECTION), 62
     assert body.shape.across[inner] > len(OWN_SHEAR)

@@ -47,7 +47,7 @@ def predictor(body: Body) -> Predictor:
 
 @pytest.fixture
 def rest(body: Body) -> State:
-    """Give the state at rest."""
+    """Give the undeformed state."""
     return EquilibriumSolver(body).at_rest()
 
 

@@ -59,7 +59,7 @@ def test_a_column_that_is_shortened_in_small_steps_bends() -> None:
 
 
 def test_steps_that_are_each_far_do_not_hide_a_saddle() -> None:
-    """Press by 0.7 %, where a column stands, and on in the same way to 1.9 %: it bends."""
+    """Press by 0.7 %, where a column stands, and on in the same steps to 1.9 %: it bends."""
     simulation = Simulation(scene_from_text(COLUMN))
     stands, bends = [simulation.step(_shortened(share)) for share in (0.007, 0.019)]
     sideways = [np.abs(result.positions - simulation.mesh.vertices)[:, 1:].max() for result in (stands, bends)]
@@ -79,7 +79,7 @@ def test_a_column_stands_under_its_weight_up_to_the_critical_height(height: floa
 
 
 def test_a_saddle_that_is_not_left_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Find no way down from a saddle: the result says that it is unstable, and what to do."""
+    """Find no descent from a saddle: the result says that it is unstable, and what to do."""
     monkeypatch.setattr(Stability, "leave", lambda self, task, direction: None)
     result = Simulation(scene_from_text(COLUMN)).step(_shortened(0.04))
     assert result.stable is False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Threads that share the elements of a solve: the same bits, also from several solves at a time."""
+"""Threads that divide the elements of a solve: the same bits, also from several solves at a time."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class Lab:
         return float(np.linalg.norm(one - other, axis=1).max() / mesh.size)
 
     def least_corner(self, mesh: HexMesh, positions: NDArray[np.float64]) -> float:
-        """Return the least determinant of the trilinear map at the corners of all cells, each over that at rest."""
+        """Return the least determinant of the trilinear map at all cells' corners, each over its undeformed value."""
 
         def determinants(points: NDArray[np.float64]) -> NDArray[np.float64]:
             nodes = points[mesh.cells]

@@ -58,7 +58,7 @@ def test_a_reset_forgets_what_touched() -> None:
 
 
 def test_steps_that_are_cut_arrive_at_the_same_contact() -> None:
-    """Cut every solve after a few iterations and hold: in the end the same equilibrium, told as converged."""
+    """Cut every solve after a few iterations and hold: in the end the same equilibrium, reported as converged."""
     whole, cut = make(obstacles__pin__friction=0.0), make(obstacles__pin__friction=0.0)
     wanted = Command(handles={"pin": Pose((0.0, 0.0, 0.01))})
     target = whole.step(wanted)
@@ -72,7 +72,7 @@ def test_steps_that_are_cut_arrive_at_the_same_contact() -> None:
 
 
 def test_a_part_that_sleeps_wakes_when_it_is_touched() -> None:
-    """Press a long bar near its far end, where nothing has moved yet: it gives way as one without sleep does."""
+    """Press a long bar near its far end, where nothing has moved yet: it yields as one without sleep does."""
     sleepy, awake = make(), make(solver={"skip": []})
     for simulation in (sleepy, awake):
         for z in np.linspace(0.0, 0.002, 6):

@@ -42,7 +42,7 @@ def folding(mesh: str, law: str = "neo_hookean") -> Simulation:
 
 @pytest.fixture(scope="module")
 def pulled(lab: Any) -> Callable[..., tuple[Simulation, list[StepResult]]]:
-    """Give a function that pulls a bar once, and lets it go thrice; all tests share what came of it."""
+    """Give a function that pulls a bar once, and lets it go thrice; all tests use its results."""
 
     @cache
     def pull(mesh: str, tension: float, law: str) -> tuple[Simulation, list[StepResult]]:

@@ -105,7 +105,7 @@ def test_turning_handles_keep_to_the_iterations(lab: Any, free: str, most: int) 
 @pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 @pytest.mark.parametrize("onto", ["a point", "a line"])
 def test_positions_that_hide_a_rotation_are_refused(lab: Any, onto: str) -> None:
-    """Flatten a handle that turns freely: how it is turned cannot be told, and the handle is named."""
+    """Flatten a handle that turns freely: its rotation is undetermined, and the error names the handle."""
     tip = "tip: {where: {face: x+}, free: [rx, ry, rz]}"
     simulation = lab.bar(handles=f"{BASE}, {tip}", actuators="")
     positions = simulation.mesh.vertices.copy()

@@ -85,7 +85,7 @@ class Filled:
         self.ratio, self.pressure = found.x, -found.fun
 
     def at(self, ratio: float) -> tuple[float, float]:
-        """Return pressure [Pa] and the probe's x [m] at a volume over that at rest."""
+        """Return pressure [Pa] and the probe's x [m] at a volume over the undeformed one."""
         self._simulation.reset()
         state = self._simulation.step(Command(actuators={"air": ratio * self.rest})).actuators["air"]
         return state.effort, self._simulation.probe_positions()["side"][0]

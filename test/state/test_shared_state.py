@@ -121,7 +121,7 @@ def test_jacobian_with_growth_equals_differences(lab: Any, poisson: float) -> No
 
 @pytest.mark.parametrize("poisson", [0.3, 0.45, 0.499])
 def test_relative_jacobian_equals_differences(lab: Any, poisson: float) -> None:
-    """Compare d(tip)/d(heat) under ``relative`` with fresh simulations that went the same way, within 2 %."""
+    """Compare d(tip)/d(heat) under ``relative`` with fresh simulations with the same load path, within 2 %."""
     scene = lab.scene(
         actuators="heat: {growth: {stretch: [0.9, 1, 1], where: {box: {z: [0, 1]}}}}",
         more="solver: {policy: relative, tolerance: 1.0e-8}",

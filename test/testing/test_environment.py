@@ -100,7 +100,7 @@ def test_what_is_no_command_is_refused(action: Any) -> None:
 
 
 def test_a_step_that_does_not_converge_truncates() -> None:
-    """Let no step converge, not even one that commands nothing new: the episode is truncated, and it is told why."""
+    """Let no step converge, not even one that commands nothing new: the episode is truncated, with the reason."""
     env = _env(BAR, reward=lambda simulation, action: 0.0)
     env.reset()
     solve, tried = env.simulation.step, []
@@ -185,7 +185,7 @@ def test_actions_are_rate_limited_and_resets_are_cheap() -> None:
 
 
 def test_a_step_that_would_not_converge_goes_as_far_as_one_does() -> None:
-    """Let steps over a seventh of the range fail: the command goes an eighth of the way, and the step converges."""
+    """Let steps over a seventh of the range fail: the command covers an eighth of the change; the step converges."""
     env = _env(BAR, slew_time=0.0)
     env.reset(seed=1)
     solve = env.simulation.step

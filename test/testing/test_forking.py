@@ -24,7 +24,7 @@ def _forked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(params=[_afresh, _forked])
 def start(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> type[NodeProcess]:
-    """Give nodes that are started in either way."""
+    """Give nodes that are started by either method."""
     request.param(monkeypatch)
     return NodeProcess
 

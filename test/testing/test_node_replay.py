@@ -45,7 +45,7 @@ def _assert_identical(bag: Path) -> BagRun:
 
 
 def test_a_run_under_the_wall_clock_replays_through_a_node(tmp_path: Path, capfd: Any) -> None:
-    """Stream turned poses at 100 Hz, with a deadline that cuts solves: the node gives the same bits in lockstep."""
+    """Send turned poses at 100 Hz, with a deadline that cuts solves: the node gives the same bits in lockstep."""
     parameters = {"clock": "wall", "rate": 100.0, "deadline": 0.001, "command_set": [""]}
     with Simulator("bend5", overrides=COARSE, parameters=parameters, bag=tmp_path / "bag") as simulator:
         for z in np.linspace(0.005, 0.1, 20):

@@ -33,7 +33,7 @@ LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def _controller(state: PublishedState) -> Command:
-    """Push the tip half of the way to the goal."""
+    """Push the tip half of the distance to the goal."""
     height = state.poses["tip"].translation[2]
     return Command(handles={"tip": Pose((0.0, 0.0, height + 0.5 * (GOAL - height)))})
 

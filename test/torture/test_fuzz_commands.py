@@ -40,7 +40,7 @@ NAMES = st.sampled_from(["tip", "base", "nobody", ""])
 
 @pytest.fixture(scope="module")
 def simulation() -> Simulation:
-    """Give a simulation that all examples share: each goes on from where the one before it ended."""
+    """Give one simulation for all examples: each goes on from where the one before it ended."""
     return Simulation(scene_from_text(SCENE))
 
 

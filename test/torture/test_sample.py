@@ -53,7 +53,7 @@ def test_sample(case: Case) -> None:
 
 @pytest.mark.parametrize("name", walks.TRACKS)
 def test_short_walk(name: str) -> None:
-    """Walk 250 steps and home: at rest within 1e-6 of the size, every step converged, memory as before."""
+    """Walk 250 steps and home: undeformed within 1e-6 of the size, every step converged, memory as before."""
     found = walks.walk(walks.TRACKS[name], STEPS)
     assert found.unconverged == 0
     assert found.drift <= walks.BOUND

@@ -11,7 +11,7 @@ _SMALLEST = 1e-6
 
 
 class StrainHistogram:
-    """Shares of the cells by strain, for groups of consecutive steps.
+    """Fractions of the cells by strain, for groups of consecutive steps.
 
     Its range doubles when a strain exceeds it, and pairs of classes are then merged, so that the largest strain of a
     run need not be known in advance.
@@ -46,7 +46,7 @@ class StrainHistogram:
         """Return the histogram in ``bins`` classes up to the largest strain of the run.
 
         Returns:
-            End of each group (c,) [s], edges of the classes (bins + 1,), and the share of the cells in each class,
+            End of each group (c,) [s], edges of the classes (bins + 1,), and the fraction of the cells in each class,
             averaged over the group (bins, c); c is 0 if nothing was added.
         """
         seen = np.isfinite(self._times)

@@ -13,7 +13,7 @@ from gdfe_ros.scene.scene import Scene
 
 LOST = 1.0
 """Wall time [s] without a step after which orders are repeated, because an order or the record of a step may be lost,
-and a node at rest makes no step by itself."""
+and a node that waits for commands makes no step by itself."""
 
 
 class Player:
@@ -40,7 +40,7 @@ class Player:
         return f"plays the program, {moment:.2f} of {programme.duration:g} s"
 
     def play(self) -> None:
-        """Start from the beginning; the first command makes a node at rest step."""
+        """Start from the beginning; the first command makes a waiting node step."""
         self._begun, programme = False, Programme(self._scene.program, self._time)
         self._programme = programme
         self._give(programme, self._time)

@@ -12,7 +12,7 @@ RESET_COMMANDS = ServiceSpec(
     name="~/reset_commands",
     type="std_srvs/srv/Trigger",
     meaning="drop waiting commands, velocities and trajectories; with the next step all targets, actuators and "
-    "loads go back to their values at rest, and the body follows",
+    "loads go back to their initial values, and the body follows",
 )
 RESET_BODIES = ServiceSpec(
     name="~/reset_bodies",
@@ -57,7 +57,7 @@ GET_FEATURES = ServiceSpec(
 GET_STATE = ServiceSpec(
     name="~/get_simulation_state",
     type="simulation_interfaces/srv/GetSimulationState",
-    meaning="answer playing, paused or stopped; stopped means paused at rest, or not active",
+    meaning="answer playing, paused or stopped; stopped means paused in the initial state, or not active",
 )
 SET_STATE = ServiceSpec(
     name="~/set_simulation_state",

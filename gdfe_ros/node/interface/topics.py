@@ -127,7 +127,7 @@ HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
     type="geometry_msgs/msg/PoseStamped",
     meaning="present pose of the handle relative to its rest pose [m]; `frame_id` is `<handle>_rest`: the handle's "
-    "centre at rest, with the axes of the node's frame",
+    "undeformed centre, with the axes of the node's frame",
 )
 HANDLE_WRENCH = TopicSpec(
     name="~/handles/{handle}/wrench",
@@ -146,7 +146,7 @@ OBSTACLE_POSE = TopicSpec(
     name="~/obstacles/{obstacle}/pose",
     type="geometry_msgs/msg/PoseStamped",
     meaning="present pose of the obstacle relative to its rest pose [m]; `frame_id` is `<obstacle>_rest`: the "
-    "origin of its shape at rest, with the axes of the node's frame",
+    "initial origin of its shape, with the axes of the node's frame",
 )
 OBSTACLE_WRENCH = TopicSpec(
     name="~/obstacles/{obstacle}/wrench",

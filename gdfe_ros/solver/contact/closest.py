@@ -146,8 +146,8 @@ def nearest_faces(
         weights: (k, 4), is written: weights of the face's corners at the closest point.
         normal: (k, 3), is written: unit normal of the plane that the vertex must stay in front of.
         gap: (k,) [m], is written: signed distance to that plane.
-        support: (k,), is written: share of the contact force that the face carries, 1 above the face and falling to 0
-            at the outer edge of its rim.
+        support: (k,), is written: fraction of the contact force that the face carries, 1 above the face and falling to
+            0 at the outer edge of its rim.
     """
     quads = surface.quads
     for pair in range(len(pairs)):

@@ -36,9 +36,9 @@ SLIP = 3e-7
 HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
 """Columns of a point's row that `Contact.update` changes."""
 STIFFER = 30.0
-"""Penalty over the usual one at elements whose fold barrier acts. The barrier makes a corner much stiffer than at rest,
-and multipliers with the usual penalty converge slowly there: 836 iterations a step instead of 18 for a cube of 8^3
-cells on its corner."""
+"""Penalty over the usual one at elements whose fold barrier acts. The barrier makes a corner much stiffer than
+an undeformed one, and multipliers with the usual penalty converge slowly there: 836 iterations a step instead of 18 for
+a cube of 8^3 cells on its corner."""
 
 
 class Contact(ContactTerm):

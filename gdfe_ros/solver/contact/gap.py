@@ -138,11 +138,11 @@ def entries(starts, ends, reach, head, kind, planes):
     """
     for i in range(len(starts)):
         planes[i] = 0.0
-        way = ends[i] - starts[i]
-        length = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+        offset = ends[i] - starts[i]
+        length = math.sqrt(offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2])
         gone = 0.0
         for _ in range(MOST_STEPS):
-            p = starts[i] + (gone / length) * way if length > 0.0 else starts[i]
+            p = starts[i] + (gone / length) * offset if length > 0.0 else starts[i]
             g, nx, ny, nz = distance_in_frame(kind, head, p[0], p[1], p[2])
             if gone == 0.0 and g < reach:
                 _, ex, ey, ez = distance_in_frame(kind, head, ends[i, 0], ends[i, 1], ends[i, 2])

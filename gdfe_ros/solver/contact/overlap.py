@@ -22,7 +22,7 @@ POINTS, ROUNDS, CLOSER = 9, 14, 0.4
 MOST_SHIFTS = 20
 """Limit of shifts towards the outside. One is enough except where edges cross."""
 WITHIN = 0.75
-"""Share of all directions in which a point sees the surface, above which it counts as inside and not on the edge."""
+"""Fraction of all directions in which a point sees the surface, above which it counts as inside and not on the edge."""
 SKIN = 0.98
 """Scale of a rigid body's own surface points, which are tested for being inside of the soft body."""
 
@@ -117,10 +117,10 @@ def _way_out(one: Placed, other: Placed) -> NDArray[np.float64]:
     """Return the shift (3,) [m] that moves a rigid body out of another body or obstacle."""
     shift = np.zeros(3)
     for _ in range(MOST_SHIFTS):
-        depth, way = _depth(replace(one, origin=one.origin + shift), other)
+        depth, direction = _depth(replace(one, origin=one.origin + shift), other)
         if depth <= 0.1 * TOUCHING * _diagonal(one):
             break
-        shift += depth * way
+        shift += depth * direction
     return shift
 
 
@@ -133,7 +133,7 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
     middle, half = np.zeros(3), one.half
     line = np.linspace(-1.0, 1.0, POINTS)
     grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
-    least, way = np.inf, np.zeros(3)
+    least, direction = np.inf, np.zeros(3)
     for _ in range(ROUNDS):
         places = np.clip(middle + grid * half, -one.half, one.half)
         points = one.world(places)
@@ -141,13 +141,13 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
         sums = away + one.seen_from(points)[0]
         deepest = int(np.argmin(sums))
         if sums[deepest] < least:
-            least, way, middle = float(sums[deepest]), normals[deepest], places[deepest]
+            least, direction, middle = float(sums[deepest]), normals[deepest], places[deepest]
         half = CLOSER * half
-    return max(0.0, -least), way
+    return max(0.0, -least), direction
 
 
 def _seen_share(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
-    """Return the largest share of all directions in which the faces (q, 4, 3) [m] are seen from one of ``points`` [m].
+    """Return the largest fraction of directions in which one of ``points`` [m] sees the faces (q, 4, 3) [m].
 
     The solid angle of a triangle is that of van Oosterom and Strackee (1983).
     """

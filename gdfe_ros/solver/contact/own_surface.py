@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The surface for self-contact: its topology at rest, and the search for each vertex' nearest face."""
+"""The surface for self-contact: its topology, and the search for each vertex' nearest face."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ beside a face that still counts as above it."""
 
 
 class Topology(NamedTuple):
-    """Neighbourhoods of the surface at rest; lists of different lengths are stored as offsets and values.
+    """Neighbourhoods of the undeformed surface; lists of different lengths are stored as offsets and values.
 
     Attributes:
         vertices: (k,) int32 vertices of the faces, sorted.
@@ -57,7 +57,7 @@ class Nearest:
         weights: (k, 4) weights of its corners at the closest point.
         normal: (k, 3) unit normal of the plane that the vertex must stay in front of.
         gap: (k,) [m] signed distance to that plane; infinite where there is no face.
-        support: (k,) share of the contact force that the face carries: 1 above it, 0 once the vertex has left it.
+        support: (k,) fraction of the contact force that the face carries: 1 above it, 0 once the vertex has left it.
     """
 
     face: NDArray[np.int64]
@@ -75,7 +75,7 @@ class OwnSurface:
         quads: (q, 4) int32 boundary faces.
 
     Attributes:
-        topology: neighbourhoods of the surface at rest.
+        topology: neighbourhoods of the undeformed surface.
     """
 
     def __init__(self, body: Body, quads: NDArray[np.int32]) -> None:

@@ -7,8 +7,8 @@ of the face on which it stuck last: the slip s is the part of x - sum v_b x_b - 
 x - sum v_b x_b when it stuck. Gap and slip are linear in the positions and invariant to translation, so the forces on
 vertex and face cancel to rounding.
 
-A vertex at the rim of its face has a share c of the face's support: 1 above the face, 0 beside it. Its normal force is
-c max(0, l - k g). In the limit of the updates this is a spring of stiffness k c / (1 - c) between vertex and face. A
+A vertex at the rim of its face has a fraction c of the face's support: 1 above the face, 0 beside it. Its normal force
+is c max(0, l - k g). In the limit of the updates this is a spring of stiffness k c / (1 - c) between vertex and face. A
 vertex that slides over an edge is thus released gradually, and no equilibrium is skipped.
 """
 

@@ -21,7 +21,7 @@ def touching_vertices(
     shears: NDArray[np.float64],
     slips: NDArray[np.bool_],
 ) -> Touch:
-    """Return the contact forces at all vertices that touch; the corners of faces receive their shares.
+    """Return the contact forces at all vertices that touch; the corners of faces receive their parts.
 
     Args:
         x: (n, 3) [m] positions, relative to ``origin``.

@@ -17,7 +17,7 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
 
 SUPPORTED = 0.1
-"""When a point's share of an impact is computed, its displacement by all contacts counts as at least this fraction of
+"""When a point's part of an impact is computed, its displacement by all contacts counts as at least this fraction of
 its displacement by this contact alone."""
 
 

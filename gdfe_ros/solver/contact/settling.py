@@ -25,13 +25,13 @@ SLOWEST = 0.95
 NORMALS = slice(4, 7)
 """Columns of normals among the forces of pairs."""
 SHARE = 0.5
-"""Applied share of a normal's rotation in a plain update, with which updates converge unless they overshoot more than
-twofold."""
+"""Applied fraction of a normal's rotation in a plain update, with which updates converge unless they overshoot more
+than twofold."""
 SWINGING, MOST_SWINGS = 0.5, 8
-"""Share of the last update above which the reversal by the next one counts as an oscillation, and number of successive
-oscillations before updates are damped."""
+"""Fraction of the last update above which the reversal by the next one counts as an oscillation, and number of
+successive oscillations before updates are damped."""
 SHORTER, LEAST = 0.5, 1.0 / 256.0
-"""Factor of the applied share of an update at each oscillation, and least such share."""
+"""Factor of the applied fraction of an update at each oscillation, and least such fraction."""
 
 
 class Damping:
@@ -79,7 +79,7 @@ class Settling:
         """Return an estimate of the remaining distance [m], from the last displacement and the error ``missed`` [m].
 
         Between plain updates both shrink by factors q, so that the last value times q / (1 - q) remains. An error that
-        many pairs share shrinks slowly, and is much smaller than the displacement that it causes.
+        many pairs have in common shrinks slowly, and is much smaller than the displacement that it causes.
         """
         last = np.array([largest_distance(positions, self._before), missed])
         self._plain = 0 if self._hastened else self._plain + 1

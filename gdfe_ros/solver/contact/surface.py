@@ -28,10 +28,10 @@ class ContactSurface:
     Attributes:
         carriers: (k, 1) int32 vertices that are not driven, sorted.
         weights: (k, 1) ones.
-        areas: (k,) [m^2] at rest, each vertex' share of the surface.
+        areas: (k,) [m^2] undeformed, each vertex' part of the surface.
         quads: (q, 4) int32 faces.
-        gauss: (q, 4) [m^2] at rest, the share of each Gauss point.
-        spread: (n,) [m^2] at rest, the share of every vertex of the body.
+        gauss: (q, 4) [m^2] undeformed, the part of each Gauss point.
+        spread: (n,) [m^2] undeformed, the part of every vertex of the body.
     """
 
     carriers: NDArray[np.int32]

@@ -57,7 +57,7 @@ class ActiveSet(Movable):
         softening: int32 those of them whose hourglass scales are updated.
         blocks: these elements in the layout of the kernels, without growth.
         skipped: counts of work that is left out, by name: elements, or 1.
-        workspace: of its minimisations; a part shares positions and forces with the whole.
+        workspace: of its minimisations; a part uses the positions and forces of the whole.
         keeper: copies the workspace's history to and from immutable values.
     """
 

@@ -29,7 +29,7 @@ class Lump(NamedTuple):
     Attributes:
         vertices: (k,) int32.
         stiffness: of its surroundings against a rotation [N m / rad].
-        radius: largest distance of its vertices from their mean at rest [m].
+        radius: largest undeformed distance of its vertices from their mean [m].
     """
 
     vertices: NDArray[np.int32]

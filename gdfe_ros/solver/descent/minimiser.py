@@ -65,7 +65,7 @@ class Task:
 
     @property
     def turn(self) -> AbstractContextManager[object]:
-        """The context of a call that may share its work among threads."""
+        """The context of a call that may divide its work among threads."""
         return nullcontext() if self.problem.threads is None else _TEAM
 
     def evaluate(self) -> None:
@@ -139,7 +139,7 @@ class Minimiser:
         Args:
             task: the problem; its terms are evaluated at the present unknowns.
             tolerance: estimated largest distance to the equilibrium over the body's size.
-            final: tolerance of the whole solve; a step below a small share of it ends even the first iterations.
+            final: tolerance of the whole solve; a step below a small fraction of it ends even the first iterations.
             least: least number of iterations.
             limit: most iterations.
         """
@@ -186,9 +186,10 @@ class Minimiser:
     def _iterate(
         self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool = False
     ) -> Descended:
-        """Iterate with the constant matrix; with ``evaluate``, evaluate the terms at the start first.
+        """Iterate with the constant matrix until the distance is below ``target`` [m].
 
-        During the first ``least`` iterations only the ``floor`` [m] ends it.
+        The first ``least`` iterations end only below the smaller distance ``floor`` [m]. With ``evaluate``, the terms
+        are evaluated at the start first.
         """
         compiled = task.active.matrix.kind is not Factorisation.SCIPY
         later = compiled and limit > 0 and not self.observer  # the compiled iterations evaluate them as well

@@ -34,7 +34,7 @@ STEADY = 0.5
 HALVINGS = 40
 """Bisections for a least Ritz value."""
 ROUNDING = 1e-20
-"""Share of the first residual's square that is rounding."""
+"""Fraction of the first residual's square that is rounding."""
 HALF = 0.5
 """Largest distance after a step, over the target and over the step, at which the iterations end."""
 CLOSE = 0.02

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled quasi-Newton direction d = -H g from a history of pairs.
 
-The inverse Hessian is kept in the compact form of Byrd, Nocedal and Schnabel (1994): see `quasi_newton`. Threads share
+The inverse Hessian is kept in the compact form of Byrd, Nocedal and Schnabel (1994): see `quasi_newton`. Threads divide
 the pairs of the history for the products, and the unknowns for the direction. Every sum is taken in the same order as
 in one thread.
 """
@@ -17,7 +17,7 @@ from gdfe_ros.solver.distance import largest
 CURVATURE = 1e-10
 """Least cosine between a step and the change of the gradient for the pair to enter the history."""
 LARGE = 50_000
-"""Number of unknowns from which sharing the history among threads pays."""
+"""Number of unknowns from which dividing the history among threads pays."""
 MOST_SHORTENED = 1e-4
 """Least length of the quasi-Newton direction over the plain preconditioned step. The last pairs of a very accurate
 solve consist of rounding; with them a body would seem to be at rest after its command has changed."""
@@ -117,7 +117,7 @@ def take_products(work, threads):
 
 @kernel
 def combine(work, scale, first, last):
-    """Write the entries ``first`` to ``last`` of the direction: the preconditioned gradient and the pairs' shares."""
+    """Write the entries ``first`` to ``last`` of the direction: the preconditioned gradient and the pairs' terms."""
     d, z = work.direction, work.step
     for n in range(first, last):
         d[n] = -scale * z[n]

@@ -20,9 +20,10 @@ if a body's stiffness changes by its own magnitude over a tenth of the body's si
 
 @kernel
 def multiply(problem, u, gradient, beside, direction, spacing, image):
-    """Write K direction (3 r,) [N] at the unknowns ``u``, where the ``gradient`` is known, to ``image``.
+    """Write the product K d (3 r,) [N] of the tangent and ``direction`` to ``image``.
 
-    The difference has a largest displacement of ``spacing`` [m]; ``beside`` is its workspace.
+    The product is a finite difference of gradients: ``gradient`` is the one at the unknowns ``u``. The largest
+    displacement of the difference is ``spacing`` [m]. The second gradient is evaluated in the workspace ``beside``.
     """
     step, first = spacing / largest(direction), len(u) > 0
     for n in range(len(u)):

@@ -22,13 +22,13 @@ from gdfe_ros.solver.tangent.substitution import solve_kept
 from gdfe_ros.solver.terms.term import terms_energy
 
 ARMIJO = 1e-4
-"""Share of the decrease predicted by the slope that a step must achieve: the usual value."""
+"""Fraction of the decrease predicted by the slope that a step must achieve: the usual value."""
 MAX_CUTS = 30
 """Number of halvings of a step after which the descent counts as stalled: 2^-30 is below any rounding."""
 MOST_BLOCKED = 4
 """Successive full steps into infinite energy after which the body counts as running away."""
 ROUNDING = 1e-13
-"""Share of the sum of the energy's terms; smaller changes are rounding errors in double precision."""
+"""Fraction of the sum of the energy's terms; smaller changes are rounding errors in double precision."""
 SHIFT_AND_TURN = 2.0
 """Bound of a vertex' displacement over the largest of a step: translation and rotation of a handle add up at its
 vertices."""

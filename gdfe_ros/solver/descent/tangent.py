@@ -44,8 +44,8 @@ FLYING = 0.02
 PATIENT = 12
 """Successive iterations of L-BFGS after which the tangent is renewed; more if a new tangent costs more solves."""
 DAMPING = 10.0
-"""Growth factor of the constant matrix's share in the tangent if steps in motion do not shrink; the first share is the
-body's softness. An almost singular tangent causes steps that are far too long."""
+"""Growth factor of the constant matrix's weight in the tangent if steps in motion do not shrink; the first weight is
+the body's softness. An almost singular tangent causes steps that are far too long."""
 HIDDEN = 0.01
 """Remainder of a random right-hand side, over its average component along one mode, at which every mode is resolved."""
 

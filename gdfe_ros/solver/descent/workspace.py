@@ -38,7 +38,7 @@ STATUS = np.dtype(
         ("reach", np.float64),  # displacement beyond which the body counts as running away [m]
         ("absolute", np.float64),  # sum of the elements' |energy| [J]
         ("outside", np.float64),  # size of the other terms' energies [J]
-        ("grain", np.float64),  # rounding of the energy at rest [J]
+        ("grain", np.float64),  # rounding of the undeformed energy [J]
         ("count", np.int64),  # number of pairs in the history
         ("serial", np.int64),  # serial number of the newest pair
         ("pending", np.int64),  # 1 if the newest pair's products with the older ones are not computed yet
@@ -60,13 +60,13 @@ class Problem(NamedTuple):
         shape, blocks: operators of the elements.
         material: (m,) int32 material of each element.
         pressure: (m,) [Pa] multipliers of the volumes.
-        scale: (m,) hourglass stiffness over that at rest.
+        scale: (m,) hourglass stiffness over the initial one.
         table: the materials.
         watch: list of elements near folding, on which fold barriers act; minimisations extend it.
         unknowns: the numbering.
         frame: commanded positions of the handles.
         terms: all terms other than the elements.
-        threads: threads that share the elements; None for one.
+        threads: threads among which the elements are divided; None for one.
     """
 
     shape: tuple
@@ -137,7 +137,7 @@ def allocate(rows: int, x: NDArray[np.float64], cells: tuple[int, int], memory: 
 
 
 def allocate_part(rows: int, whole: Workspace) -> Workspace:
-    """Return a workspace for fewer ``rows`` that shares positions, forces and energies with the ``whole``."""
+    """Return a workspace for fewer ``rows`` with the same arrays of positions, forces and energies as the ``whole``."""
     return _with_history(rows, len(whole.row), whole.x, whole.force, whole.energies, whole.outside)
 
 

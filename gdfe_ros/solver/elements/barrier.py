@@ -9,8 +9,8 @@ element,
 
 with the corner's volume ratio J_c, the element's shear modulus mu [Pa] and volume V [m^3]. Its properties are:
 
-1. J_c = r_c a . (b x c) is trilinear in the corner's three edges a, b, c [m]; r_c [1/m^3] is one over the triple
-product at rest. So dJ_c/da = r_c b x c, and cyclically.
+1. J_c = r_c a . (b x c) is trilinear in the corner's three edges a, b, c [m]; r_c [1/m^3] is one over the
+undeformed triple product. So dJ_c/da = r_c b x c, and cyclically.
 2. b, b' and b'' are zero at s = 1. The energy stays twice differentiable, and nothing changes above the threshold.
 3. b' = -(1 - s)^2 (1 + 2 s) / s^2 pushes the corner open without bound as s goes to 0.
 4. Below s_0 the energy continues as its tangent at s_0, so that it is finite everywhere. A line search that steps too

@@ -116,7 +116,7 @@ def room(x, shape, e, corners):
 
 @inlined
 def element_room(corners, ratios):
-    """Return the room [m] of an element with the corners (8, 3) [m]; 0 if it is nearly folded."""
+    """Return `room` for an element with the corners (8, 3) [m]."""
     room = math.inf
     for c in range(8):
         a, b, d = edge_at(corners, c, 0), edge_at(corners, c, 1), edge_at(corners, c, 2)

@@ -5,7 +5,7 @@ The four vectors q_k = sum_b gamma_kb x_b contain the deformation that the mean 
 on the current directions e_i = F d_i / |F d_i| of the three edges. Mode k < 3 (which lacks axis k) with i != k is
 bending: a normal strain 2 a / h_i along i that varies linearly over the third axis; i = k is torsion: shear strains;
 mode 3 varies trilinearly. In bending, parasitic shear and thickness strains are left out (enhanced assumed strain:
-Belytschko and Bindeman 1993, Puso 2000). The moduli are those at rest times the element's scale, which is constant
+Belytschko and Bindeman 1993, Puso 2000). The moduli are the initial ones times the element's scale, which is constant
 during a minimisation.
 """
 

@@ -13,7 +13,7 @@ from gdfe_ros.solver.elements.cell_kernels import least_corner, mean_gradient, v
 
 LINEAR, NEO_HOOKEAN, CURVE = 0, 1, 2
 LEAST_SCALE, MOST_SCALE = 0.25, 4.0
-"""Bounds of the hourglass stiffness over that at rest. The lower one prevents hourglassing of elements that soften
+"""Bounds of the hourglass stiffness over the initial one. The lower one prevents hourglassing of elements that soften
 much, the upper one keeps the constant matrix a good preconditioner of elements that stiffen much."""
 LEAST_CURVE_SCALE = 0.8
 """The lower bound for measured curves, whose tangent falls most. In the scene tensile_curve at 100 % elongation corners
@@ -94,14 +94,14 @@ def strain_state(x, shape, e, table, k):
 
 @inlined
 def softened_scale(tangent, table, k):
-    """Return the hourglass stiffness over that at rest of an element with this tangent modulus [Pa]."""
+    """Return the hourglass stiffness, over the initial one, of an element with this tangent modulus [Pa]."""
     least = LEAST_CURVE_SCALE if table.law[k] == CURVE else LEAST_SCALE
     return min(max(tangent / table.tangent[k, 0], least), MOST_SCALE)
 
 
 @kernel
 def update_hourglass_scales(x, elements, shape, material, table, scale):
-    """Set the scale (m,) of ``elements`` to their tangent modulus over that at rest; return the largest change.
+    """Set the scale (m,) of ``elements`` to their tangent modulus over the initial one; return the largest change.
 
     Bending and torsion inside an element soften with its modulus, as its shape factor does (Algorithm 1). The scale is
     constant during a minimisation. It is updated between minimisations until it no longer changes, so that the result

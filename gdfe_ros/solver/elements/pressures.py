@@ -18,7 +18,7 @@ STILL_UPDATES, PLAIN_UPDATES = 3, 20
 LOCAL_SLACK = 10.0
 """Volume error of a single element over the mean one that moves the positions by the same amount."""
 SWINGING = 0.3
-"""Share of the last update above which the reversal by the next one counts as an oscillation."""
+"""Fraction of the last update above which the reversal by the next one counts as an oscillation."""
 MOST_SWINGS = 2
 """Number of oscillations in a row after which the bulk modulus beside the pressures is raised."""
 STIFFENING, MOST_STIFFENING = 3.0, 30.0
@@ -96,7 +96,7 @@ def with_bulk(table: MaterialTable, bulk: NDArray[np.float64]) -> MaterialTable:
 
 
 def at_rest(body: Body) -> ElementState:
-    """Return the elements' stored state at rest."""
+    """Return the stored state of undeformed elements."""
     none = np.zeros(len(body.material))
     return ElementState(
         pressures=none,

@@ -23,7 +23,7 @@ def evaluate(x, shape, blocks, material, pressure, scale, table, watched, force,
     """Write the corner forces (m, c, 3) [N] and energies (m,) [J] of all elements; return the sum of the energies.
 
     ``x`` (n, 3) [m] are the positions, ``pressure`` (m,) [Pa] the multipliers of the volumes, ``scale`` (m,) multiplies
-    the hourglass stiffness at rest, ``watched`` (k,) int32 are the elements with fold barriers. Any number of
+    the initial hourglass stiffness, ``watched`` (k,) int32 are the elements with fold barriers. Any number of
     ``threads`` writes the same bits, and the sum is taken in one thread. With None, for one thread, the parallel
     version is not compiled.
     """

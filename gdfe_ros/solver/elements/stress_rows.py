@@ -159,7 +159,7 @@ def corotated_stress_rows(b):
 
 @inlined
 def principal_rows(b):
-    """Write the signed principal stretches, the largest first, and their directions at rest, N, and now, n."""
+    """Write the signed principal stretches, the largest first, and their directions, undeformed N and deformed n."""
     for lane in range(LANES):
         f = load9(b, GRADIENT, lane)
         x, y, z = (f[0], f[3], f[6]), (f[1], f[4], f[7]), (f[2], f[5], f[8])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled response of a block of quadratic tetrahedra: P2 with a split volume term (docs/theory/tetrahedra.md).
 
-A material's volume stiffness is divided into a local share, which acts at the four integration points, and the rest,
-which acts on the element's mean volume ratio. The table of materials has the shares (`local_share`).
+A material's volume stiffness is divided into a local part, which acts at the four integration points, and the rest,
+which acts on the element's mean volume ratio. The table of materials has the local parts (`local_share`).
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ PATIENCE, MOST_PATIENCE = 4, 64
 """Number of successive steps of the whole body for which a vertex must be at rest before it is frozen: first value and
 limit. The number is doubled after each part that was too small."""
 WORTH = 0.75
-"""Share of the free vertices above which solving only a part does not pay."""
+"""Fraction of the free vertices above which solving only a part does not pay."""
 MOST_REST = 32
 """Largest number of steps for which the search for vertices to freeze pauses. It pauses after an awake part that would
 have been too large (`WORTH`), each time twice as long."""

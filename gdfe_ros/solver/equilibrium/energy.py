@@ -53,7 +53,7 @@ class EquilibriumSolver:
         actuation: the external terms; None for none.
         library: library that factors the constant matrix; None chooses.
         skip: kinds of work that may be left out.
-        threads: most threads that share the elements.
+        threads: most threads among which the elements are divided.
         predictor: makes the predictor of a solve's start; None for the one of equilibria.
         softening: whether hourglass scales follow the strain.
 
@@ -111,7 +111,7 @@ class EquilibriumSolver:
         self._saddles = Saddles(Stability(body, self._model.softest)) if still else None
 
     def at_rest(self) -> State:
-        """Return the state at rest; it is no equilibrium if the body is inside of an obstacle."""
+        """Return the undeformed state; it is no equilibrium if the body is inside of an obstacle."""
         body, handles, loose = self.body, self.body.handles, np.zeros((len(self.body.unknowns.slides), 3))
         poses = {handle.name: Pose() for handle in handles}
         still = {handle.name: np.zeros(6) for handle in handles}
@@ -121,7 +121,7 @@ class EquilibriumSolver:
         entered = [contact.name for contact in self.actuation.contacts if contact.inside]
         summary = Summary(
             converged=not entered,
-            message=f"not solved yet: at rest the body is inside of {', '.join(entered)}" if entered else "",
+            message=f"not solved yet: the undeformed body is inside of {', '.join(entered)}" if entered else "",
             error_estimate=0.0,
             energy=0.0,
             min_det=1.0,
@@ -146,7 +146,7 @@ class EquilibriumSolver:
 
     @property
     def model(self) -> Model:
-        """The data that all solves share."""
+        """The data common to all solves."""
         return self._model
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Data that all solves of a body share."""
+"""Data common to all solves of a body."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gdfe_ros.solver.terms.actuation import Actuation
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Data that all solves of a body share: body, terms, handles, and minimiser.
+    """Data common to all solves of a body: body, terms, handles, and minimiser.
 
     Attributes:
         body: the discretised body.
@@ -27,7 +27,8 @@ class Model:
         level: tangent preconditioner of a slender body; None if the constant matrix preconditions.
         softening: whether hourglass scales follow the strain. With ``newmark`` they stay constant, because a change of
             scale would create or remove energy.
-        softest: (3 r,) the constant matrix times an estimate of the softest mode at rest; None if nothing moves.
+        softest: (3 r,) the constant matrix times an estimate of the undeformed body's softest mode; None if nothing
+            moves.
     """
 
     body: Body

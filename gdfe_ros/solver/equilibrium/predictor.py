@@ -19,7 +19,7 @@ LARGEST_RATIO = 2.0
 STILL = 1e-12
 """Motion of handles, over the body's size, that is rounding and needs no harmonic predictor."""
 SMOOTH = 0.5
-"""Largest share of a motion that may deviate from the last one for extrapolation."""
+"""Largest fraction of a motion that may deviate from the last one for extrapolation."""
 
 
 @dataclass(frozen=True, eq=False)

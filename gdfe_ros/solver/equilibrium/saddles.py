@@ -33,7 +33,7 @@ class Descents(Protocol):
 
     @property
     def model(self) -> Model:
-        """The data that all solves share."""
+        """The data common to all solves."""
 
     @property
     def whole(self) -> ActiveSet:

@@ -51,10 +51,10 @@ def for_slender(
         model: of the body, with the constant matrix alone.
         whole: the active set of the whole body.
         matrix: the constant matrix.
-        rest: the state at rest.
+        rest: the undeformed state.
         weight: (m,) [Pa] of the constant matrix.
         bending: (m,) [N/m] of the constant matrix.
-        threads: threads that share the elements.
+        threads: threads among which the elements are divided.
         moving: whether inertia is among the terms.
     """
     body, count = model.body, len(whole.unknowns.free)

@@ -40,7 +40,7 @@ not full. With small successive commands, the first evens out the work of the st
 tolerance; otherwise errors would accumulate. The third is needed because the history does not contain the softest
 modes yet, which forces excite most."""
 COLD_AIM = 0.2
-"""Share of the tolerance at which a solve that continues no motion stops. Its history does not contain the softest
+"""Fraction of the tolerance at which a solve that continues no motion stops. Its history does not contain the softest
 modes yet, and its steps become short before the distance becomes small."""
 MOST_UPDATES = 60
 """Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
@@ -51,7 +51,7 @@ class Solve:
     """A solve in progress.
 
     Args:
-        model: data that all solves share.
+        model: data common to all solves.
         problem: the requested increment.
         start: state at the beginning.
         base: (n, 3) [m], positions whose rows of handle vertices are the commanded ones.

@@ -18,8 +18,8 @@ FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
 """First length of a step along a direction of negative curvature, over the body's size, and the largest numbers of
 doublings and of divisions by four."""
 RANDOM = 1.0
-"""Share of a random load, in addition to that of the softest mode, in the start of the search: buckling may be local.
-With a tenth, the search may converge to the softest mode before it finds one of negative curvature."""
+"""Norm of a random load over that of the softest mode's load; the search starts with their sum, because buckling may be
+local. With a tenth, the search may converge to the softest mode before it finds one of negative curvature."""
 FALL = 1e-9
 """Least relative decrease of the energy along a descent direction; less is rounding."""
 
@@ -41,7 +41,7 @@ class Stability:
 
     Args:
         body: the discretised body.
-        softest: (3 r,) the constant matrix times the softest mode at rest: bodies buckle in such modes.
+        softest: (3 r,) the constant matrix times the undeformed body's softest mode: bodies buckle in such modes.
     """
 
     def __init__(self, body: Body, softest: NDArray[np.float64]) -> None:

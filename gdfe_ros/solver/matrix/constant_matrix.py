@@ -45,7 +45,7 @@ def _scatter(blocks: NDArray[np.float64], shape: ShapeOperators, count: int | No
 
 
 class ConstantMatrix:
-    """The constant matrix restricted to the unknowns, factored; x, y and z share one factor.
+    """The constant matrix restricted to the unknowns, factored; x, y and z have one factor.
 
     Handles with a free axis are eliminated by their Schur complement, so that one factor of the free vertices serves
     all three axes, whether they are free or not.
@@ -58,7 +58,7 @@ class ConstantMatrix:
 
     Attributes:
         kind: the library in use.
-        coupling: of the handles at rest.
+        coupling: of the handles in their rest poses.
         assembled: the matrix of all vertices (n, n).
     """
 
@@ -106,7 +106,7 @@ class ConstantMatrix:
     def compliance(self, force: NDArray[np.float64]) -> float:
         """Return the compliance f . A^-1 f [m/N times the squared unit of f] of vertex forces f (n, 3).
 
-        Handles with a free axis are included, at rest.
+        Handles with a free axis are included, in their rest poses.
         """
         unknowns, count = self._unknowns, len(self._unknowns.free)
         right = np.zeros((unknowns.rows, 3))

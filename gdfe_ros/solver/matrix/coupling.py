@@ -2,7 +2,7 @@
 """Coupling of the rigid rows to the free vertices: block elimination with one factor for x, y and z.
 
 The constant matrix couples no axes, but a rotation does. Each handle moves its vertices by scalar fields: 1, and for a
-rotating handle the three components of the arms at rest. A motion of the handle, rotated by Q and with the rotation
+rotating handle the three components of the undeformed arms. A motion of the handle, rotated by Q and with the rotation
 vector theta, is a combination of these fields for each axis, dx = dt + (J_l(theta) dtheta) x (Q r). The harmonic
 extensions of the fields are computed once, and the Schur complement of the rigid rows follows from them for any Q.
 """
@@ -92,10 +92,10 @@ class RigidFields:
                 continue
             column = 3 * (unknowns.turn_row[p] - count)
             for axis in range(3):
-                way = np.zeros(3)
-                way[axis] = unknowns.turns[p, axis] / unknowns.radius[p]
-                # dx = way x (Q r): row i contains the coefficients of r's three components.
-                motion[:, first + 1 : first + 4, column + axis] = np.cross(way, np.asarray(turned[p]).T).T
+                direction = np.zeros(3)
+                direction[axis] = unknowns.turns[p, axis] / unknowns.radius[p]
+                # dx is the cross product with Q r: row i contains the coefficients of r's three components.
+                motion[:, first + 1 : first + 4, column + axis] = np.cross(direction, np.asarray(turned[p]).T).T
         return motion
 
 

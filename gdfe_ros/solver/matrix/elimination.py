@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 
 SLACK = 0.05
-"""Largest share of zeros in a supernode: fewer and broader supernodes are faster if the matrix is factored often."""
+"""Largest fraction of zeros in a supernode: fewer and broader supernodes are faster if the matrix is factored often."""
 SMALL = 1.0
-"""Work of a subtree, over a group's even share, up to which it is not divided."""
+"""Work of a subtree, over an even division among groups, up to which it is not divided."""
 NARROW = 2
 """Width in vertices up to which a supernode is always merged with its parent."""
 
@@ -231,7 +231,7 @@ def structure(indptr, indices, order, rank, first, row_start, parent):
 def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64], *, slack: float = SLACK) -> Elimination:
     """Return the elimination of the vertices of a symmetric graph (f, f) in an order (f,).
 
-    Supernodes are merged if at most a share ``slack`` of the result is zeros.
+    Supernodes are merged if at most a fraction ``slack`` of the result is zeros.
     """
     indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
     order = order[postorder(elimination_tree(indptr, indices, order, np.argsort(order)))]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors of symmetric positive definite matrices; equal matrices in a process share one factor."""
+"""Factors of symmetric positive definite matrices; equal matrices in a process have one factor."""
 
 from __future__ import annotations
 

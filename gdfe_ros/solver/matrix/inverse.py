@@ -23,7 +23,7 @@ TAKEN, LINE = 4, 8
 
 
 class Inverse(NamedTuple):
-    """An inverse (f, f) for the kernels; it is never modified, so that threads may share it.
+    """An inverse (f, f) for the kernels; it is never modified, so that threads may use it together.
 
     Attributes:
         explicit: (f, f) the inverse itself, or (0, 0).

@@ -24,9 +24,9 @@ COARSE_FROM = 4_000_000
 dominates the time of a solve."""
 
 GROUPS = 4
-"""Groups of supernodes of a large factor that threads may share."""
+"""Groups of supernodes of a large factor that may be divided among threads."""
 ZEROS = 0.15
-"""Largest share of zeros in a supernode: a matrix that is factored once and solved with often is fastest with few
+"""Largest fraction of zeros in a supernode: a matrix that is factored once and solved with often is fastest with few
 zeros."""
 
 

@@ -28,8 +28,8 @@ class Unknowns(NamedTuple):
         slides: (p, 3) float64, 1 for a free translation, 0 for a prescribed one.
         turns: (p, 3) float64, the same for rotations.
         turn_row: (p,) int32, row of the rotation; -1 for a handle that does not rotate.
-        radius: (p,) float64, largest distance of any vertex of the body from the handle's centre at rest [m], because
-            the body follows a rotation of the handle.
+        radius: (p,) float64, largest distance of any undeformed vertex of the body from the handle's centre [m],
+            because the body follows a rotation of the handle.
         corner_start: (n + 1,) int32, index in ``corner`` at which each vertex's list of element corners begins.
         corner: (c m,) int32, element times 8 (16 with more than 8 corners) plus corner; each vertex sums its forces
             in this order.

@@ -13,11 +13,11 @@ def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
     """Return a snapshot that continues a motion with other materials: positions, velocities and commands stay.
 
     The stored states of elements and minimisations belong to the old materials and are replaced by those of ``fresh``.
-    Nothing counts as at rest, because the forces have changed. The change of energy is not accounted for.
+    No vertex counts as at rest, because the forces have changed. The change of energy is not accounted for.
 
     Args:
         moving: snapshot of the old body.
-        fresh: snapshot of the new one, at rest.
+        fresh: snapshot of the new one, undeformed.
     """
     old, new = moving.state, fresh.state
     state = old.with_(

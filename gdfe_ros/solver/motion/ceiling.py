@@ -21,15 +21,15 @@ ABOVE_LEAST = {Scheme.BDF2: 0.25, Scheme.NEWMARK: 0.03, Scheme.GENERALISED_ALPHA
 hundredth, because hourglass stiffness follows strains. With `bdf2` it drops too far when the body is stopped, and rises
 again."""
 ROUNDING = 1e-9
-"""Share of the energies in an account that is rounding."""
+"""Fraction of the energies in an account that is rounding."""
 
 
 class Ceiling:
     """Detects steps that create energy.
 
     The balance kinetic + elastic + potential energy - work is constant or falls by the dissipated energy. It may exceed
-    its initial and its least value by shares of the largest kinetic and elastic energy so far, and by the energy of a
-    strain of the size of the tolerance.
+    its initial and its least value by fractions of the largest kinetic and elastic energy so far, and by the energy of
+    a strain of the size of the tolerance.
 
     Args:
         body: the discretised body.

@@ -26,7 +26,7 @@ class Branch:
     """One term of a Prony series.
 
     Attributes:
-        share: of the instantaneous modulus that this branch carries, above 0.
+        share: fraction of the instantaneous modulus that this branch carries, above 0.
         time: relaxation time [s], in which its stress falls to 1/e.
     """
 
@@ -98,5 +98,5 @@ class Dynamics:
 
     @property
     def slow_share(self) -> float:
-        """Share of the instantaneous modulus that remains in slow motion, which is the material's law."""
+        """Fraction of the instantaneous modulus that remains in slow motion, which is the material's law."""
         return 1.0 - sum(branch.share for branch in self.prony)

@@ -21,7 +21,7 @@ WHOLE = 2**HALVINGS
 DEEPEST_FOLD = -0.5
 """Least volume ratio of a corner with which an undriven motion continues: fold barriers open such folds again."""
 ROUNDING = 1e-9
-"""Share of an internal step that counts as zero."""
+"""Fraction of an internal step that counts as zero."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -2,10 +2,10 @@
 """Impacts of rigid bodies: contact forces that stop a body within one step act once, as impulses.
 
 A scheme of second order assumes that the force of a step acted before it and continues after it. A contact force that
-stops a rigid body in one step would therefore throw it back, with BDF2 at up to 1.25 times its speed. The share of each
-contact force that cancels the speed of approach is thus treated as an impulse: it moves the body by d in that step,
-changes its velocity by d / h, and does not enter the next step. The rest, such as the weight of a resting body, is an
-ordinary force. The share is the same on both sides, so momentum is conserved.
+stops a rigid body in one step would therefore throw it back, with BDF2 at up to 1.25 times its speed. The fraction of
+each contact force that cancels the speed of approach is thus treated as an impulse: it moves the body by d in that
+step, changes its velocity by d / h, and does not enter the next step. The rest, such as the weight of a resting body,
+is an ordinary force. The fraction is the same on both sides, so momentum is conserved.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ class ImuReading:
     """Reading of one unit.
 
     Attributes:
-        orientation: from the unit's axes to the world's; the identity at rest.
+        orientation: from the unit's axes to the world's; initially the identity.
         angular_velocity: (3,) [rad/s] in the unit's axes.
         linear_acceleration: (3,) [m/s^2] in the unit's axes, without that of gravity: 9.81 upward at rest.
     """
@@ -53,7 +53,7 @@ def later_readings(
 ) -> Callable[[], dict[str, ImuReading]]:
     """Return a function that evaluates the readings at points by name, once and in any thread.
 
-    Before the first step of a run nothing is accelerated yet: a unit reads the same as at rest.
+    Before the first step of a run nothing is accelerated yet: a unit reads what it reads at rest.
 
     Args:
         points: one material point each.
@@ -90,7 +90,7 @@ def imu_reading(
     """Return the reading of a unit at a material point.
 
     Args:
-        shape: operators of the elements at rest.
+        shape: operators of the undeformed elements.
         point: position of the unit.
         positions: (n, 3) [m].
         velocities: (n, 3) [m/s].

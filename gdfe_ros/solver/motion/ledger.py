@@ -30,7 +30,7 @@ class Accounts:
         self._body, self._mass, self._dynamics = body, mass, dynamics
 
     def opened(self) -> Ledger:
-        """Return the ledger at the start: at rest except for the initial velocities of the scene."""
+        """Return the ledger of the undeformed body with the scene's initial velocities."""
         velocity = self.velocity_at_start(self._body.rest)
         kinetic = self._kinetic(velocity)
         return Ledger(work=0.0, lost=0.0, bound=Bound(start=kinetic, least=kinetic, most=kinetic))

@@ -33,7 +33,7 @@ def mass_matrix(
         cells: (m, c) their vertices.
         density: (m,) [kg/m^3].
         attached: masses on points.
-        filling: filled share of cut cells.
+        filling: filled fraction of cut cells.
     """
     blocks = np.zeros((len(cells), cells.shape[1], cells.shape[1]))
     for volume, shape in gauss_points(rest, cells, filling):

@@ -28,7 +28,7 @@ UNTOLD = "rigid bodies were moved to other places, and no step has been made sin
 def put_elsewhere(
     body: Body, handles: HandleMotions, actuation: Actuation, state: State, places: Mapping[str, Pose]
 ) -> State:
-    """Return a state with rigid bodies at rest at poses relative to their rest poses.
+    """Return a state with rigid bodies at given poses (relative to their rest poses) and without velocity.
 
     Their former contacts are dropped; new contacts act from the next step on.
     """
@@ -84,7 +84,7 @@ def _vertices(body: Body, places: Mapping[str, Pose]) -> NDArray[np.int32]:
 
 
 def _stopped(saved: Saved, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> Saved:
-    """Return the stored inertia with ``vertices`` at rest at ``positions`` (n, 3) [m]."""
+    """Return the stored inertia with ``vertices`` at ``positions`` (n, 3) [m] and without velocity."""
     kept = dict(saved)
     for name in ("velocity", "velocity_before", "acceleration", "balanced", *inertia.OPTIONAL):
         if name in saved:

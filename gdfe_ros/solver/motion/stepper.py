@@ -190,7 +190,7 @@ class MotionStepper:
         return found.with_(ledger=changed(found.ledger, bound=None))
 
     def put(self, state: State, places: Mapping[str, Pose]) -> State:
-        """Return a state with rigid bodies, by name, at rest at poses relative to their rest poses.
+        """Return a state with rigid bodies, by name, at poses relative to their rest poses and without velocity.
 
         The change of energy counts as work done on them.
 

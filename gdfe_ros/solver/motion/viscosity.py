@@ -3,7 +3,7 @@
 
 An element's strains are E = (F^T F - 1)/2 of its mean deformation gradient and w_k = F^T q_k of its hourglass vectors
 q_k, which measure its bending; both are invariant to rotations of the body. A tetrahedron has the strains E of its four
-integration points instead, each with its share of the volume. A dashpot and the branches of a Prony
+integration points instead, each with its part of the volume. A dashpot and the branches of a Prony
 series each contribute k/2 |E - E_hat|^2 V with a strain E_hat that follows from the previous steps; they add up to one
 such energy.
 """
@@ -219,12 +219,12 @@ class Viscosity(Term):
         super().__init__(NAME, numbers.ravel(), self._cells.ravel().astype(np.int32))
 
     def stiffness(self) -> sparse.spmatrix:
-        """Return the term's stiffness at rest, in the form of the constant matrix."""
+        """Return the term's stiffness for the undeformed body, in the form of the constant matrix."""
         own = self._sum[:: self._places]
         return assemble(self._body.shape, own, own * self._bend[:: self._places], len(self._body.rest))
 
     def neutral(self) -> Saved:
-        """Return strains and branches at rest."""
+        """Return strains and branches of the undeformed body."""
         rest = self._strains(self._body.rest)
         return {
             "strain": rest,

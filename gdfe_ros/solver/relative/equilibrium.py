@@ -69,7 +69,7 @@ class RelativeEquilibrium:
         """Do nothing: this policy has no energy to observe."""
 
     def at_rest(self) -> State:
-        """Return the state at rest, without captured shapes and strain."""
+        """Return the undeformed state, without captured shapes and strain."""
         body, loose = self._body, np.zeros((len(self._body.unknowns.slides), 3))
         operators, commands = self._actuation.growths.ungrown, dict(self._actuation.neutral)
         poses = {handle.name: Pose() for handle in body.handles}

@@ -32,7 +32,7 @@ def shape_factors(modulus: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def calibration_remarks(modulus: NDArray[np.float64]) -> list[str]:
-    """Return a remark if the moduli (k,) [Pa] at rest need shape factors beyond the calibration of Eq. 7."""
+    """Return a remark if the initial moduli (k,) [Pa] need shape factors beyond the calibration of Eq. 7."""
     ratio = float(modulus.max() / modulus.min())
     needed = float(geometric_ratio(ratio))
     if needed <= CALIBRATED_TO:

@@ -114,7 +114,7 @@ class Linearised:
         self._turning = self._turned_stiffness()
 
     def resume(self) -> None:
-        """Set all terms to the end again, after other solves have used them."""
+        """Restore all terms' commands and states at the end of the step, after other solves have changed them."""
         self.interrupted, self._system = None, None  # the same question has the same answer, whatever was asked before
         self._resume_terms()
         self.restore()

@@ -49,7 +49,7 @@ class Trail:
         stepper: the stepper of the motion.
         parameters: of the derivatives.
         state: at the beginning; it depends on no parameter.
-        tangents: cache that several trails share.
+        tangents: cache common to several trails.
     """
 
     def __init__(

@@ -53,7 +53,7 @@ class Parameter:
     model: Callable[[float], Variant] | None = None
 
     def step(self, commands: Mapping[str, float]) -> float:
-        """Return the variation of its value at the given commands."""
+        """Return the finite difference's step, in the parameter's unit, at the given commands."""
         return NEAR * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
 
     def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
@@ -162,7 +162,7 @@ class Parameters:
             values = getattr(data, key)
             for i, value in enumerate(values):
                 if key == "stress" and i == 0:
-                    continue  # zero at rest
+                    continue  # zero while undeformed
 
                 def made(changed: float, key: str = key, i: int = i, values: tuple = values) -> Material:
                     fresh = CurveData(**{**vars(data), key: _with(values, i, changed)})

@@ -31,7 +31,7 @@ class MaterialVariant:
         materials: by name, in the scene's order.
         loads: dead loads.
         masses: attached masses.
-        filling: filled share of the cells.
+        filling: filled fraction of the cells.
         dynamics: damping; None for equilibria.
     """
 

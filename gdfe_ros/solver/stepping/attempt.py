@@ -11,12 +11,12 @@ from gdfe_ros.solver.stepping.way import AttemptOutcome, Way
 from gdfe_ros.solver.terms.actuation import inflated
 
 SHORTEST_STUCK = 1.0 / 4.0
-"""Increment, as share of a load path, that is not halved again if its solve got stuck."""
+"""Increment, as fraction of a load path, that is not halved again if its solve got stuck."""
 STUCK = 1e-4
 """Estimated distance to the equilibrium, over the body's size, above which a solve without further descent got stuck,
 e.g. at a kink of the energy where cable points meet; up to it, the precision of the energy ended the solve."""
 SHORTEST_JUMP = 1.0 / 32.0
-"""Increment, as share of a load path, in which a jump is accepted: shorter increments would not prevent it."""
+"""Increment, as fraction of a load path, in which a jump is accepted: shorter increments would not prevent it."""
 FOLDS, ENTERS = "elements would fold or turn inside out", "surfaces would enter each other"
 
 

@@ -38,9 +38,9 @@ def work_between(old: State, new: Solution, handles: HandleMotions) -> tuple[flo
         if pose == old.poses[name]:
             continue
         begin, end = (handles.pose(name, state.poses, state.turns) for state in (old, found))
-        way, first, last = _way(begin, end), old.summary.reactions[name], found.summary.reactions[name]
-        work += 0.5 * float((first + last) @ way)
-        doubt += 0.5 * abs(float((last - first) @ way))
+        moved, first, last = _displacement(begin, end), old.summary.reactions[name], found.summary.reactions[name]
+        work += 0.5 * float((first + last) @ moved)
+        doubt += 0.5 * abs(float((last - first) @ moved))
     for name, slope in new.balance.slopes.items():
         change, first = found.commands[name] - old.commands[name], old.balance.slopes[name]
         work += 0.5 * (first + slope) * change
@@ -65,7 +65,7 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
     return bool(largest_distance(new.positions, new.began) > LEAST_MOTION * size)
 
 
-def _way(begin: Pose, end: Pose) -> NDArray[np.float64]:
+def _displacement(begin: Pose, end: Pose) -> NDArray[np.float64]:
     """Return the motion (6,) conjugate to a wrench: translation [m], and rotation [rad] about world axes midway."""
     shift = np.subtract(end.translation, begin.translation)
     if not (any(begin.rotation) or any(end.rotation)):

@@ -22,7 +22,7 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
         handles: the kinematics of its handles.
         state: provides the commands and the growth.
         positions: of all vertices; rows of vertices that handles hold are ignored.
-        afresh: the state at rest; provides pressures, captured shapes and motion.
+        afresh: the undeformed state; provides pressures, captured shapes and motion.
     """
     moved = positions.copy()
     slides, turns = handles.fit(moved, state.base)
@@ -49,7 +49,7 @@ def require_own(state: State, own: State) -> None:
 
     Args:
         state: the state from which a step is to continue.
-        own: the body's state at rest.
+        own: the body's undeformed state.
 
     Raises:
         CommandError: vertices, handles, commands or terms differ.

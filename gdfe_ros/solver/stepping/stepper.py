@@ -59,7 +59,7 @@ class Stepper:
             self.equilibrium = RelativeEquilibrium(body, self.actuation)
 
     def at_rest(self) -> State:
-        """Return the state at rest, without commands."""
+        """Return the undeformed state, without commands."""
         return self.equilibrium.at_rest()
 
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
@@ -143,7 +143,7 @@ class Stepper:
         return {}
 
     def _displaced(self, state: State) -> bool:
-        """Return whether the load path from rest was not tried yet and may end elsewhere than that from ``state``."""
+        """Return whether a restart from the undeformed body may help: ``state`` is deformed, none was tried yet."""
         return not (state.tried or np.array_equal(state.positions, self.body.rest))
 
     def _unreachable(self, state: State, goal: Goal) -> str:
@@ -292,6 +292,6 @@ def _withdrawn(state: State, attempt: Attempt) -> State:
 
 
 def _after(chosen: March, first: March, second: March) -> March:
-    """Return ``chosen`` with the work of both outcomes."""
+    """Return ``chosen`` with the iterations and increments of both outcomes."""
     iterations, increments = first.iterations + second.iterations, first.increments + second.increments
     return changed(chosen, iterations=iterations, increments=increments)

@@ -15,9 +15,9 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 
 SHORTEST_SUBSTEP = 1.0 / 256.0
-"""Increment, as share of a load path, that is not halved again."""
+"""Increment, as fraction of a load path, that is not halved again."""
 ROUNDING = 1e-9
-"""Share of a load path that counts as zero."""
+"""Fraction of a load path that counts as zero."""
 
 
 class AttemptOutcome(Enum):
@@ -55,8 +55,8 @@ class Way:
         poses, commands: at its beginning.
         goal: at its end.
         budget: most iterations on it.
-        length: share of it that the next attempt covers.
-        done: share of it that is completed.
+        length: fraction of it that the next attempt covers.
+        done: fraction of it that is completed.
         iterations, attempts: made on it so far.
         jumped: whether the body has jumped on it.
         folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
@@ -95,7 +95,7 @@ class Way:
 
     @property
     def next(self) -> float:
-        """Share of the load path at which the next attempt ends."""
+        """Fraction of the load path at which the next attempt ends."""
         return 1.0 if self.done + self.length > 1.0 - ROUNDING else self.done + self.length
 
     @property

@@ -15,8 +15,8 @@ from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 UNIQUE = 0.05
-"""Margin of the rotation's uniqueness below which an element, or a vertex, counts as not rotated; it is 8 / 27^(1/2) at
-rest."""
+"""Margin of the rotation's uniqueness below which an element, or a vertex, counts as not rotated; it is 8 / 27^(1/2)
+without deformation."""
 LEAST_TURN = 3e-3
 """Largest rotation [rad] of a vertex below which none counts as rotated: where stiffnesses differ by ten decades, small
 differences of rotations would do more harm than good."""

@@ -75,14 +75,14 @@ class TangentLevel:
         """Evaluate and factor the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m].
 
         If it is indefinite, as beyond a buckling load, the elements' tangents are projected to positive semi-definite
-        ones, and a growing share of the constant matrix is added until a factor exists. If no share is enough, for
-        example because the tangent is not finite, the constant matrix is used.
+        ones, and a growing multiple of the constant matrix is added until a factor exists. If no multiple is enough,
+        for example because the tangent is not finite, the constant matrix is used.
 
         Args:
             problem: present data of elements and handles.
             u: the unknowns.
             x: the corresponding positions.
-            damping: share of the constant matrix that is added in any case.
+            damping: multiple of the constant matrix that is added in any case.
 
         Raises:
             FloatingPointError: not even the constant matrix has a factor.

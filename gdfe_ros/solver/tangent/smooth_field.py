@@ -13,7 +13,7 @@ DEGREE = 3
 
 
 def smooth_field(points: NDArray[np.float64], pieces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return a field (n, 3) over ``points`` (n, 3) [m] with a share of every polynomial up to `DEGREE`.
+    """Return a field (n, 3) over ``points`` (n, 3) [m] with a part of every polynomial up to `DEGREE`.
 
     Each of the ``pieces`` (n,), numbered from 0, has its own polynomials: polynomials over two distant pieces would
     hardly bend either of them.

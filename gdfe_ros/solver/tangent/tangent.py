@@ -19,7 +19,7 @@ class Tangent:
         blocks: (k, 3, 3) of pairs of vertices [N/m], positive definite over the free ones.
         motion: (3 b, 3 q) d(vertices of handles with a free axis)/d(rigid rows).
         positions: (n, 3) [m] where it was taken; None for the constant matrix, which does not follow rotations.
-        shift: share of the constant matrix that was added for definiteness.
+        shift: multiple of the constant matrix that was added for definiteness.
         softest: upper bound of the least ratio, over all modes, of the stiffness to that of this tangent. It is 1 if
             nothing was added and no softer mode has been found yet, 0 if it is unknown.
         ends, ways: of the springs between touching parts, as in `Springs`.

@@ -27,7 +27,7 @@ LOAD_FACTOR = 1.0
 FINEST = 1e-9
 """Least distance, over the body's size, to which contact forces may require a minimisation to converge."""
 ROUNDING = 1e-9
-"""Share of a cable's length that counts as zero."""
+"""Fraction of a cable's length that counts as zero."""
 
 
 class Actuation:
@@ -87,7 +87,7 @@ class Actuation:
             term.fit(matrix)
 
     def at_rest(self) -> dict[str, Saved]:
-        """Return the stored states of all terms at rest."""
+        """Return the initial stored states of all terms."""
         return {term.name: term.neutral() for term in self.terms}
 
     def begin(
@@ -213,7 +213,8 @@ class Actuation:
     def balance(self, positions: NDArray[np.float64], commands: Mapping[str, float]) -> Balance:
         """Return the potential [J] of the terms at ``positions`` (n, 3) [m], and its slope along every command.
 
-        It is zero at rest. A commanded length or volume has no potential, and its slope is the multiplier.
+        It is zero while the body is undeformed. A commanded length or volume has no potential, and its slope is the
+        multiplier.
         """
         found = {
             term.name: term.potential(positions, commands[term.name])

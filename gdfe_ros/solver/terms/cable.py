@@ -34,7 +34,7 @@ FAINT, NEARLY = 1e-12, 3e-6
 """Small tension over modulus and squared body size, and small lengthening over the body's size. In finite differences
 a cable that is just not taut gets the sum of both tensions, so that it counts as taut; both are negligible."""
 ROUNDING = 1e-9
-"""Share of a cable's length that counts as zero."""
+"""Fraction of a cable's length that counts as zero."""
 
 
 @inlined
@@ -115,7 +115,7 @@ class CableTerm(Term):
 
     Attributes:
         actuator: the cable.
-        neutral_command: the command at rest, in the unit of its mode.
+        neutral_command: the command without effect on the undeformed body, in the unit of its mode.
     """
 
     kernel = _entry
@@ -154,7 +154,7 @@ class CableTerm(Term):
         self.reals[STIFFNESS] = fitted_penalty(matrix, force, self.name)
 
     def _pull(self, points: slice) -> NDArray[np.float64]:
-        """Return dl/dx (n, 3) at rest of the segments between ``points``."""
+        """Return dl/dx (n, 3) of the undeformed segments between ``points``."""
         weights, corners = (values[points] for values in self._points())
         force, reals = np.zeros_like(self._body.rest), np.concatenate([self.reals[:WEIGHTS], weights.ravel()])
         pull(self._body.rest, reals, corners.ravel(), 1.0, force)

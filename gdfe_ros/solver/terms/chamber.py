@@ -30,7 +30,7 @@ LARGEST_INFLATION = 8.0
 """Largest ratio by which one solve may inflate a chamber of given pressure; beyond it the chamber counts as
 unstable."""
 RUNNING_AWAY = 0.25
-"""Share of the volume limit at which a failed solve counts as running away."""
+"""Fraction of the volume limit at which a failed solve counts as running away."""
 _PLACES, FACE_SHARES = triangle_rule(3)
 FACE_SHAPES, FACE_SLOPES = face_weights(_PLACES), face_slopes(_PLACES)
 """Shape functions (9, 6) and their slopes (9, 6, 2) at the integration points of a six-node face; the points of weights
@@ -204,7 +204,7 @@ class ChamberTerm(Term):
 
     Attributes:
         actuator: the chamber.
-        neutral_command: the command at rest, in the unit of its mode.
+        neutral_command: the command without effect on the undeformed body, in the unit of its mode.
         updates: whether a multiplier keeps the volume.
     """
 
@@ -227,7 +227,7 @@ class ChamberTerm(Term):
         self._command = self.neutral_command
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set a penalty that suits the body's stiffness at rest, for a commanded volume."""
+        """Set a penalty that suits the body's initial stiffness, for a commanded volume."""
         if self.updates:
             places, points = self.actuator.at(self._body.rest), self.actuator.points
             force = np.zeros_like(places)

@@ -94,7 +94,7 @@ class Term:
         self.name, self.reals, self.integers = name, reals, integers
 
     def stiffness(self) -> sparse.spmatrix | None:
-        """Return the term's share of the constant matrix (n, n) [N/m]; None for none."""
+        """Return the term's contribution to the constant matrix (n, n) [N/m]; None for none."""
         return None
 
     def couplings(self) -> NDArray[np.int32]:
@@ -124,7 +124,7 @@ class Term:
         """Set penalties by the constant ``matrix``."""
 
     def neutral(self) -> Saved:
-        """Return the stored state at rest."""
+        """Return the initial stored state."""
         return {}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
@@ -216,7 +216,7 @@ class TermTable(NamedTuple):
 
     @classmethod
     def of(cls, term: Term) -> TermTable:
-        """Return a table of one term that has an energy; it shares the term's numbers."""
+        """Return a table of one term that has an energy; it holds the term's own arrays of numbers."""
         ends = [np.array([0, len(numbers)], dtype=np.int64) for numbers in (term.reals, term.integers)]
         return cls(np.array([term.kernel.address], dtype=np.int64), ends[0], term.reals, ends[1], term.integers)
 

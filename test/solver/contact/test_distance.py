@@ -112,7 +112,7 @@ def test_a_mesh_of_a_box_is_exact_off_its_edges() -> None:
 
 
 def test_beyond_its_grid_a_mesh_is_where_it_is() -> None:
-    """Far away the distance and the way there are right to a few per cent, and go on where the grid ends."""
+    """Far away the distance and its direction are right to a few per cent, and go on where the grid ends."""
     mesh, ball = meshed(trimesh.creation.icosphere(subdivisions=4, radius=0.7)), Obstacle(name="b", form=Sphere(0.7))
     points = np.random.default_rng(8).uniform(-4, 4, (4000, 3))
     found, normals = gaps_and_normals(mesh, points)

@@ -34,7 +34,7 @@ def tilted(
 
 
 def ways(simulation: Simulation, steps: int) -> np.ndarray:
-    """Return the mean way (steps,) [m] along the slope."""
+    """Return the mean displacement (steps,) [m] along the slope."""
     found = []
     for _ in range(steps):
         result = simulation.step()

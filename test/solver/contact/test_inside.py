@@ -64,7 +64,7 @@ def test_depths_are_those_of_cubes_in_each_other(low: int, high: int, depth: flo
 
 @pytest.mark.parametrize("name", ["tendon_finger", "soft_pinch", "pneunet"])
 def test_nothing_is_inside_at_rest(name: str) -> None:
-    """In shipped scenes no vertex lies inside of a cell that is not about it, at rest and where they are not finite."""
+    """Undeformed, and at positions that are not finite, no vertex of a shipped scene lies in a cell of others."""
     simulation = Simulation(load_scene(name, overrides={"self_contact": {}}))
     assert deepest(simulation) == 0.0
     term = the_contact(simulation)

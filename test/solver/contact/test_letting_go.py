@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies that an obstacle holds in a way in which they cannot follow it any more."""
+"""Bodies that an obstacle holds and that cannot follow it any more."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ AWAY = Pose((0.0, 0.0, 0.5))
 
 @pytest.fixture
 def poked() -> Simulation:
-    """Return a body that was left on the way to where a box was put in it."""
+    """Return a body that was left between its start and the place where a box was put in it."""
     simulation = Simulation(scene_from_text(POKED))
     for pose in INTO:
         result = simulation.step(Command(handles={"thing": pose}))
@@ -40,7 +40,7 @@ def poked() -> Simulation:
 
 
 def test_a_body_goes_back_to_rest_when_what_is_stuck_in_it_is_taken_away(poked: Simulation) -> None:
-    """Take the box away: the body comes home, and where elements would fold on the way, it says how.
+    """Take the box away: the body comes home, and where elements would fold in between, it says how.
 
     Rounding decides whether they would.
     """

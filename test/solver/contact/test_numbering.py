@@ -47,7 +47,7 @@ def fallen(
 
 @pytest.mark.parametrize("other", [{"order": ("high", "low")}, {"origin": (0.13, -0.07, 0.05)}, {"unit": 100.0}])
 def test_two_soft_cubes_collide_alike(other: dict[str, Any]) -> None:
-    """Number them the other way round, move the origin, count in other units: within 0.3 % of the size after 0.25 s.
+    """Number them in reverse, move the origin, count in other units: within 0.3 % of the size after 0.25 s.
 
     At most 7.4e-4 in eight such scenes of cubes and balls, none of which has edge on edge.
     """

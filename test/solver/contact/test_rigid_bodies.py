@@ -56,7 +56,7 @@ def test_a_box_that_falls_freely_does_so_as_any_other(cushion: Callable[..., Sim
 
 
 def test_what_lies_on_a_body_weighs_on_it(cushion: Callable[..., Simulation]) -> None:
-    """A box comes to rest on a cushion, which carries its weight and gives way."""
+    """A box comes to rest on a cushion, which carries its weight and is indented."""
     simulation = cushion()
     run(simulation, 160)
     assert simulation.result.reactions["part"][2] == pytest.approx(-MASS * 9.81, rel=2e-2)
@@ -138,6 +138,6 @@ def test_the_tangent_couples_both_sides(cushion: Callable[..., Simulation], name
 
 
 def test_a_body_takes_no_commands(cushion: Callable[..., Simulation]) -> None:
-    """Who commands a body that moves freely is told that it takes none."""
+    """A command for a body that moves freely is refused with the reason."""
     with pytest.raises(CommandError, match="'part' moves freely and follows no target"):
         cushion().step(Command(handles={"part": Pose((0.0, 0.0, 0.1))}))

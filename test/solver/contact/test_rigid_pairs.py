@@ -80,7 +80,7 @@ def run(simulation: Simulation, steps: int) -> None:
 
 
 def test_momentum_is_kept_where_boxes_collide(pair: Callable[..., Simulation]) -> None:
-    """A spinning box hits another face to face: momenta stay to 1e-6, friction shares the spin, energy never grows."""
+    """A spinning box hits another face to face: momenta stay to 1e-6, friction divides the spin, energy never grows."""
     exact = {"dynamics.step": 0.0005, "solver.tolerance": 1e-6}
     simulation = pair(more={**exact, "bodies.two.at": [0.15, 0, 0]})
     kick(simulation, one=((0.5, 0.0, 0.0), (1.0, 0.0, 0.0)), two=((0.0, 0.0, 0.0), (-0.2, 0.0, 0.0)))
@@ -219,7 +219,7 @@ def test_a_stack_stands(pair: Callable[..., Simulation], size: list[float], x: f
 def test_friction_holds_a_box_on_another(pair: Callable[..., Simulation], slope: float) -> None:
     """On a slope that the lower one sticks to, the upper one stays below its coefficient and slides above.
 
-    It is narrower, and does not come to an edge on its way: edges on edges enter each other
+    It is narrower, and does not come to an edge during its motion: edges on edges enter each other
     (docs/theory/contact.md), and rounding decided when a box that was as wide as the other fell off.
     """
     cosine = 1.0 / math.hypot(1.0, slope)

@@ -81,7 +81,7 @@ def pressed(folder: Path, body: trimesh.Trimesh, *, young: float = 1e5, friction
 
 @pytest.mark.parametrize(("share", "turn"), [(0.15, 0.0), (0.4, 0.0), (0.6, 0.0), (0.75, 0.0), (0.45, 0.5)])
 def test_flat_sides_enter_nothing_however_full_their_cells_are(tmp_path: Path, share: float, turn: float) -> None:
-    """Press boxes whose outer cells are filled by a share, or that are turned in the grid: 2 % of the approach."""
+    """Press boxes whose outer cells are filled by a fraction, or that are turned in the grid: 2 % of the approach."""
     body = trimesh.creation.box((np.array([4, 4, 3]) + 2.0 * share) * 0.01)
     body.apply_transform(trimesh.transformations.rotation_matrix(turn, [0, 0, 1]))
     depth, least = pressed(tmp_path, body)

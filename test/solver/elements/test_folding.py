@@ -43,7 +43,7 @@ def walls(body: Body, shape: ShapeOperators, x: np.ndarray) -> tuple[float, np.n
 
 
 def pressed(mesh: HexMesh, share: float) -> np.ndarray:
-    """Return positions with a vertex pushed by a share of the way to the middle, which makes corners flat."""
+    """Return positions with a vertex pushed by a fraction of the distance to the middle, which makes corners flat."""
     x, random = mesh.vertices.copy(), np.random.default_rng(1)
     x[0] += share * (x.mean(axis=0) - x[0])
     return x + random.normal(scale=0.002 * mesh.size, size=x.shape)

@@ -34,7 +34,7 @@ PULL = {"points": [[0.0, 0.0, 0.008], [0.05, 0.0, 0.008], [0.1, 0.0, 0.008]], "c
 
 
 def require_bounded(results: Sequence[StepResult], *, above_start: float = 0.01, above_least: float = 0.031) -> None:
-    """Require steps that converge, and energy within shares of the largest so far."""
+    """Require steps that converge, and energy within fractions of the largest so far."""
     assert all(result.converged for result in results), next(r.message for r in results if not r.converged)
     energies = [result.energies for result in results]
     stirred = np.maximum.accumulate([each["kinetic"] + each["elastic"] for each in energies])
@@ -57,8 +57,8 @@ def test_a_soft_cube_that_falls_by_a_metre_gains_nothing(scheme: str, young: flo
 def test_a_spinning_body_gains_nothing_after_a_step_of_another_length(moving: Callable, scheme: str) -> None:
     """Spin it by 0.3 radians a step, a shorter one first: its momentum stays to a ten-millionth.
 
-    Free flight would fold elements, and a step begins a part of the way back; the centre of mass must not. It did, and
-    up to 1.3e-3 of the momentum was lost, as rounding had it; at most 2e-8 on twelve roundings since.
+    Free flight would fold elements, and a step begins at a fraction of the flight; the centre of mass must not. It did,
+    and up to 1.3e-3 of the momentum was lost, as rounding had it; at most 2e-8 on twelve roundings since.
     """
     keys = {"dynamics__spin": [0.0, 0.0, 60.0], "dynamics__step": 0.005, "dynamics__scheme": scheme}
     spinning = moving(handles={}, dynamics__velocity=[1.0, 0.0, 0.0], **keys)

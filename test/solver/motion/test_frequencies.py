@@ -18,7 +18,7 @@ TORSION = 0.14057702 * 6.0
 
 
 def tangent(simulation: object) -> csr_matrix:
-    """Return dF/dx (3 f, 3 f) [N/m] at rest, by differences of the forces that the simulation descends on."""
+    """Return the initial dF/dx (3 f, 3 f) [N/m], by differences of the forces that the simulation descends on."""
     stepper = simulation.stepper
     state, free, spacing = stepper.at_rest(), stepper.body.unknowns.free, 1e-7
     columns = []

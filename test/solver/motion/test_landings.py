@@ -135,7 +135,7 @@ handles: {base: {where: {face: z+}, fixed: true}}
 
 @pytest.mark.parametrize("way", ["edge", "corner"])
 def test_a_press_goes_on_past_where_corners_fold(way: str) -> None:
-    """Press an edge and a corner by 60 % of a cube's side: equilibria all the way, and it comes home."""
+    """Press an edge and a corner by 60 % of a cube's side: equilibria all along, and it comes home."""
     up = np.array(WAYS[way]) / np.linalg.norm(WAYS[way])
     at = (scene_from_text(PRESS).mesh.vertices @ up).min() * up
     plate = {"plane": up.tolist(), "at": at.tolist()}

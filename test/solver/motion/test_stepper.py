@@ -201,7 +201,7 @@ def test_a_step_too_short_is_made_up_for_by_the_next(moving: Callable, short: fl
 
 
 def test_a_snapshot_of_another_scene_is_refused(moving: Callable) -> None:
-    """Restore one of another body, and one of the same body without dynamics, or of another modulus: each is told."""
+    """Restore one of another body, one of the same body without dynamics, one of another modulus: each is refused."""
     bar = moving(handles=HELD)
     with pytest.raises(CommandError, match="one of another scene: its vertices are"):
         bar.restore(moving(handles=HELD, mesh__bar__cells=[4, 1, 1]).snapshot())

@@ -95,7 +95,7 @@ def test_cables(mode: str, value: float, step: float) -> None:
 
 
 def test_an_elastic_cable() -> None:
-    """Vary the shortening of a cable that gives way."""
+    """Vary the shortening of an elastic cable."""
     varied(f"{{cable: {{points: {CABLE}, command: shortening, stiffness: 200}}}}", 0.004, 1e-4)
 
 
@@ -107,7 +107,7 @@ def test_chambers(mode: str, value: float, step: float) -> None:
 
 
 def test_growth() -> None:
-    """Vary the share of a growth."""
+    """Vary the fraction of a growth."""
     varied("{growth: {stretch: [1.2, 1, 0.95], where: {box: {z: [0, 0.015]}}}}", 0.5, 1e-2)
 
 
@@ -224,7 +224,7 @@ def test_contact_with_a_ball() -> None:
 
 
 def test_slack_cables_pull_when_they_are_told_to() -> None:
-    """Ask at rest, where a cable does not pull yet: its command moves the tip as a pull does."""
+    """Ask in the undeformed state, where a cable does not pull yet: its command moves the tip as a pull does."""
     text, step = with_actuator(f"{{cable: {{points: {CABLE}, command: tension}}}}"), 1e-3
     here = solved(text, Command())
     exact = here.sensitivities(["probes.tip"], ["actuators.a"]).matrix[:, 0]

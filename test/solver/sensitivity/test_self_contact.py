@@ -61,7 +61,7 @@ def agree(exact: np.ndarray, difference: np.ndarray, near: float = NEAR) -> None
 
 @pytest.mark.parametrize(("name", "step"), [("handles.lid.z", 1e-6), ("materials.soft.young", 30.0)])
 def test_without_friction(name: str, step: float) -> None:
-    """Press two blocks together, and vary the way of the lid or the modulus of one block."""
+    """Press two blocks together, and vary the displacement of the lid or the modulus of one block."""
     outputs = ["probes.top", "probes.under", "reactions.lid"]
     exact = pressed(0.0, []).sensitivities(outputs, [name]).matrix[:, 0]
     sides = []

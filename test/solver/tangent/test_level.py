@@ -33,7 +33,7 @@ Levels = tuple[TangentLevel, Tangent, TangentProducts, NDArray[np.float64]]
 
 
 def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
-    """Take the tangent of a strip that is stretched by a share of its length; evenly where ``power`` is 1."""
+    """Take the tangent of a strip that is stretched by a fraction of its length; evenly where ``power`` is 1."""
     simulation = Simulation(scene_from_text(SCENE.replace("TIP", tip)))
     equilibrium = simulation.stepper.equilibrium
     body = equilibrium.body
@@ -59,7 +59,7 @@ def _free_rows(unknowns: tuple) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_it_is_the_derivative_of_the_gradient(tip: str) -> None:
-    """Compare the assembled tangent with differences of the gradient at rest, rigid rows included."""
+    """Compare the assembled tangent with differences of the undeformed body's gradient, rigid rows included."""
     level, tangent, products, free = _level(tip, 0.0)
     matrix, rng = level.assembled(tangent), np.random.default_rng(0)
     for _ in range(3):
@@ -79,7 +79,7 @@ def test_its_factor_solves(tip: str) -> None:
 
 
 def test_it_follows_a_stretched_shape() -> None:
-    """Stretch the strip: the tangent there is no longer that at rest, and is still the gradient's derivative."""
+    """Stretch the strip: the tangent there is no longer the initial one, and is still the gradient's derivative."""
     level, tangent, products, free = _level("", 0.1)
     assert tangent.shift == 0.0
     direction = np.random.default_rng(2).standard_normal(len(free))

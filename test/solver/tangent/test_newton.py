@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Newton steps by conjugate gradients: exact, honest about what is left, and told where the energy curves down."""
+"""Newton steps by conjugate gradients: exact, honest about what is left, and stopped where the energy curves down."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Strip:
 
     @classmethod
     def moved(cls, stretch: float) -> Strip:
-        """Stretch it by a share of its length, after the tangent was taken at rest."""
+        """Stretch it by a fraction of its length, after its undeformed tangent was taken."""
         simulation = Simulation(scene_from_text(STRIP))
         equilibrium = simulation.stepper.equilibrium
         body, state = equilibrium.body, equilibrium.at_rest()
@@ -78,7 +78,7 @@ class Strip:
 
 @pytest.mark.parametrize("stretch", [0.01, 0.05])
 def test_what_is_left_of_a_step_is_told(stretch: float) -> None:
-    """Take a tangent at rest and solve with that of a stretched strip: the error is at most what is told, or twice."""
+    """Solve with the undeformed tangent for that of a stretched strip: the error is at most twice the reported one."""
     strip = Strip.moved(stretch)
     right = np.random.default_rng(0).standard_normal(len(strip.gradient))
     solved, krylov = strip.solved(right, 0.0)
@@ -132,7 +132,7 @@ def test_ritz_values_are_those_of_a_library() -> None:
 
 
 def test_a_factor_follows_a_rotation() -> None:
-    """Turn the strip as a whole by a radian: its tangent at rest, turned with it, is the one that is taken there."""
+    """Turn the strip as a whole by a radian: its undeformed tangent, turned with it, is the one that is taken there."""
     simulation = Simulation(scene_from_text(STRIP.replace(", fixed: true", "")))
     equilibrium = simulation.stepper.equilibrium
     body, state = equilibrium.body, equilibrium.at_rest()

@@ -80,7 +80,7 @@ def test_a_term_from_outside_carries_its_share() -> None:
 
 
 def test_a_stiff_bed_needs_no_more_iterations() -> None:
-    """Make the bed stiff: its share of the constant matrix keeps the solve short."""
+    """Make the bed stiff: its contribution to the constant matrix keeps the solve short."""
     soft, stiff = (_simulation(stiffness).step(LIFT) for stiffness in (0.01, 1000.0))
     assert stiff.converged
     assert stiff.iterations < 2 * soft.iterations

@@ -48,7 +48,7 @@ def one(block: TetMesh) -> TetMesh:
 
 
 def moved(mesh: TetMesh, share: float, seed: int = 0) -> NDArray[np.float64]:
-    """Return positions after a linear motion and displacements of ``share`` of the size."""
+    """Return positions after a linear motion and displacements of a fraction ``share`` of the size."""
     noise = np.random.default_rng(seed).uniform(-1.0, 1.0, mesh.vertices.shape)
     return mesh.vertices @ GRADIENT.T + share * mesh.size * noise
 
@@ -93,7 +93,7 @@ def test_forces_are_the_gradient_of_the_energy(make_body: MakeBody, one: TetMesh
 
 
 def test_a_uniform_strain_has_the_energy_of_the_law(make_body: MakeBody, block: TetMesh, law: Material) -> None:
-    """Store the energy density of one hexahedron under the same gradient: the shares of the volume term add up."""
+    """Store the energy density of one hexahedron under the same gradient: the parts of the volume term add up."""
     cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
     whole = strain_energies(make_body(cube, law), cube.vertices @ GRADIENT.T)[0] / 1e-3
     body = make_body(block, law)
@@ -104,7 +104,7 @@ def test_a_uniform_strain_has_the_energy_of_the_law(make_body: MakeBody, block: 
 
 
 def test_only_rigid_motions_cost_no_energy(make_body: MakeBody, one: TetMesh, law: Material) -> None:
-    """Find six zero eigenvalues of an element's tangent at rest, and no seventh, whatever the law."""
+    """Find six zero eigenvalues of an undeformed element's tangent, and no seventh, whatever the law."""
     values = np.linalg.eigvalsh(tangents(make_body(one, law))[0])
     assert np.abs(values[:6]).max() < 1e-6 * values[-1]
     assert values[6] > 1e-4 * law.shear0 * one.size
@@ -120,7 +120,7 @@ def test_the_corner_measure_is_the_volume_ratio_there(make_body: MakeBody, one: 
 
 
 def test_the_barrier_opens_folded_corners(make_body: MakeBody, one: TetMesh) -> None:
-    """Compare the barrier's tangents with their own transpose, and its push with the way that opens the corner."""
+    """Compare the barrier's tangents with their transpose, and its push with the direction that opens the corner."""
     body, x = make_body(one), one.vertices.copy()
     x[4] = x[0] + 0.27 * (x[1] - x[0])
     out, force = np.zeros((1, 30, 30)), np.zeros((1, 10, 3))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Features: a small body each, and the way that it is driven; and what "the same" means of states."""
+"""Features: a small body each, and its load path; and what "the same" means of states."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ HEAT = "heat: {growth: {stretch: [0.9, 1, 1], where: {box: {z: [0, 1]}}}}"
 LOADS = "loads: {weight: {gravity: [0, 0, -9.81]}, push: {point: {at: [0.1, 0.003, 0.01], force: [0, 0.2, 0.1]}}}"
 LIFT, OVER = Pose((-0.002, 0.004, 0.02), (0.2, 0.1, 0.0)), Pose((-0.3, 0.0, 0.0))
 VOLUME = 3.4e-6
-"""Of the ball's chamber at rest, about [m^3]."""
+"""Of the ball's undeformed chamber, about [m^3]."""
 NUMBERS = ("time", "converged", "iterations", "error_estimate", "energy", "min_det", "skipped", "substeps", "restarts")
 WORDS = ("message", "cut_after", "actuators", "policy", "factorisation")
 Way = list[tuple[Command, dict]]
@@ -94,16 +94,16 @@ def _equal(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
 
 @dataclass
 class Feature:
-    """A body and the way that it is driven.
+    """A body and its load path.
 
     Attributes:
-        scene: the body; all simulations share it.
-        end: last command of the way, nothing left out.
-        away: last command of another way.
+        scene: the body of all simulations.
+        end: last command of the path, nothing left out.
+        away: last command of another path.
         absurd: a command within all ranges that has no equilibrium, or hardly.
         lever: an actuator and a small change of its command, for derivatives.
-        start: command of the actuators at rest, where it is not zero.
-        parts: of the way to ``end``.
+        start: initial command of the actuators, where it is not zero.
+        parts: of the path to ``end``.
         cuts: ``cut_after`` of the steps, in turn.
         seen: tells from the results whether the feature was at work.
     """
@@ -127,7 +127,7 @@ class Feature:
 
     @property
     def elsewhere(self) -> Way:
-        """Steps of another way."""
+        """Steps of another path."""
         return [(self._part(self.away, part), {"dt": 0.3}) for part in (0.5, 1.0)]
 
     @cached_property
@@ -144,7 +144,7 @@ class Feature:
         return [simulation.step(command, **how) for command, how in way]
 
     def finish(self, simulation: Simulation) -> StepResult:
-        """Repeat the end of the way until it is reached."""
+        """Repeat the end of the path until it is reached."""
         for _ in range(20):
             result = simulation.step(self.end)
             if result.converged:

@@ -22,7 +22,7 @@ WRONG = Command(actuators={"nobody": 1.0}), Command(loads={"nobody": 1.0})
 
 
 def test_the_feature_is_at_work(feature: Any) -> None:
-    """Look at the way: the body moves, ends in equilibrium, and what the feature names has happened."""
+    """Look at the path: the body moves, ends in equilibrium, and what the feature names has happened."""
     last, mesh = feature.results[-1], feature.scene.mesh
     assert last.converged, last.message
     assert np.abs(last.positions - mesh.vertices).max() > 1e-4 * mesh.size
@@ -57,7 +57,7 @@ def test_reset_and_again(feature: Any, differences: Any) -> None:
 
 
 def test_two_in_turn(feature: Any, differences: Any) -> None:
-    """Step two simulations of one scene in turn, on different ways: each as if alone."""
+    """Step two simulations of one scene in turn, on different load paths: each as if alone."""
     one, other, found = feature.simulation(), feature.simulation(), []
     for index, step in enumerate(feature.way):
         feature.run(other, [feature.elsewhere[index % 2]])
@@ -155,7 +155,7 @@ def test_asking_changes_nothing(feature: Any, differences: Any) -> None:
 
 @pytest.mark.skipif("PAIRS_IN_THREADS" in os.environ, reason="this is the process that it starts")
 def test_with_threads() -> None:
-    """Make these pairs for a body whose elements two threads share, in a process that may use two."""
+    """Make these pairs for a body whose elements two threads divide, in a process that may use two."""
     here = Path(__file__)
     environment = {**os.environ, "NUMBA_NUM_THREADS": "2", "PAIRS_IN_THREADS": "1"}
     options = "-q", "-p", "no:cacheprovider", f"--confcutdir={here.parents[1]}"

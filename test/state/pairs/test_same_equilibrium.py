@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every feature with everything that takes another way: the same equilibrium within tolerances, true slopes."""
+"""Every feature with everything that takes another path: the same equilibrium within tolerances, true slopes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy
 
 NEAR = 30.0
-"""Tolerances by which two ways to one equilibrium may differ."""
+"""Tolerances by which two paths to one equilibrium may differ."""
 ENERGIES = 0.01
 """By which their energies may."""
 
