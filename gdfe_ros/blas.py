@@ -7,7 +7,9 @@ busy process.
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 
 try:
@@ -16,9 +18,31 @@ except ImportError:  # an optional dependency: without it OPENBLAS_NUM_THREADS a
     ThreadpoolController = None
 
 
-def one_blas_thread() -> AbstractContextManager[object]:
-    """Return a context that limits BLAS to one thread, and restores the former number at its end."""
-    return nullcontext() if ThreadpoolController is None else _libraries().limit(limits=1)
+_lock = threading.Lock()
+_inside: list[object] = []
+"""For each open context of any thread, the limiter of the first one, which knows the former number."""
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit BLAS to one thread in this context.
+
+    The limit holds for the whole process. The last of several contexts that overlap in different threads restores the
+    former number.
+    """
+    if ThreadpoolController is None:
+        yield
+        return
+    with _lock:
+        limiter = _libraries().limit(limits=1)
+        _inside.append(limiter if not _inside else _inside[0])
+    try:
+        yield
+    finally:
+        with _lock:
+            first = _inside.pop()
+            if not _inside:
+                first.restore_original_limits()
 
 
 @cache

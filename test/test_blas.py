@@ -9,6 +9,7 @@ import pytest
 from threadpoolctl import ThreadpoolController
 
 from gdfe_ros import Simulation, load_scene
+from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.solver.matrix import supernodes
 
 
@@ -31,3 +32,15 @@ def test_a_matrix_is_factored_with_one_thread(monkeypatch: pytest.MonkeyPatch) -
         assert counts() == {2}
     assert seen
     assert all(count == {1} for count in seen)
+
+
+def test_contexts_of_two_threads_may_overlap() -> None:
+    """Open a second context before the first one ends: one thread until the second ends, too, then two again."""
+    with ThreadpoolController().limit(limits=2, user_api="blas"):
+        first, second = one_blas_thread(), one_blas_thread()
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert counts() == {1}
+        second.__exit__(None, None, None)
+        assert counts() == {2}
