@@ -25,6 +25,9 @@ SHADE = 0.35
 OBSTACLE = (0.80, 0.62, 0.45, 0.35)
 CABLE, FORCE = (0.75, 0.10, 0.10), (0.95, 0.15, 0.55)
 CHAMBER, CHAMBER_EDGES = (0.55, 0.80, 1.0, 0.12), (0.75, 0.90, 1.0, 0.45)
+PIECES = 24
+"""Pieces along the body's size into which faces of obstacles among its own are divided, because each is drawn before or
+behind another as a whole."""
 TICKS = 5
 """Intervals between ticks along the longest axis; shorter axes have fewer, so that labels do not overlap."""
 
@@ -61,19 +64,24 @@ def draw_body(
         OSError: the file cannot be written.
     """
     figure = Figure(figsize=(9.0, 5.0), dpi=150)
-    axes = figure.add_axes((0.0, 0.02, 0.88, 0.9), projection="3d", computed_zorder=False)
+    axes = figure.add_axes((0.0, 0.05, 0.88, 0.88), projection="3d", computed_zorder=False)
     outside = mesh.outside
     faces = outside.at(positions)[outside.faces]
     colours = matplotlib.colormaps[COLOURS]
     norm = matplotlib.colors.Normalize(*colour_range(*(limits or (float(values.min()), float(values.max())))))
     lit = shaded(colours(norm(values[outside.cells])), faces)
-    edges = {"edgecolors": lit} if outside.skin else {"edgecolors": (0, 0, 0, 0.25)}
-    body = Poly3DCollection(faces, facecolors=lit, linewidths=0.3, zorder=1, clip_on=False, **edges)
-    axes.add_collection3d(body)
-    scenery = scenery or Scenery()
+    edges = lit if outside.skin else np.tile((0.0, 0.0, 0.0, 0.25), (len(lit), 1))
+    scenery, size, drawn = scenery or Scenery(), float(np.ptp(positions, axis=0).max()), [(faces, lit, edges)]
     for solid in scenery.obstacles:
+        if np.ptp(solid.reshape(-1, 3), axis=0).max() <= size:
+            drawn.append(_looks(_divided(solid, size / PIECES)))
+            continue
         before = (solid.mean(axis=(0, 1)) - positions.mean(axis=0)) @ _towards_the_eye() > 0.0
         axes.add_collection3d(obstacle_collection(solid, zorder=2 if before else 0))
+    # Faces of one collection are drawn from the farthest to the nearest.
+    polygons = [face for faces, _, _ in drawn for face in faces]
+    look = {"facecolors": np.vstack([part[1] for part in drawn]), "edgecolors": np.vstack([part[2] for part in drawn])}
+    axes.add_collection3d(Poly3DCollection(polygons, **look, linewidths=0.3, zorder=1, clip_on=False))
     axes.add_collection3d(Line3DCollection(_box_edges(mesh.bounds), colors="0.6", linewidths=0.7, linestyles="dashed"))
     largest = float(np.linalg.norm(scenery.forces, axis=1).max(initial=0.0))
     arrows = force_arrows(scenery.places, scenery.forces, largest=largest, size=mesh.size)
@@ -81,7 +89,7 @@ def draw_body(
     shown = [solid.reshape(-1, 3) for solid in scenery.obstacles]
     _frame(axes, np.vstack([positions, mesh.bounds, *shown, *([] if around is None else [around])]))
     if len(arrows):
-        axes.text2D(0.02, 0.02, f"longest arrow: {largest:.3g} N", transform=axes.transAxes, fontsize=8, color=FORCE)
+        figure.text(0.98, 0.1, f"longest arrow: {largest:.3g} N", ha="right", fontsize=8, color=FORCE)
     bar = figure.colorbar(matplotlib.cm.ScalarMappable(norm, colours), cax=figure.add_axes((0.88, 0.2, 0.016, 0.55)))
     bar.set_label(label)
     figure.suptitle(title, x=0.04, y=0.96, ha="left", fontsize=12)
@@ -90,9 +98,28 @@ def draw_body(
 
 def obstacle_collection(faces: NDArray[np.float64], *, zorder: float = 0.0) -> Poly3DCollection:
     """Return the pale, translucent faces (f, k, 3) [m] of an obstacle."""
+    _, colours, edges = _looks(faces)
+    look = {"facecolors": colours, "edgecolors": edges, "linewidths": 0.2, "clip_on": False, "zorder": zorder}
+    return Poly3DCollection(faces, **look)
+
+
+def _looks(faces: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the faces (f, k, 3) of an obstacle with their colours and those of their edges (f, 4)."""
     colours = shaded(np.tile(OBSTACLE, (len(faces), 1)), faces)
-    options = {"edgecolors": (0, 0, 0, 0.08), "linewidths": 0.2, "clip_on": False, "zorder": zorder}
-    return Poly3DCollection(faces, facecolors=colours, **options)
+    return faces, colours, np.tile((0.0, 0.0, 0.0, 0.08), (len(faces), 1))
+
+
+def _divided(faces: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    """Return quads (f, 4, 3) [m] divided into pieces no longer than ``length`` [m]; triangles stay whole."""
+    count = int(np.ceil(np.linalg.norm(faces - np.roll(faces, 1, axis=1), axis=2).max() / length))
+    if faces.shape[1] != 4 or count < 2:
+        return faces
+    t = np.linspace(0.0, 1.0, count + 1)[None, :, None, None]
+    a, b, c, d = (faces[:, k, None, None] for k in range(4))
+    s = t.transpose(0, 2, 1, 3)
+    grid = (1 - s) * ((1 - t) * a + t * d) + s * ((1 - t) * b + t * c)
+    corners = grid[:, :-1, :-1], grid[:, :-1, 1:], grid[:, 1:, 1:], grid[:, 1:, :-1]
+    return np.stack(corners, axis=3).reshape(-1, 4, 3)
 
 
 def _draw_inside(axes: Axes3D, scenery: Scenery, arrows: NDArray[np.float64]) -> None:
@@ -137,9 +164,9 @@ def _frame(axes: Axes3D, points: NDArray[np.float64]) -> None:
     for name, centre, width in zip("xyz", middle, span, strict=True):
         getattr(axes, f"set_{name}lim")(centre - 0.5 * width, centre + 0.5 * width)
         getattr(axes, f"set_{name}label")(f"{name} [m]", fontsize=8)
-    axes.set_box_aspect(span, zoom=1.08)
+    axes.set_box_aspect(span, zoom=1.0)
     axes.tick_params(labelsize=7)
     for name, width in zip("xyz", span, strict=True):
         bins = max(1, round(TICKS * width / span.max()))
-        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(nbins=bins, min_n_ticks=min(3, bins + 1)))
+        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(nbins=bins, min_n_ticks=min(3, bins)))
     axes.view_init(**VIEW)

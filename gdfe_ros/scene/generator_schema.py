@@ -68,7 +68,7 @@ class Generated(Entry):
     @model_validator(mode="after")
     def _not_too_many(self) -> Generated:
         if self.count > MOST_CELLS:
-            raise ValueError(f"about {self.count} cells; allowed: up to {MOST_CELLS}; use fewer")
+            raise ValueError(f"about {self.count} cells; allowed: up to {MOST_CELLS}; use fewer; sizes are in metres")
         return self
 
 

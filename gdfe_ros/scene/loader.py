@@ -28,7 +28,7 @@ from gdfe_ros.scene.schema import Draft, SceneModel
 from gdfe_ros.scene.solvable import cut_key, unsolvable
 from gdfe_ros.scene.touchable import build_bodies, build_obstacles, build_self_contact, build_sensors
 from gdfe_ros.share import share_dir
-from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.spelling import closest
 
 _SUFFIXES = (".yaml", ".yml")
 
@@ -106,7 +106,8 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     materials = build_materials(draft, report)
     cell_material = assign_materials(draft, mesh, _names(document, "materials"), report)
     handles = build_handles(draft, mesh, report)
-    if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
+    still = draft.dynamics is None and "dynamics" not in document.data
+    if mesh is not None and len(handles) == len(_names(document, "handles")) and still:
         require_held(mesh, handles, report)
     rigid = build_bodies(draft, mesh, report)
     handles = (*handles, *build_obstacles(draft, mesh, report), *rigid)
@@ -134,7 +135,8 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     cut = () if mesh is None or report.concerns("skin") else cut_key(mesh)
     parts |= {"cut": cut, "self_contact": self_contact, "mesh": mesh}
     for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
-        report.add(key, text, value=NO_VALUE)
+        if key != ("bodies",) or still or dynamics is not None:  # otherwise a consequence of defects in the dynamics
+            report.add(key, text, value=NO_VALUE)
     report.raise_if_any()
     return Scene(
         name=document.data["name"],
@@ -252,7 +254,8 @@ def _find(name_or_path: str | Path) -> Path:
         path = named if named.is_file() else path
     if path.is_file():
         return path
-    names = scene_names()
-    hint = did_you_mean(path.stem, names)
+    names, files = scene_names(), {file.stem: str(file) for file in path.parent.glob("*.y*ml")}
+    word = closest(path.stem, [*files, *names])
+    hint = f"did you mean {files.get(word, word)!r}? " if word is not None else ""
     kind = "is a directory, not a scene file" if path.is_dir() else "does not exist"
     raise SceneError(f"scene {name_or_path}", [f"{kind}; {hint}scenes: {', '.join(names)}, or the path of a YAML file"])

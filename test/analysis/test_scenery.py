@@ -16,6 +16,7 @@ from gdfe_ros.analysis.report.surroundings import Surroundings
 from gdfe_ros.analysis.scenery import ARROW, Scenery
 from gdfe_ros.contacts import contact_points
 from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.scene import scene_from_text
 
 
 @pytest.fixture(scope="module")
@@ -100,3 +101,35 @@ def test_chambers_are_drawn_where_they_are(tmp_path: Path) -> None:
     volume = sum(np.einsum("fi,fi->", p, np.cross(q, r)) for p, q, r in ((a, b, c), (a, c, d))) / 6.0
     (chamber,) = simulation.actuator_states().values()
     assert abs(volume) == pytest.approx(chamber.extent, rel=1e-6)
+
+
+BARS = """
+name: bars
+meshes:
+  near: {bar: {size: [0.1, 0.02, 0.02], cells: [20, 4, 4]}, at: [0, -0.03, 0]}
+  far: {bar: {size: [0.1, 0.02, 0.04], cells: [20, 4, 8]}, at: [0, 0.03, 0]}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4}}
+regions: [{material: soft}]
+handles: {ends: {where: {any: [{mesh: near, face: x-}, {mesh: far, face: x-}]}, fixed: true}}
+obstacles: {ball: {sphere: {radius: 0.018}, at: [0.05, 0, 0.01]}}
+self_contact: {}
+"""
+
+
+def test_a_ball_between_two_bars_is_behind_one_and_before_the_other() -> None:
+    """Draw bars of two colours with and without the ball: it tints the farther one only."""
+    simulation = Simulation(scene_from_text(BARS))
+    values = simulation.mesh.vertices[simulation.mesh.cells].mean(axis=1)[:, 1] > 0.0
+    pictures = []
+    for scenery in (Scenery.of(simulation), Scenery()):
+        picture = BytesIO()
+        around = np.vstack([faces.reshape(-1, 3) for faces in Scenery.of(simulation).obstacles])
+        given = {"title": "", "label": "", "around": around, "scenery": scenery}
+        draw_body(picture, simulation.mesh, simulation.positions, values.astype(float), **given)
+        picture.seek(0)
+        pictures.append(matplotlib.image.imread(picture)[:, :1100, :3])
+    with_ball, without = pictures
+    tinted, red, green, blue = np.abs(with_ball - without).max(axis=2) > 0.02, *np.moveaxis(without, 2, 0)
+    near, far = (blue > green + 0.1) & (red < 0.4), (red > 0.5) & (green > 0.5) & (blue < 0.3)
+    assert (tinted & far).sum() > 0.02 * far.sum() > 100
+    assert (tinted & near).sum() < 0.01 * near.sum()

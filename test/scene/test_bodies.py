@@ -125,3 +125,13 @@ def test_a_start_inside_of_the_body_is_refused(folder: Path, shape: str) -> None
     entry: Any = shape.replace("BALL", "{file: ball.stl}")
     with pytest.raises(SceneError, match=r"body 'part' is .*inside of the soft body"):
         load(folder, f"{{{entry}, density: 900, at: [0.045, 0, 0]}}")
+
+
+def test_defects_of_the_dynamics_are_the_only_ones(folder: Path) -> None:
+    """Misspell a key of the dynamics: no message asks for dynamics, which are there."""
+    entry = "{sphere: {radius: 0.02}, mass: 0.1, at: [0.2, 0, 0]}"
+    text = (SCENE % entry).replace("dynamics: {", "dynamics: {damping: {viscosty: 1.0}, ", 1)
+    (folder / "scene.yaml").write_text(text)
+    with pytest.raises(SceneError, match="viscosty") as error:
+        load_scene(folder / "scene.yaml")
+    assert len(error.value.defects) == 1

@@ -182,6 +182,9 @@ def test_a_missing_scene_lists_what_there_is(tmp_path: Path) -> None:
         load_scene(tmp_path / "no.yaml")
     with pytest.raises(SceneError, match=r"is a directory"):
         load_scene(tmp_path)
+    (tmp_path / "ball_gripper.yaml").write_text("name: mine")
+    with pytest.raises(SceneError, match=r"does not exist; did you mean '.*/ball_gripper.yaml'\? scenes: arm_grasp"):
+        load_scene(tmp_path / "ball_griper.yaml")
 
 
 def test_a_binary_file_is_not_a_scene(tmp_path: Path) -> None:

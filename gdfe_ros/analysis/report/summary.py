@@ -63,10 +63,11 @@ def scene_rows(run: BagRun) -> Rows:
 
 
 def _movable(scene: Scene) -> Rows:
-    """Return handles and obstacles, a row for each kind."""
+    """Return handles, obstacles and rigid bodies, a row for each kind."""
     rows: dict[str, list[str]] = {}
     for handle in scene.handles:
-        rows.setdefault(handle.section, []).append(f"{handle.name}{' (fixed)' if handle.fixed else ''}")
+        held = handle.fixed and handle.section != "bodies"  # a rigid body takes no commands, but moves
+        rows.setdefault(handle.section, []).append(f"{handle.name} (fixed)" if held else handle.name)
     return [(section, ", ".join(names)) for section, names in rows.items()]
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from gdfe_ros.analysis.export.table import Row
 
@@ -69,7 +70,10 @@ def _draw(axes: Axes, rows: Sequence[Row], first: str, others: Sequence[str], na
         bottom = axes.get_ylim()[0]
         heights = [bottom if row.get(name) is None else row[name] for row in failed]
         axes.plot([place(row) for row in failed], heights, "rx", label="failed or not converged")
-    if not numeric:
+    if numeric:
+        axes.xaxis.set_major_locator(MaxNLocator(5))
+        axes.ticklabel_format(axis="x", scilimits=(-3, 4), useMathText=True)
+    else:
         axes.set_xticks(range(len(order)), [str(value)[:16] for value in order], rotation=30, ha="right", fontsize=7)
     axes.set_xlabel(first.removeprefix("set."))
     axes.set_ylabel(_LABELS.get(name, name))

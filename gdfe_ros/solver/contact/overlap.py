@@ -88,7 +88,8 @@ def overlaps(placed: Sequence[Placed], names: Collection[str] | None = None) -> 
             if depth > TOUCHING * _diagonal(one):
                 out = ", ".join(f"{value:.3g}" for value in np.round(shift, 9) + 0.0)
                 text = f"body {one.thing.name!r} is {depth:.3g} m inside of {other.thing.noun} {other.thing.name!r}"
-                yield f"{text}; remedy: shift it by [{out}] m, or put it where it is free"
+                unit = "; lengths are in metres" if depth > 1.0 else ""
+                yield f"{text}; remedy: shift it by [{out}] m, or put it where it is free{unit}"
 
 
 def inside_surface(one: Placed, points: NDArray[np.float64], quads: NDArray[np.int32]) -> str:
