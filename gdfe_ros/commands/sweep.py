@@ -63,9 +63,13 @@ def run(arguments: argparse.Namespace) -> int:
     draw_results(rows, arguments.out / "results.png", title=f"{scene.name}: {len(rows)} cases")
     bad = [row for row in rows if row["status"] != "converged"]
     console = Console(soft_wrap=True)
-    for row in bad[:_SHOWN]:
-        settings = {key.removeprefix("set."): value for key, value in row.items() if key.startswith("set.")}
-        console.print(f"{row['status']}: {settings}: {row['error']}", style="red", markup=False)
+    alike: dict[tuple[str, str], list[dict]] = {}
+    for row in bad:
+        alike.setdefault((row["status"], row["error"]), []).append(row)
+    for (status, error), group in list(alike.items())[:_SHOWN]:
+        settings = {key.removeprefix("set."): value for key, value in group[0].items() if key.startswith("set.")}
+        more = f" and {len(group) - 1} more" if len(group) > 1 else ""
+        console.print(f"{status}: {settings}{more}: {error}", style="red", markup=False)
     console.print(f"{len(rows) - len(bad)} of {len(rows)} cases converged; {arguments.out / 'results.parquet'}")
     return FAILED if bad else 0
 
