@@ -150,7 +150,10 @@ class SphereShellModel(Generated):
 
 
 class FingerModel(Generated):
-    """Links joined by thin webs along x from 0."""
+    """Links joined by thin webs: along x from 0, y and z centred on 0, notches open towards -z.
+
+    A link has the length (size x - joints * gap) / (joints + 1).
+    """
 
     size: Annotated[tuple[float, float, float], _SIZE]
     joints: Annotated[int, _JOINTS]
