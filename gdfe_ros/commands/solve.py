@@ -93,6 +93,10 @@ def _table(simulation: Simulation, results: list[StepResult], wall_time: float) 
     for name, reaction in last.reactions.items():
         table.add_row(f"{name}: force", "  ".join(f"{value:.5g}" for value in _clean(reaction[:3])), "N")
         table.add_row(f"{name}: moment", "  ".join(f"{value:.5g}" for value in _clean(reaction[3:])), "N m")
+    for handle in simulation.scene.handles:
+        if handle.section == "bodies":
+            shift = simulation.handle_pose(handle.name).translation
+            table.add_row(f"{handle.name}: moved by", "  ".join(f"{value:.5g}" for value in shift), "m")
     for name, state in last.actuators.items():
         table.add_row(f"{name}: command, {state.mode.value}", f"{state.command:.6g}", state.unit)
         for what, value, unit in state.readings():

@@ -36,6 +36,7 @@ def balance_text(history: RunHistory) -> str:
     balance = energy_balance(history)
     if not balance:
         return ""
-    most, kinetic = np.nanmax(np.abs(balance[DIFFERENCE])), np.nanmax(history.energies["kinetic"])
-    share = f", {100.0 * most / kinetic:.2g} % of the largest kinetic energy" if kinetic > 0.0 else ""
-    return f"closes to {most:.3g} J{share}"
+    most = np.nanmax(np.abs(balance[DIFFERENCE]))
+    largest, name = max((np.nanmax(np.abs(history.energies[name])), name) for name in ("kinetic", "elastic", "work"))
+    part = f", {100.0 * most / largest:.2g} % of the largest {name} energy" if largest > 0.0 else ""
+    return f"closes to {most:.3g} J{part.replace('work energy', 'work')}"

@@ -53,7 +53,7 @@ def write_png(bag: str | Path, path: Path, *, field: str = STRAIN) -> Path:
     if most is None:
         raise _nothing(run)
     shown = _shown(most, run.scene, field)
-    title = f"{run.scene.name} at t = {shown.time:g} s"
+    title = f"{run.scene.name} at t = {shown.time:g} s, the largest strain"
     draw_body(path, run.mesh, shown.positions, shown.values, title=title, label=_label(field), scenery=shown.scenery)
     return path
 
