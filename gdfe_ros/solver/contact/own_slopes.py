@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Self-contact as derivatives need it: the pairs of a converged solve, which continue to touch, stick or slip."""
+"""Self-contact for derivatives: the pairs of a converged solve keep their faces and continue to stick or slip."""
 
 from __future__ import annotations
 
@@ -139,7 +139,10 @@ class DifferentiableOwnContact(OwnContact):
         return Nearest(*(values[chosen] for values in given[1:]))
 
     def _slid(self, x: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the offsets (k, 3) [m] of pairs that have slid since the last state, with the points of ``rows``."""
+        """Return the vectors from face points to vertices since the last state, in the contact planes (k, 3) [m].
+
+        The face points have the corner weights of ``rows``.
+        """
         chosen, weights = self._chosen, self._hold_weights.copy()
         weights[chosen] = rows[:, law.HOLD : law.OFFSET]
         before, self._hold_weights = self._hold_weights, weights
@@ -147,7 +150,10 @@ class DifferentiableOwnContact(OwnContact):
         return tangential(apart, rows[:, law.NORMAL : law.WEIGHTS])
 
     def _set_anchors(self, positions: NDArray[np.float64]) -> None:
-        """Set the offsets of slipping pairs: as far as they slid in the solve, along their friction force."""
+        """Set the offsets of slipping pairs.
+
+        The slip has its length in the solve, and the direction of the friction force.
+        """
         chosen, rows, slips = self._chosen, self._rows(), self._slips
         self._anchors = self._slid(positions, rows)
         corners = positions[self._quads[self._hold[chosen]]]
@@ -161,5 +167,5 @@ class DifferentiableOwnContact(OwnContact):
         self._ends = rows[:, law.OFFSET : law.SUPPORT].copy()
 
     def _moved(self) -> NDArray[np.float64]:
-        """Return the changes (k, 3) [m] of the offsets; they stand behind all pairs."""
+        """Return the changes (k, 3) [m] of the offsets, which are stored after all pairs."""
         return self.reals[-3 * len(self._vertices) :][: 3 * len(self._chosen)].reshape(-1, 3)

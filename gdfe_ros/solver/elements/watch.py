@@ -8,9 +8,9 @@ most d = t/2,
 
     |J' - J| <= r ((A + t)(B + t)(C + t) - A B C) <= 3 r t (A B + B C + C A)    for t <= A, B, C
 
-with r, one over the undeformed triple product. While no vertex has moved farther than the least of these d, no corner
-outside of the list can be below J_0. Beyond it, all elements are examined again. The minimised energy thus always
-contains the barriers of all elements, and sound bodies pay for one examination per solve.
+where 1 / r is the undeformed triple product. While no vertex has moved farther than the least of these d, every corner
+outside of the list is above J_0. Then all elements are examined again. The minimised energy thus always contains all
+barriers that act, and sound bodies need one examination per solve.
 """
 
 from __future__ import annotations

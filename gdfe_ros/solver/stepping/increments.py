@@ -14,7 +14,7 @@ LARGEST_SHIFT = 1.0
 
 
 def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
-    """Return the number of increments that keeps each handle's rotation and translation per increment in bounds.
+    """Return the number of increments for a command, so that each rotates and moves every handle only within bounds.
 
     Args:
         targets: pose of every handle.
