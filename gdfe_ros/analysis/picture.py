@@ -26,7 +26,7 @@ OBSTACLE = (0.80, 0.62, 0.45, 0.35)
 CABLE, FORCE = (0.75, 0.10, 0.10), (0.95, 0.15, 0.55)
 CHAMBER, CHAMBER_EDGES = (0.55, 0.80, 1.0, 0.12), (0.75, 0.90, 1.0, 0.45)
 TICKS = 5
-"""Intervals between ticks along the longest axis; shorter axes have fewer, so that labels do not overlap."""
+"""Number of intervals between ticks along the longest axis. Shorter axes have fewer, so that labels do not overlap."""
 
 
 def draw_body(
@@ -43,7 +43,7 @@ def draw_body(
 ) -> None:
     """Draw the surface at ``positions`` (n, 3) [m] coloured by cell ``values`` (m,), over the undeformed outline.
 
-    The surface is the skin of a mesh that has one.
+    If the mesh has a skin, this is the surface.
 
     Args:
         path: PNG file, or a binary file object.
@@ -52,8 +52,8 @@ def draw_body(
         values: of the cells.
         title: above the picture.
         label: of the colour bar.
-        limits: least and largest value of the colours; None: those of ``values``. If they differ by less than `NOISE`,
-            the body has one colour.
+        limits: least and largest value of the colours; None for those of ``values``. If they differ by less than
+            `NOISE`, the body has one colour.
         around: points (k, 3) [m] that the axes include, for pictures on one scale.
         scenery: obstacles, cables, chambers and contact forces.
 

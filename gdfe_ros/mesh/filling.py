@@ -34,7 +34,7 @@ class Filling:
 
     @classmethod
     def of_moments(cls, moments: NDArray[np.float64]) -> Filling:
-        """Return the filling from moments (m, 7) of the material: means over cells of 1, xi, eta, zeta and their squares."""
+        """Return the filling from means over cells (m, 7): 1, xi, eta, zeta and their squares in the material."""
         share = moments[:, 0]
         centre = moments[:, 1:4] / share[:, None]
         variance = moments[:, 4:] / share[:, None] - centre**2

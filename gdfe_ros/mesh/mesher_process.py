@@ -22,7 +22,7 @@ _GMSH_TET10, _VTK_ORDER = 11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 
 
 def expected_cells(volume: float, size: float) -> float:
-    """Return the expected number of cells: the ``volume`` [m^3] over that of a regular tetrahedron of edge ``size`` [m]."""
+    """Return the ``volume`` [m^3] over the volume of a regular tetrahedron with edges of ``size`` [m]."""
     return volume / (2.0**0.5 / 12.0 * size**3)
 
 

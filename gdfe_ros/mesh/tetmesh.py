@@ -59,8 +59,7 @@ def raised(
     *,
     linear: bool = False,
 ) -> TetMesh:
-    """Return quadratic tetrahedra from linear ones: a node is added in the middle of each edge; corners keep their
-    numbers.
+    """Return quadratic tetrahedra: linear ones with a node in the middle of each edge; corners keep their ids.
 
     Args:
         vertices: (n, 3) [m].

@@ -18,10 +18,10 @@ from gdfe_ros.node.orders import ActuatorOrder, TrajectoryOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
 EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes whose command is in ``effort`` of a JointState; those of other modes are in ``position``."""
+"""Modes with their command in ``effort`` of a JointState; all other modes have it in ``position``."""
 
 LATEST_START = 60.0
-"""Longest time [s] from now to the start of a trajectory, because an idle node keeps stepping until the start."""
+"""Longest time [s] from now to the start of a trajectory; until the start, an idle node keeps stepping."""
 
 
 class ActuatorOrders:
@@ -156,7 +156,7 @@ class ActuatorOrders:
 
 
 def _table(message: JointTrajectory, field: str) -> NDArray[np.float64] | None:
-    """Return the velocities or accelerations (k, n) of a trajectory; None unless all of its points have them.
+    """Return the velocities or accelerations (k, n) of a trajectory; None if some of its points lack them.
 
     Raises:
         Refusal: a point has the wrong number of values, or a value is not finite.

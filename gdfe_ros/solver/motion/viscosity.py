@@ -30,7 +30,7 @@ NAME = "(viscosity)"
 STRAINS = 18
 """Number of strains of an element: the six of E, and three of each hourglass vector."""
 BEND = 0.25
-"""Hourglass stiffness over modulus and length of an element, taken from a cube of incompressible material in bending."""
+"""Hourglass stiffness over modulus and length of an element, from the bending of a cube of incompressible material."""
 _WIDTH = 2 + STRAINS + 24 + 32
 """Count of an element's numbers for the kernel: two stiffnesses, strains E_hat, gradient and hourglass operators."""
 _GREEN, _POINT_WIDTH = 6, 1 + 6 + 30
