@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The calibration of Sec. 4.2.1: a bar of two shape factors is stretched by 100 %, for several ratios R_G of the factors."""
+"""The calibration of Sec. 4.2.1: a bar of two shape factors is stretched by 100 %, for several of their ratios R_G."""
 
 from __future__ import annotations
 

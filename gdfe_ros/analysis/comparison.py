@@ -31,7 +31,7 @@ class Comparison:
     scene_changes: dict[str, tuple[Any, Any]]
 
     def verdict(self, factor: float = 0.0) -> Difference:
-        """Return ``Differences.verdict``, but different if the steps differ, and incomplete if parts were not compared."""
+        """Return ``Differences.verdict``; different if the steps differ, incomplete if something was not compared."""
         if any(self.only) or not self.differences.steps:
             return Difference.DIFFERENT
         verdict = self.differences.verdict(factor)

@@ -67,7 +67,7 @@ class ShownRun(Protocol):
         """Record whether there are viewers."""
 
     def doing(self) -> tuple[str, bool]:
-        """Return a text about the run's activity, and whether it is a problem; empty if the last steps show the activity."""
+        """Return a text about the run's activity, and whether it is a problem; empty if the last steps show it."""
 
     def command(self, name: str, order: Order) -> None:
         """Queue an order for the next step.

@@ -142,7 +142,7 @@ class LiveSession:
         """Do nothing: steps are always passed on, because plots also show steps without viewers."""
 
     def doing(self) -> tuple[str, bool]:
-        """Return a text about the activity and whether it is a problem; empty while the run waits or follows commands."""
+        """Return a text about the activity and whether it is a problem; empty while the run waits or follows."""
         if self.stepper.failure:
             return f"paused: {self.stepper.failure}", True
         work, playing = self.stepper.work, self._programme

@@ -238,9 +238,7 @@ class NodeSession:
         return scene_from_text(self._text, origin=f"of the node {self.name}")
 
     def _hear_scene(self, message: String) -> None:
-        """Store the scene. If a later scene differs only in its moduli, it replaces the scene; else the session is
-        outdated.
-        """
+        """Store the scene. A later scene replaces it if only moduli differ; otherwise the session is outdated."""
         before, self._text = self._text, message.data
         if before in (None, message.data):
             return
