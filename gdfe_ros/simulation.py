@@ -415,7 +415,8 @@ class Simulation:
     ) -> Sensitivities:
         """Return exact derivatives d(output)/d(parameter) at the present state, which is not modified.
 
-        At an equilibrium K dx = -dF (docs/sensitivities.md), with the present contacts and sticking points held.
+        At an equilibrium K dx = -dF (docs/sensitivities.md); present contacts continue to touch, and sticking points to
+        stick.
 
         Args:
             outputs: ``probes.<name>``, ``reactions.<handle or obstacle>``, ``positions``; None: all probes.
@@ -450,8 +451,8 @@ class Simulation:
     def follow(self, parameters: Sequence[str] | None = None) -> None:
         """Carry derivatives along with all steps from here on, for `sensitivities` of a motion.
 
-        Earlier effects of a parameter are not included: a modulus changes from here on, a command is offset from the
-        next step on. Without dynamics this has no effect, because an equilibrium has its own derivatives.
+        Only later effects of a parameter are included: a modulus changes from now on, and a command is offset from the
+        next step on. Without dynamics this method has no effect, because an equilibrium has its own derivatives.
 
         Args:
             parameters: of `parameter_names`; None: all actuators.
@@ -484,10 +485,10 @@ class Simulation:
     ) -> NDArray[np.float64]:
         """Return d(probe position)/d(command) at the present state, (probes, 3, actuators).
 
-        At an equilibrium it is computed by central differences, which also exist where there is no tangent. At a cable
-        that is just slack, or a command at the end of its range, the difference is one-sided, on the side on which the
-        actuator acts. For a motion it is exact: the derivative of the state at the end of the last step with respect
-        to the final command of that step.
+        At an equilibrium it is computed by central differences, which exist also without a tangent. For a cable that is
+        just slack, or a command at the end of its range, the difference is one-sided, on the side on which the actuator
+        acts. For a motion it is exact: the state at the end of the last step is differentiated by the final command of
+        that step.
 
         Args:
             probes: names; None: all, in the scene's order.

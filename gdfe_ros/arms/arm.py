@@ -110,7 +110,7 @@ class Arm:
         return zip(self.joints, q.tolist(), strict=True)
 
     def known_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return the ``last`` poses, for an arm that has not moved since; if some are unknown, the result of `poses`."""
+        """Return the ``last`` poses of an arm that has not moved since; if some are unknown, those of `poses`."""
         names = [name for name, *_ in self._carried]
         return {name: last[name] for name in names} if all(name in last for name in names) else self.poses(q, last)
 

@@ -132,8 +132,8 @@ class Target(ProbeTarget):
 class OrientationTarget(ProbeTarget):
     """Orientation of a probe; the goal is a rotation vector (3,) [rad] from rest.
 
-    The rotation is the one that fits the corners of the cell around the probe best, as on ``~/probe/<name>``. The axes
-    are components of the remaining rotation, in the scene's frame.
+    The rotation best fits the corners of the cell around the probe, as on ``~/probe/<name>``. The axes select
+    components of the remaining rotation, in the scene's frame.
     """
 
     unit = "rad"
@@ -164,8 +164,8 @@ class OrientationTarget(ProbeTarget):
     def derivative(self, simulation: Simulation, output: Array) -> Array:
         """Return the rotations (3, n) [rad] that motions (3 v, n) [m] of the vertices cause.
 
-        R is the best-fitting rotation of the corners x, undeformed X, both about their means. With y = R X and
-        V = sum x y^T, motions dx rotate R by w with (tr V - V) w = sum y x dx (cross products).
+        Let x be the corners and X the undeformed corners, both about their means, and R the rotation that fits best.
+        With y = R X and V = sum x y^T, motions dx rotate R by w with (tr V - V) w = sum y x dx (cross products).
         """
         now, rest = self._corners(simulation)
         turned = Rotation.align_vectors(now, rest)[0].apply(rest)

@@ -22,7 +22,7 @@ from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 
 MOST_POINTS = 400
-"""Largest number of points used of a cloud on the surface, evenly spaced. More points hardly improve a few parameters."""
+"""Largest number of points used of a cloud on the surface, evenly spaced; more hardly improve a few parameters."""
 Bag = tuple[tuple[Series, ...], tuple[Track, ...], Schedule | None, tuple[str, ...]]
 
 

@@ -75,7 +75,7 @@ def split(recording: Recording, own: Own) -> tuple[float, tuple[Rotation, NDArra
 
 
 def first_own(recording: Recording, trajectory: Trajectory) -> Own:
-    """Return initial values of a recording's own unknowns: the time shift within its bounds, and the frame that fits best.
+    """Return initial values of a recording's own unknowns: a time shift within its bounds, and the best frame.
 
     The frame is the rigid motion with the least squared distance between simulated and measured points (Kabsch 1976).
     """

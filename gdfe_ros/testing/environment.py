@@ -229,9 +229,7 @@ def make_env(
 
 
 def _walker(scene: Scene) -> Simulation:
-    """Return the simulation that finds goals; if the scene has handles it is without dynamics, and so without
-    oscillations.
-    """
+    """Return the simulation that finds goals; with handles it has no dynamics, and thus no oscillations."""
     held = any(handle.section == "handles" for handle in scene.handles)
     return Simulation(replace(scene, dynamics=None) if held else scene)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 _ACTIVE, _RECORDING, _PAUSED = "active", "recording", "paused"
-"""Texts in a node's reports: about its lifecycle, about a bag that it writes, and in place of its clock while paused."""
+"""Texts in a node's reports: about its lifecycle, about a bag that it writes, and in place of its clock when paused."""
 
 
 @dataclass(frozen=True)
