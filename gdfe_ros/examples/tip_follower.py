@@ -49,7 +49,8 @@ class TipFollower(Node):
     that, measurements correct the Jacobian (`FeedbackControl`).
 
     Parameters: ``simulation`` (full name of the node), ``probe``, ``tolerance`` [m], ``learning`` (0 to 1) and
-    ``slew_time``, the shortest time [s] in which a command crosses its range, at least that of the simulation.
+    ``slew_time`` [s]. The last one is the shortest time in which a command crosses its range; it must be at least the
+    simulation's.
 
     Attributes:
         message: reason why the last goal cannot be reached; empty if it can be reached.

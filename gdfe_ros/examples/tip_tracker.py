@@ -18,8 +18,8 @@ different bounds.
 class TipTracker:
     """Finds commands for actuators that bring a tip to its goals. Needs no ROS.
 
-    A command is the one in force at the measurement of the tip, plus the least change that moves the tip by ``gain``
-    times the distance to the goal, according to the Jacobian. Earlier commands may thus be late or lost.
+    A command is the one in force at the measurement of the tip, plus a change. It is the least change that, by the
+    Jacobian, moves the tip by ``gain`` times the distance to the goal. Earlier commands may thus be late or lost.
 
     Broyden's update corrects the Jacobian by measured motions; therefore it is computed only once. Motions are added up
     until they reach ``baseline``. In a smaller motion, the solver's tolerance or a sensor's noise would dominate the

@@ -16,7 +16,7 @@ INTERVALS = 1024
 LARGEST_STRETCH = 11.0
 """End of the tabulated curves; beyond it Phi' continues as a straight line in eps_eq."""
 MODERATE_POISSON = 0.45
-"""Largest Poisson's ratio with the whole bulk modulus in the energy; beyond it, an element's pressure keeps the volume."""
+"""Largest Poisson's ratio with the bulk modulus in the energy; beyond it a pressure per element keeps the volume."""
 SOFTENING_POISSON = 0.475
 """Poisson's ratio that gives the bulk modulus in the energy, if pressures keep the volume of a measured curve. The
 curve's tangent may fall far below the initial modulus, and pressures converge only while this bulk modulus is larger

@@ -79,8 +79,8 @@ class ActuatorOrders:
     ) -> TrajectoryOrder:
         """Return the order of a trajectory; ``positions`` are in the unit of each mode, ``effort`` is ignored.
 
-        A trajectory without points ends the running trajectories of the named actuators, loads and joints, or of all if
-        none is named. They keep their present commands, as with joint_trajectory_controller.
+        A trajectory without points ends the running trajectories of the named actuators, loads and joints; without
+        names, all trajectories. Present commands are kept, as by joint_trajectory_controller.
 
         Args:
             message: trajectory; its header's stamp is its start, and a stamp of 0 starts it when it is consumed.

@@ -187,8 +187,8 @@ class ExternalPace:
 
     While there is work, no dt is skipped or extended. A run thus depends only on the clock and the commands, and not on
     the speed of this machine. On a slow machine steps fall behind and count as overruns. While idle, a step covers all
-    the elapsed time. If the clock goes back, or jumps ahead by more than `FARTHEST_JUMP`, its new time is adopted, and
-    no steps are made for the skipped time.
+    the elapsed time. If the clock goes back, or jumps ahead by more than `FARTHEST_JUMP`, its new time is adopted. No
+    steps are made for the skipped time.
 
     Args:
         timing: returns the present values.

@@ -195,8 +195,8 @@ class Contact(ContactTerm):
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Choose the points that touched at the end of a solve, with the forces found there, for the linearisation.
 
-        A point that slips but has hardly moved gets the slip `SLIP` in the direction of its friction force, so that the
-        direction of slip is defined.
+        The direction of slip must be defined. A slipping point that has hardly moved therefore gets the slip `SLIP` in
+        the direction of its friction force.
         """
         self._led = np.zeros((0, 3))
         if not found["press"].any():

@@ -21,8 +21,8 @@ anchor (3,) [m] in the frame, normal (3,), offset [m], weights (8,) and entry pl
 frame is stored as (n, d); n = 0 means none. `STRIDE` is the row's length.
 """
 KIND, COUNT, CARRIERS, BODY, VERTICES = 0, 1, 2, 3, 7
-"""Layout of a term's integers. The offsets are those of the shape's kind, the number of points, the number of vertices
-that carry each point, the frame's four vertices (-1 for a prescribed frame), and the points' carriers.
+"""Layout of a term's integers: offsets of the shape's kind, the number of points, the number of vertices that carry
+each point, the frame's four vertices, and the points' carriers. The frame's vertices are -1 for a prescribed frame.
 """
 MOST_STEPS = 60
 """Limit of sphere-tracing steps along one path. A point that has not arrived by then only grazes the obstacle."""
@@ -109,8 +109,8 @@ def unit(nx, ny, nz):
 def gap_at(kind, reals, r, px, py, pz):
     """Return the signed distance [m] from a point to the obstacle, and the normal (3,) there, in world axes.
 
-    If the obstacle would push the point out on another side than the one of its entry, distance and normal are those of
-    the entry plane.
+    If the obstacle would push the point out on another side than it entered, distance and normal are those of the entry
+    plane.
     """
     g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
     a, b, c = reals[r + PLANE], reals[r + PLANE + 1], reals[r + PLANE + 2]

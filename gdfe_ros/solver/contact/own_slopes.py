@@ -27,8 +27,8 @@ WIDTH = len(HELD) + 3
 class DifferentiableOwnContact(OwnContact):
     """Self-contact whose converged solves can be linearised. Pairs keep their faces.
 
-    The multipliers of a pair are its normal force, its normal, the weights of its face's corners, its friction force,
-    the weights of the corners that friction acts on, its support, and the change of its offset.
+    The multipliers of a pair are, in this order: its normal force, its normal, the weights of its face's corners; its
+    friction force and the weights of the corners on which friction acts; its support, and the change of its offset.
     """
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
@@ -43,8 +43,8 @@ class DifferentiableOwnContact(OwnContact):
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Choose the pairs that pressed at the end of a solve, with the forces found there.
 
-        A pair that slips but has hardly moved gets the slip `SLIP` in the direction of its friction force, so that the
-        direction of slip is defined.
+        The direction of slip must be defined. A slipping pair that has hardly moved therefore gets the slip `SLIP` in
+        the direction of its friction force.
         """
         self._on = bool(found["press"].any())
         if not self._on:

@@ -49,8 +49,8 @@ def _scatter(blocks: NDArray[np.float64], shape: ShapeOperators, count: int | No
 class ConstantMatrix:
     """The constant matrix restricted to the unknowns, factored; x, y and z have one factor.
 
-    Handles with a free axis are eliminated by their Schur complement, so that one factor of the free vertices serves
-    all three axes, whether they are free or not.
+    Handles with a free axis are eliminated by their Schur complement. One factor of the free vertices therefore serves
+    all three axes, free or not.
 
     Args:
         matrix: the assembled matrix (n, n), symmetric.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sparse Cholesky factor A = U^T U of the constant matrix by the multifrontal method (Liu 1992), with LAPACK.
 
-Each supernode assembles its entries of the matrix and its children's update matrices in a dense front, eliminates its
-own vertices there, and passes the remaining update matrix to its parent.
+Each supernode assembles its entries of the matrix and its children's update matrices in a dense front. It eliminates
+its own vertices there, and passes the remaining update matrix to its parent.
 """
 
 from __future__ import annotations

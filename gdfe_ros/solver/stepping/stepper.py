@@ -119,7 +119,7 @@ class Stepper:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay at their commanded poses.
 
         Pressures, captured shapes and the last motion are reset. If an element is folded or inverted there, the next
-        step is compared with the load path from rest, because it may end in another minimum of the energy.
+        step may end in another minimum of the energy. It is then compared with the load path from rest.
         """
         there = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return there.with_(suspect=not there.sound, tried=state.tried)

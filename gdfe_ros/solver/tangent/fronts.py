@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled sparse Cholesky factors A = U^T U of symmetric matrices of one pattern: multifrontal (Liu 1992).
 
-Each supernode assembles its entries of the matrix and its children's update matrices in a dense front, eliminates its
-own vertices there, and passes the remaining update matrix to its parent. Six columns (two vertices) are eliminated at a
-time, always in the same order. A matrix thus has the same factor, bit by bit, with any number of threads. Inner loops
-count in unsigned numbers: a possibly negative index would cost a test in each iteration and prevent SIMD.
+Each supernode assembles its entries of the matrix and its children's update matrices in a dense front. It eliminates
+its own vertices there, and passes the remaining update matrix to its parent. Six columns (two vertices) are eliminated
+at a time, always in the same order. A matrix thus has the same factor, bit by bit, with any number of threads. Inner
+loops count in unsigned numbers: a possibly negative index would cost a test in each iteration and prevent SIMD.
 """
 
 from __future__ import annotations

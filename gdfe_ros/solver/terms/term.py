@@ -59,9 +59,9 @@ def term_kernel(entry: Callable[..., float]) -> TermKernel:
             return spring_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
     ``spring_energy(x, reals, integers, force, size)``, a `gdfe_ros.compiled.kernel`, receives the positions ``x`` (n,
-    3) [m] and the term's two arrays. It adds dE/dx to ``force`` (n, 3) [N], adds a bound for the rounding of its energy
-    (the sum of the absolute values of its parts) to ``size[0]`` [J], and returns the energy [J], infinite for positions
-    out of bounds.
+    3) [m] and the term's two arrays. It adds dE/dx to ``force`` (n, 3) [N]. It adds a bound for the rounding of its
+    energy, the sum of the absolute values of its parts, to ``size[0]`` [J]. It returns the energy [J], infinite for
+    positions out of bounds.
     """
     return TermKernel(entry)
 
