@@ -28,8 +28,7 @@ RETRIES = 8
 LONG = 1e6
 """Duration of a step [s]; it is so long that no rate limit restricts a command."""
 MOST_GRID = 2
-"""Number of actuators up to which the commands are a grid; for more, corners of the ranges and low-discrepancy
-points."""
+"""Up to this number of actuators the commands are a grid; for more, corners of the ranges and a low-discrepancy set."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,7 @@ LEAST = 1e-4
 SHORTER, LONGER = 0.25, 2.0
 """Factors on the longest change: after a change that did not reduce the errors enough, and after one that did."""
 MOST_TRIES = 60
-"""Number of changes of the commands after which a goal counts as out of reach."""
+"""A goal counts as out of reach after this number of changes of the commands."""
 ENOUGH = 0.25
 """Least reduction of the errors by a change, over the predicted reduction."""
 STANDSTILL, FAINT = 0.1, 1e-3

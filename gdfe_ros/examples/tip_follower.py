@@ -35,9 +35,9 @@ _EFFORTS = (Mode.TENSION, Mode.PRESSURE)
 _PERIOD = 0.02
 """Duration of the first command to a goal [s]; later durations are the difference of the stamps of two states."""
 _REST = 1e-4
-"""Relative change of the commands below which they count as constant."""
+"""Commands count as constant if their relative change is below this."""
 _LONG = 300
-"""Number of commands after which the outcome is logged, even if the commands still change."""
+"""The outcome is logged after this number of commands, even if the commands still change."""
 _ENOUGH = 1e6
 """Duration of the model's step to the commands in force [s]; it is so long that no rate limit matters."""
 

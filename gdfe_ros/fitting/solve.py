@@ -18,7 +18,7 @@ HORIZONS = (1 / 16, 1 / 4, 1.0)
 minimum of the misfit; the first oscillation alone has no such minimum.
 """
 STEP = 1e-5
-"""Relative change of the unknowns, and of the sum of squares, at which a search ends."""
+"""A search ends at this relative change of the unknowns, or of the sum of squares."""
 COARSE = 0.01
 """A search that is followed by one with a longer horizon ends at this relative change of the sum of squares."""
 MOST_TRIALS = 60

@@ -15,7 +15,7 @@ from gdfe_ros.live.view import View
 from gdfe_ros.node.orders import ActuatorOrder
 
 STILL = 1e-6
-"""Relative change of the commands below which they count as constant."""
+"""Commands count as constant if their relative change is below this."""
 INTERVAL = 0.02
 """Duration of a command [s], for the rate limits of actuators."""
 ENOUGH = 1e6

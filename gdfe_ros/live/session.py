@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from gdfe_ros.live.bag import LiveBag
 
 _LONG = 0.3
-"""Duration of a solve above which it is reported [s]."""
+"""A solve is reported if it takes longer than this time [s]."""
 
 
 class RestingPace(WallPace):

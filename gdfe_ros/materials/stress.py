@@ -19,9 +19,9 @@ from gdfe_ros.materials.tensor import (
 )
 
 LEAST_VOLUME = 0.1
-"""J below which the logarithms of the neo-Hookean law are extrapolated as parabolas (C2)."""
+"""For smaller J, parabolas (C2) replace the logarithms of the neo-Hookean law."""
 LEAST_STRETCH = 0.1
-"""Principal stretch below which Ogden's law is extrapolated to second order (C1)."""
+"""For smaller principal stretches, Ogden's law is extrapolated to second order (C1)."""
 CURVE_FACTOR = 1.5 / (1.5 * 1.5)
 """Ratio of eps_eq^2 to |F - lam R|^2: 3 / (2 (1 + nu)^2) with nu = 0.5."""
 

@@ -18,9 +18,9 @@ from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.mesh.trilinear import trilinear_weights
 
 BARE, SHORT = 2.0 * 3.0**0.5, 1.0
-"""Distance of a boundary cell's material from the skin, over the cell's edge, above which the skin does not cover the
-cell. The first value is for material inside the skin, as at a hole that is missing in the skin. The second is for
-material outside of it.
+"""The skin does not cover a boundary cell whose material is farther from the skin than this, over the cell's edge. The
+first value is for material inside the skin, as at a hole that is missing in the skin. The second is for material
+outside of it.
 """
 
 

@@ -22,7 +22,7 @@ FINE, SMALL = 0.25, 0.1
 quantile.
 """
 CREASE = np.cos(np.radians(30.0))
-"""Cosine between the normals of neighbouring triangles below which their common edge is a crease."""
+"""The common edge of two triangles is a crease if the cosine between their normals is below this."""
 FARTHEST = np.array([0.5, 0.75, 1.0])
 """A further point is chosen if its distance to the nearest chosen point, over the size of its cell, exceeds this. Three
 values: for a corner, for a crease point, and for any other point.

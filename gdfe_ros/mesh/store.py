@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_BYTES = 256_000_000
-"""Total size of the files [B] above which those used least recently are deleted."""
+"""Limit of the total size of the files [B]; the files used least recently are deleted first."""
 _DIGEST = 32
 
 

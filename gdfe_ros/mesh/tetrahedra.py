@@ -29,7 +29,7 @@ CORNER_SLOPES = np.array([[-1.0, -1.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 
 NEWTON_STEPS = 25
 """Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps."""
 SETTLED = 1e-10
-"""Change of a point's barycentric coordinates at which Newton's method ends."""
+"""Newton's method ends when a point's barycentric coordinates change by less than this."""
 
 
 def quadratic_weights(place: NDArray[np.float64]) -> NDArray[np.float64]:

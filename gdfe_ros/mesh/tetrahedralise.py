@@ -30,9 +30,9 @@ ENVELOPE = 1e-3
 NARROW = 0.1
 """Largest distance between the same surfaces, over the size of the cells; the smaller limit applies."""
 STRAIGHTENED = 0.1
-"""Scaled Jacobian below which a cell's curved edges are straightened."""
+"""The curved edges of a cell are straightened if its scaled Jacobian is below this."""
 LONGEST_RUN = 1800.0
-"""Time [s] after which a mesher is stopped."""
+"""A mesher is stopped after this time [s]."""
 _SCRIPT = Path(__file__).with_name("mesher_process.py")
 
 

@@ -19,7 +19,7 @@ from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.strays import Doubles
 
 _LONG = 0.5
-"""Duration above which a task is reported [s]."""
+"""A task is reported if it takes longer than this time [s]."""
 _OK, _WARN, _ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 

@@ -39,7 +39,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _LATE = 1.0
-"""Lag behind an external clock above which a warning is logged [s]."""
+"""A warning is logged if the simulation lags behind an external clock by more than this time [s]."""
 
 
 class SimulationSession:

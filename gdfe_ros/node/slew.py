@@ -16,7 +16,7 @@ _SLOWEST = 1.0 / 32.0
 _SLOWER, _FASTER = 0.5, 1.2
 """Factors of this fraction: after a change that did not converge in its step, and after a change that did."""
 _HELD, _BACK = 200, 2000
-"""Numbers of iterations after which holding a command, or going back, is given up. A change that converges needs 5 to
+"""Holding a command, or going back, is given up after these numbers of iterations. A change that converges needs 5 to
 150.
 """
 _LEAST = 4

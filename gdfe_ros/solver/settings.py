@@ -46,8 +46,8 @@ class SolverSettings:
 
     Attributes:
         policy: ``energy`` (force-consistent shape factors) or ``relative`` (the paper as published).
-        tolerance: estimated largest distance to the equilibrium (from the preconditioned step), over the body's
-            size, at which a step counts as converged; 1e-12 to 1e-1.
+        tolerance: a step counts as converged if the estimated largest distance to the equilibrium, over the body's
+            size, is at most this; 1e-12 to 1e-1. The preconditioned step gives the estimate.
         steps: number of load steps for a program; None lets the solver choose.
         max_iterations: limit of iterations of one increment; a step beyond it is returned as not converged. A command
             that is divided into n increments from the start has n times this limit.

@@ -15,8 +15,7 @@ whole change often converges although smaller ones do not, because it passes the
 mostly fail in the same manner.
 """
 _BUDGET = 400
-"""Limit of iterations of a step without dynamics, after which a smaller fraction is tried; most steps need 20 to
-150."""
+"""Limit of iterations of a step without dynamics; then a smaller fraction is tried. Most steps need 20 to 150."""
 
 
 class Approach:

@@ -28,7 +28,7 @@ PATIENCE = 300.0
 machine.
 """
 _DISCOVERY = 1.5
-"""Time [s] within which running nodes are discovered, even on a busy machine."""
+"""Running nodes are discovered within this time [s], even on a busy machine."""
 STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """QoS of subscriptions to the topics of a step: a late subscriber receives the last step."""
 

@@ -23,12 +23,12 @@ TASK_SECONDS = 1.0
 milliseconds. If the workers use all cores, they lose this time.
 """
 _SHARE = 4
-"""Number of tasks per thread into which the last cases are divided, so that all threads end at the same time."""
+"""The last cases are divided into this number of tasks per thread, so that all threads end at the same time."""
 PATIENCE = 600.0
 """Longest time without a worker on this machine [s]. The wait for a user's own scheduler has no limit."""
 _POLL = 0.02
 _LOOK = 1.0
-"""Interval at which workers are checked while no task is completed [s]."""
+"""While no task is completed, the workers are checked at this interval [s]."""
 _SETTINGS = {
     # Solves run in one thread each; dask's profiler would stop them every 10 ms.
     "distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_COUNTS, 1),

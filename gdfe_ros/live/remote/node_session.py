@@ -43,7 +43,7 @@ from gdfe_ros.testing.state import PublishedState
 PATIENCE = 5.0
 """Longest wait for a node's scene [s]."""
 _SILENT = 3.5
-"""Time without a report after which the node counts as silent [s]; it reports once a second."""
+"""A node counts as silent after this time [s] without a report; it reports once a second."""
 _OWN = "gdfe_live"
 
 

@@ -26,11 +26,11 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 
 ENTRY = 1e-3
-"""Distance from the obstacle, over the body's size, beyond which a point counts as outside. A point from outside that
-enters the obstacle within one step gets a penetration plane.
+"""A point counts as outside if its distance from the obstacle, over the body's size, exceeds this. A point from outside
+that enters the obstacle within one step gets a penetration plane.
 """
 REACH = 0.05
-"""Distance over the body's size within which points take part in contact. Distances are recomputed once the body has
+"""Points take part in contact up to this distance over the body's size. Distances are recomputed once the body has
 moved by this distance.
 """
 SLIP = 3e-7

@@ -16,7 +16,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.contact import gap
 
 TOUCHING = 1e-3
-"""Penetration depth over a rigid body's diagonal up to which bodies count as touching only."""
+"""Bodies only touch if the penetration depth, over a rigid body's diagonal, is at most this."""
 POINTS, ROUNDS, CLOSER = 9, 14, 0.4
 """Search grid for the deepest point: points along each edge, number of refinements, and factor of the grid's size in
 each refinement.
@@ -149,7 +149,7 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
 
 
 def _seen_share(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
-    """Return the largest fraction of directions in which one of ``points`` [m] sees the faces (q, 4, 3) [m].
+    """Return the largest fraction of all directions in which a point sees the faces (q, 4, 3) [m], over ``points`` [m].
 
     The solid angle of a triangle is that of van Oosterom and Strackee (1983).
     """

@@ -32,7 +32,7 @@ BURIED = 1e-3
 CLEAR = 1.5
 """Search distance over the largest penetration depth at the beginning of a solve."""
 SAME_SIDE = 0.5
-"""Cosine between the old and the new contact normal of a vertex, above which its multipliers are kept."""
+"""A vertex keeps its multipliers if the cosine between its old and its new contact normal exceeds this."""
 
 
 class OwnContact(ContactTerm):

@@ -16,7 +16,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_faces
 
 CREASE = 0.7
-"""Cosine between the rest normals of two faces above which the surface counts as smooth over their common edge."""
+"""The surface counts as smooth over an edge if the cosine between the rest normals of its two faces exceeds this."""
 DEPTH, RIM = 0.25, 0.05
 """Two distances over the shortest edge. A vertex touches a face from behind, up to `DEPTH`, even if it was never in
 front of it. A vertex beside a face, up to `RIM`, still counts as above it.

@@ -116,7 +116,7 @@ def parted(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return normal forces (k,), friction in the contact planes (k, 3) [N] and unit normals (k, 3) of a mixture (k, 7).
 
-    Normals whose cosine with those ``before`` (k, 3) is below ``alike`` keep their old direction.
+    A normal keeps its direction from ``before`` (k, 3) if the cosine between old and new direction is below ``alike``.
     """
     press, shear, normal = mixed[:, 0], mixed[:, 1:4], mixed[:, NORMALS]
     length = np.linalg.norm(normal, axis=1)[:, None]

@@ -23,7 +23,7 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.settings import Skip
 
 LEAST_BLOCKS = 25
-"""Least number of element blocks per thread for which more threads are faster."""
+"""More threads are used only if each has at least this number of element blocks."""
 _ENDS = tuple(End)
 
 
@@ -186,7 +186,7 @@ def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
 def _updated(
     body: Body, elements: NDArray[np.int32], skip: Collection[Skip]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the elements whose pressures, and those whose hourglass scales, are updated between minimisations."""
+    """Return two sets of elements that are updated between minimisations: for pressures, and for hourglass scales."""
     material = body.material[elements]
     carried = body.table.parameters[material, CARRIED] == 1.0
     softening = body.table.law[material] != Law.LINEAR

@@ -32,9 +32,11 @@ PATIENT_ITERATIONS = 20
 LEARNED = 2
 """An emptied history contains the softest modes again after this many iterations per pair of its memory."""
 FLOOR = 1e-3
-"""Step, over the tolerance, below which iterations end even before their least number is made."""
+"""Iterations end even before their least number if the step, over the tolerance, is below this."""
 LEAST_FLOOR = 1e-9
-"""Step, over the body's size, below which iterations follow rounding errors and could leave an unstable equilibrium."""
+"""Smallest useful step over the body's size. Shorter steps follow rounding errors, and could leave an unstable
+equilibrium.
+"""
 FARTHEST = 3000.0
 """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
 CHUNK = 20

@@ -44,13 +44,13 @@ ROUNDING = 1e-20
 HALF = 0.5
 """The iterations end if the distance after a step is at most this fraction of the target and of the step."""
 CLOSE = 0.02
-"""Distance, over the target, up to which no step is made. The errors of such solves add up along the softest mode,
-which a few products hardly resolve.
+"""No step is made up to this distance over the target. The errors of such solves add up along the softest mode, which a
+few products hardly resolve.
 """
 ENERGY = 1e-5
 """Largest energy that another step may release, over that of all terms. Small errors of stiff parts store much."""
 NOTHING = 1e-6
-"""Length of M^-1 g, over the target, below which it is rounding."""
+"""M^-1 g counts as rounding if its length, over the target, is below this."""
 LONGEST = 10.0
 """Longest Newton step over the body's size; an almost singular tangent would give longer ones."""
 AWAY = 0.02

@@ -17,7 +17,7 @@ from gdfe_ros.solver.distance import largest
 CURVATURE = 1e-10
 """A pair enters the history if the cosine between the step and the change of the gradient is at least this."""
 LARGE = 50_000
-"""Number of unknowns from which dividing the history among threads pays."""
+"""Threads divide the history from this number of unknowns on."""
 MOST_SHORTENED = 1e-4
 """Least length of the quasi-Newton direction over the plain preconditioned step. The last pairs of a very accurate
 solve consist of rounding. With them a body would seem to be at rest after its command has changed.

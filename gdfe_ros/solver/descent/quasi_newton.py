@@ -24,9 +24,9 @@ from gdfe_ros.solver.terms.term import terms_energy
 ARMIJO = 1e-4
 """Fraction of the decrease predicted by the slope that a step must achieve: the usual value."""
 MAX_CUTS = 30
-"""Number of halvings of a step after which the descent counts as stalled: 2^-30 is below any rounding."""
+"""The descent counts as stalled after this number of halvings of a step; 2^-30 is below any rounding."""
 MOST_BLOCKED = 4
-"""Number of successive full steps into infinite energy after which the body counts as running away."""
+"""The body counts as running away after this number of successive full steps into infinite energy."""
 ROUNDING = 1e-13
 """Changes of the energy below this fraction of the sum of its terms are rounding errors in double precision."""
 SHIFT_AND_TURN = 2.0

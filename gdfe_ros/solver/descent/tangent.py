@@ -36,7 +36,7 @@ WORTH = 12
 MOST_TANGENTS = 60
 """Limit of tangents in a solve. More are needed only if the potential is not smooth, e.g. where cable points meet."""
 MOST_UNKNOWN = 6
-"""Limit of Newton steps in a solve for which conjugate gradients do not converge: the body is about to buckle."""
+"""Limit of Newton steps in a solve without convergence of conjugate gradients; such a body is about to buckle."""
 MOVING = 0.2
 """In motion, an L-BFGS step of this length over the tolerance ends the solve. The distance counts as five times the
 step.
@@ -44,7 +44,7 @@ step.
 FLYING = 0.02
 """As `MOVING`, for a body without handles: only the accuracy of the solve then conserves its angular momentum."""
 PATIENT = 12
-"""Number of successive L-BFGS iterations after which the tangent is renewed; it is larger if a new tangent costs more
+"""The tangent is renewed after this number of successive L-BFGS iterations; after more if a new tangent costs more
 solves.
 """
 DAMPING = 10.0

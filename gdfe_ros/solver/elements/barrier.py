@@ -35,7 +35,7 @@ WEIGHT = 3.0
 LINE = 0.1
 """s_0."""
 NEARLY_FOLDED = 0.4
-"""Volume ratio of a corner below which its element is watched: twice the barriers' threshold."""
+"""An element is watched if the volume ratio of a corner is below this: twice the barriers' threshold."""
 NONE = np.zeros(0, dtype=np.int32)
 """No watched elements."""
 

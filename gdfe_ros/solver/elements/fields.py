@@ -178,7 +178,7 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
 def volume_pressures(
     body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
 ) -> NDArray[np.float64]:
-    """Return p_e (m,) [Pa] with which the kernels' volume term has the slope U'(J) of the full volume energy.
+    """Return p_e (m,) [Pa] such that the kernels' volume term has the slope U'(J) of the full volume energy.
 
     For an incompressible element it is 0, because the shape does not determine the pressure; the volume term is then
     that of nu = 0.45.

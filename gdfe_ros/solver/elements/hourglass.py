@@ -19,7 +19,7 @@ from gdfe_ros.materials.tensor import dot, scaled, times
 AMPLITUDE = 8.0**-0.5
 """Amplitude at the corners of a mode whose projection on its unit hourglass vector is 1."""
 LEAST_EDGE = 1e-3
-"""Stretch |F d_i| below which it is regularised, so that a collapsed edge keeps a finite direction."""
+"""Smaller stretches |F d_i| are regularised, so that a collapsed edge keeps a finite direction."""
 
 
 @inlined

@@ -22,9 +22,9 @@ amount.
 SWINGING = 0.3
 """An update counts as an oscillation if it reverses more than this fraction of the last one."""
 MOST_SWINGS = 2
-"""Number of successive oscillations after which the penalty bulk modulus is raised."""
+"""The penalty bulk modulus is raised after this number of successive oscillations."""
 STIFFENING, MOST_STIFFENING = 3.0, 30.0
-"""Factor by which the penalty bulk modulus is raised if the pressures oscillate, and the limit of the total factor."""
+"""Oscillating pressures raise the penalty bulk modulus by the first factor; the second limits the total factor."""
 
 
 class Pressures:

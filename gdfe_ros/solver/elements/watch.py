@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled list of elements near folding: those whose fold barriers a minimisation has to evaluate.
+"""Compiled list of elements near folding; a minimisation evaluates fold barriers only for these.
 
 Barriers act below a volume ratio J_0, which sound bodies never reach. A minimisation therefore keeps a list of watched
 elements, and evaluates barriers for these alone. At its beginning it examines all elements, and watches those with a
@@ -31,7 +31,7 @@ class Watch(NamedTuple):
     """The watched elements of a solve; minimisations add to them.
 
     Attributes:
-        elements: (m,) int32, of which the first ``count`` are watched.
+        elements: (m,) int32; the first ``count`` are watched.
         count: (1,) int64.
         member: (m,) bool, whether each element is watched.
         room: (2,) distance [m] that vertices may move until the next examination: from the accepted positions of the

@@ -23,7 +23,7 @@ from gdfe_ros.solver.state import DormancyState, Known, State
 from gdfe_ros.solver.value import changed
 
 QUIET = 0.1
-"""Displacement in a step, over the tolerance, below which a vertex counts as at rest."""
+"""A vertex counts as at rest if its displacement in a step, over the tolerance, is below this."""
 PATIENCE, MOST_PATIENCE = 4, 64
 """A vertex is frozen once it was at rest in this number of successive steps of the whole body: first value and limit.
 The number is doubled after each awake part that was too small.
@@ -34,13 +34,13 @@ MOST_REST = 32
 """Largest number of steps for which the search for vertices to freeze pauses. It pauses after an awake part that would
 have been too large (`WORTH`), each time twice as long."""
 LEAST_VERTICES = 1500
-"""Number of free vertices below which freezing saves no time, because the part needs a factor of its own."""
+"""With fewer free vertices, freezing saves no time, because the part needs a factor of its own."""
 LAYERS = 2
 """Layers of elements around the moving ones that are kept awake."""
 SHORT, LONG = 8, 32
 """A part that lasts for fewer than `SHORT` steps was too small; one that lasts for `LONG` steps was well chosen."""
 STIRRED = 0.25
-"""Displacement on waking, over the largest one, above which a frozen vertex joins the awake part."""
+"""A frozen vertex joins the awake part if its displacement on waking, over the largest one, exceeds this."""
 CERTAIN = 0.5
 """Up to this estimated displacement over the tolerance, the cheap estimate from the border's forces is trusted."""
 

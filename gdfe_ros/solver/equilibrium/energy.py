@@ -41,7 +41,9 @@ from gdfe_ros.solver.value import changed
 LEAP = 100.0
 """A solve counts as warm only if its start is nearer to the last equilibrium than this multiple of the tolerance."""
 REORIENT = 0.3
-"""Rotation [rad] of a handle beyond which its coupling to the constant matrix is recomputed and the history emptied."""
+"""A handle's coupling to the constant matrix is recomputed, and the history emptied, after a rotation by this angle
+[rad].
+"""
 RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 

@@ -19,7 +19,7 @@ LARGEST_RATIO = 2.0
 STILL = 1e-12
 """Motion of handles, over the body's size, that is rounding and needs no harmonic predictor."""
 SMOOTH = 0.5
-"""Largest relative difference between a motion and the last one for which the last one is extrapolated."""
+"""The last motion is extrapolated if the present motion differs from it by at most this fraction."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,9 @@ ROUGH = 0.3
 SCALE_SLACK = 10.0
 """Allowed change of an hourglass scale, over the tolerance; the positions stay within the tolerance."""
 SURE = 0.3
-"""Largest change by an update, over the allowed one, up to which a certified solve ends without a new minimisation."""
+"""A certified solve ends without a new minimisation if an update's largest change, over the allowed one, is at most
+this.
+"""
 WARM_SLACK = 10.0
 """Allowed volume error of an element, over the tolerance, in a step that continues a motion; the next step's pressures
 remove it.

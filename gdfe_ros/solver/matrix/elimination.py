@@ -20,7 +20,7 @@ SLACK = 0.05
 SMALL = 1.0
 """A subtree is not divided further if its work is at most this fraction of an even division among groups."""
 NARROW = 2
-"""Width in vertices up to which a supernode is always merged with its parent."""
+"""A supernode of at most this width in vertices is always merged with its parent."""
 
 
 class Elimination(NamedTuple):

@@ -16,7 +16,7 @@ from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
 from gdfe_ros.solver.matrix.supernodes import NotDefiniteError, supernodal
 
 DENSE_UP_TO = 200
-"""Number of free vertices up to which an explicit inverse, applied in compiled code, is the fastest method."""
+"""Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
 SOUND = 1e-3
 """A factor is kept in single precision if the relative correction of a solution is at most this. Such a factor serves
 as preconditioner, and to estimate the distance to the equilibrium.

@@ -10,10 +10,11 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
 LEAF = 60
-"""Number of vertices up to which a part is not divided further."""
+"""A part with at most this number of vertices is not divided further."""
 DIGITS = 6
-"""Decimal digits to which coordinates over the body's size are rounded, so that a cross-section's vertices count as
-level."""
+"""Coordinates over the body's size are rounded to this number of decimal digits, so that a cross-section's vertices
+count as level.
+"""
 
 
 def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -13,7 +13,7 @@ import math
 from gdfe_ros.compiled import inlined
 
 SMALL = 1e-4
-"""Angle [rad] below which two terms of the coefficients' series are exact to double precision."""
+"""Up to this angle [rad], two terms of the coefficients' series are exact to double precision."""
 
 
 @inlined

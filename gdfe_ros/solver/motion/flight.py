@@ -17,9 +17,9 @@ from gdfe_ros.solver.value import changed
 HALVINGS = 4
 """How often a failing internal step may be halved."""
 WHOLE = 2**HALVINGS
-"""Units into which an internal step is divided."""
+"""An internal step is divided into this number of units."""
 DEEPEST_FOLD = -0.5
-"""Least volume ratio of a corner with which an undriven motion continues; fold barriers open such folds again."""
+"""An undriven motion continues if every corner's volume ratio is at least this; fold barriers open such folds again."""
 ROUNDING = 1e-9
 """Fraction of an internal step that counts as zero."""
 

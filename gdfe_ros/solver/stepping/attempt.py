@@ -11,14 +11,14 @@ from gdfe_ros.solver.stepping.way import AttemptOutcome, Way
 from gdfe_ros.solver.terms.actuation import inflated
 
 SHORTEST_STUCK = 1.0 / 4.0
-"""Increment, as fraction of a load path, below which it is not halved again after its solve got stuck."""
+"""An increment whose solve got stuck is not halved again if it is at most this fraction of a load path."""
 STUCK = 1e-4
 """A solve without further descent got stuck if the estimated distance to the equilibrium, over the body's size, is
 above this. An example is a kink of the energy where cable points meet. Up to this distance, the precision of the energy
 ended the solve.
 """
 SHORTEST_JUMP = 1.0 / 32.0
-"""Increment, as fraction of a load path, with which a jump is accepted; shorter increments would not prevent it."""
+"""A jump is accepted in an increment of at most this fraction of a load path; shorter ones would not prevent it."""
 FOLDS, ENTERS = "elements would fold or turn inside out", "surfaces would enter each other"
 
 

@@ -19,10 +19,10 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 
 LOST = 0.5
-"""Energy released in an increment, over the largest of energies and work, above which it alone proves a jump."""
+"""A larger release of energy in an increment, over the largest of energies and work, alone proves a jump."""
 PROVEN = 0.01
-"""Energy released beyond the uncertainty of the work, over the largest of energies and work, above which it proves a
-jump.
+"""A jump is proven if the energy released beyond the uncertainty of the work, over the largest of energies and work,
+exceeds this.
 """
 LEAST_MOTION = 5e-3
 """Least distance, over the body's size, between the predicted end and the actual end of a jump. A cable that becomes

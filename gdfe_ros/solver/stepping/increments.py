@@ -10,7 +10,7 @@ from gdfe_ros.constraints import Pose
 
 LARGEST_TURN = math.radians(100.0)
 LARGEST_SHIFT = 1.0
-"""Translation of a handle, over the body's size, beyond which a command is divided."""
+"""A command is divided if it moves a handle by more than this translation over the body's size."""
 
 
 def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:

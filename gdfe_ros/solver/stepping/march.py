@@ -10,9 +10,9 @@ from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.state import State
 
 SAME = 1e-6
-"""Relative difference within which two energies count as equal."""
+"""Two energies count as equal if their relative difference is within this."""
 NEAR = 100.0
-"""Distance, in tolerances, within which two equilibria count as the same."""
+"""Two equilibria count as the same if their distance, in tolerances, is within this."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -15,7 +15,7 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 
 SHORTEST_SUBSTEP = 1.0 / 256.0
-"""Increment, as fraction of a load path, below which it is not halved again."""
+"""An increment of at most this fraction of a load path is not halved again."""
 ROUNDING = 1e-9
 """Fraction of a load path that counts as zero."""
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
 MOST_PRODUCTS = 80
-"""Number of products after which the least eigenvalue counts as unknown."""
+"""The least eigenvalue counts as unknown after this number of products."""
 LEAST_PRODUCTS = 10
 """Least number of products before a Ritz value can count as converged."""
 LOOK_BACK, STEADY, FLAT = 4, 0.05, 1e-4
@@ -24,7 +24,9 @@ by at most `FLAT`. A value below `FLAT` counts as no curvature.
 """
 
 NOISE = 1e-4
-"""Relative remainder of a product below which it counts as noise, because products are differences of gradients."""
+"""A product's remainder counts as noise if it is relatively smaller than this, because products are differences of
+gradients.
+"""
 
 Apply = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]

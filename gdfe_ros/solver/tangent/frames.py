@@ -15,12 +15,12 @@ from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 UNIQUE = 0.05
-"""Margin of the rotation's uniqueness below which an element, or a vertex, counts as not rotated. Without deformation
-the margin is 8 / 27^(1/2).
+"""An element, or a vertex, counts as not rotated if the margin of its rotation's uniqueness is below this. Without
+deformation the margin is 8 / 27^(1/2).
 """
 LEAST_TURN = 3e-3
-"""Largest rotation [rad] of a vertex below which no vertex counts as rotated. If stiffnesses differ by ten decades,
-small differences of rotations do more harm than good.
+"""If no vertex is rotated by more than this angle [rad], all count as not rotated. If stiffnesses differ by ten
+decades, small differences of rotations do more harm than good.
 """
 
 

@@ -44,7 +44,7 @@ class Actuation:
         table: the same for the kernels.
         strung: cables between handles; these have a least length.
         growths: the growths, which change the elements' rest shape.
-        neutral: command of every actuator and load at which it has no effect.
+        neutral: for every actuator and load, the command without effect.
         loaded: names of the loads.
         contacts: contact terms: one for each obstacle, and that of the body with itself.
     """
@@ -126,7 +126,7 @@ class Actuation:
 
     @property
     def resolution(self) -> float:
-        """Displacement over the body's size to which minimisations must converge so that contact forces are known.
+        """Displacement, over the body's size, that minimisations must resolve so that contact forces are known.
 
         Infinite without contacts.
         """
@@ -171,8 +171,8 @@ class Actuation:
         """Return the name of the chamber that inflated without bound since an equilibrium; empty if none did.
 
         ``since`` (n, 3) [m] are the positions of the equilibrium, ``positions`` (n, 3) [m] those of failed solves after
-        it. If the body ran away, its volumes have no meaning; the name is then that of a chamber whose pressure has
-        risen since the commands ``before``.
+        it. If the body ran away, its volumes have no meaning; the name is then that of a chamber with a pressure that
+        has risen since the commands ``before``.
         """
         for term in self._chambers:
             pressed = term.actuator.mode is Mode.PRESSURE

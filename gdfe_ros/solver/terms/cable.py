@@ -29,7 +29,7 @@ of its points."""
 BALANCED = 1e-9
 """Force on movable vertices, over the tension, that counts as zero."""
 NO_WEIGHT = 1e-9
-"""Weight of a corner below which a cable's point does not follow it."""
+"""A cable's point does not follow a corner if the corner's weight is below this."""
 FAINT, NEARLY = 1e-12, 3e-6
 """Two negligible amounts: tension over modulus and squared body size, and lengthening over the body's size. In finite
 differences, a cable that is just not taut gets the sum of both tensions, so that it counts as taut.

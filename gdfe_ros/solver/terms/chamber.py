@@ -24,8 +24,9 @@ from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembere
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 EFFORT, TARGET, STIFFNESS, LIMIT = range(4)
-"""Offsets in the term's reals of p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] beyond which it counts as
-unstable."""
+"""Layout of the term's reals: p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] above which the chamber counts as
+unstable.
+"""
 LARGEST_INFLATION = 8.0
 """A chamber of given pressure counts as unstable if one solve inflates it by more than this ratio."""
 RUNNING_AWAY = 0.25

@@ -222,7 +222,7 @@ class TermTable(NamedTuple):
 
     @classmethod
     def pack(cls, terms: Sequence[Term]) -> TermTable:
-        """Copy the numbers of all terms with an energy into common arrays, of which the terms then hold views."""
+        """Copy the numbers of all terms with an energy into common arrays; the terms then hold views of these."""
         acting = [term for term in terms if term.kernel is not None]
         real_start = np.cumsum([0, *(len(term.reals) for term in acting)])
         integer_start = np.cumsum([0, *(len(term.integers) for term in acting)])
