@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Limits BLAS to one thread where matrices are small.
+"""Limits BLAS to one thread for small matrices.
 
 On small frontal matrices the threads of BLAS wait for each other longer than they work, in particular beside another
 busy process.

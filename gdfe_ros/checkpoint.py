@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Saving and restoring the whole state of a simulation; the steps after a restore are bitwise identical.
 
-A checkpoint is a zip archive of numpy arrays (``.npz``) and two texts: ``head.json``, with the format, the package
-version and the origin of the state, and ``state.json``, the tree of `gdfe_ros.solver.state.State` whose leaves are
+A checkpoint is a zip archive of numpy arrays (``.npz``) and two texts. ``head.json`` has the format, the package
+version and the origin of the state. ``state.json`` is the tree of `gdfe_ros.solver.state.State`; its leaves are
 numbers, texts and names of arrays. Shapes and SI units are documented at the attributes of `State` and its classes.
-Data that follow from the scene (mesh, operators, factored matrix) are left out and come from the simulation into which
-the state is restored; it must have the same scene, settings and package version.
+Data that follow from the scene (mesh, operators, factored matrix) are left out. On restoring they come from the
+simulation, which must have the same scene, settings and package version.
 """
 
 from __future__ import annotations

@@ -24,7 +24,9 @@ VIRIDIS = np.array(
 """Red, green and blue (11, 3) in sRGB, 0 to 1, at equal intervals."""
 
 NOISE = 1e-5
-"""Least width of a colour range, for a field without a unit or for lengths over the body's size: less is noise."""
+"""Least width of a colour range, for a field without a unit or for lengths over the body's size; smaller differences
+are noise.
+"""
 
 
 def colour_range(low: float, high: float, *, noise: float = NOISE) -> tuple[float, float]:

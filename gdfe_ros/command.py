@@ -23,9 +23,9 @@ from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot
 
 FARTHEST = 1000.0
-"""Largest translation [body lengths] and largest rotation [revolutions] of a commanded pose."""
+"""Limits of a commanded pose: largest translation [body lengths] and largest rotation [revolutions]."""
 MOST_INFLATED = 1000.0
-"""Largest commanded volume of a chamber, over its undeformed volume: at this limit its walls are ten times as wide."""
+"""Largest commanded volume of a chamber, over its undeformed volume. At this limit its walls are ten times as wide."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class Command:
         handles: pose of each named handle relative to its rest pose.
         actuators: command of each named actuator in the unit of its mode, e.g. a tension [N]; of a growth, 0 to 1.
         loads: factor on each named load; 1 before the first command.
-        bodies: pose relative to its rest pose to which each named rigid body is teleported before the step, with zero
-            velocity; it then moves freely again.
-        joints: position of each named joint of an arm [rad] or [m], which it approaches within its limits.
+        bodies: pose of each named rigid body relative to its rest pose. The body is teleported there before the step,
+            with zero velocity, and then moves freely again.
+        joints: position of each named joint of an arm [rad] or [m]; the joint approaches it within its limits.
     """
 
     handles: Mapping[str, Pose] = field(default_factory=dict)
@@ -143,7 +143,7 @@ class Orders:
         return places
 
     def require_own(self, snapshot: Snapshot) -> None:
-        """Raise an error for a snapshot of another scene, because its forces differ even if its shape is the same.
+        """Raise an error for a snapshot of another scene: its forces differ even if its shape is the same.
 
         Raises:
             CommandError: the scene's text (materials, dynamics or anything else), the policy or the torsion differs.

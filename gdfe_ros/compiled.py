@@ -23,7 +23,7 @@ internal = njit(**_EXACT, cache=True, forceinline=False, no_cpython_wrapper=True
 """Decorator of functions that only other kernels call: without an entry for Python they compile and load faster."""
 
 inlined = njit(**_EXACT, forceinline=True, no_cpython_wrapper=True)
-"""Decorator of the parts of an element kernel: always inlined, so that structs and tuples stay in registers."""
+"""Decorator of the parts of an element kernel. They are always inlined; structs and tuples thus stay in registers."""
 
 merged = njit(nogil=True, error_model="numpy", inline="always")
 """Decorator of a function that is compiled as part of its only caller: it has no code of its own and compiles
@@ -37,5 +37,5 @@ parallel_kernel = njit(**_EXACT, cache=True, forceinline=False, parallel=True)
 
 
 def start_threads() -> None:
-    """Start numba's thread pool: a cached parallel function does not start it if it is inlined into another one."""
+    """Start numba's thread pool; a cached parallel function that is inlined into another one does not start it."""
     numba.get_num_threads()

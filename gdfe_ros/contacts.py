@@ -23,9 +23,11 @@ POINT = np.dtype(
     [(name, "<f4") for name in (*_PLACE, *_NORMAL, "gap", *_PUSH, *_SHEAR)]
     + [(name, "<i4") for name in ("slips", "vertex", "contact", "other")]
 )
-"""A contact point: its position [m], the normal of the touched side, the gap [m], the normal force and the friction
-force [N], 1 if it slips, its vertex (for a skin point the vertex with the largest weight, -1 for a rigid body's
-corner), the index of its contact's name, and the touched vertex (-1 if the touched side is not the body)."""
+"""A contact point with the following fields: its position [m]; the normal of the touched side; the gap [m]; the normal
+force and the friction force [N]; 1 if it slips; its vertex; the index of its contact's name; and the touched vertex.
+For a skin point, its vertex is the one with the largest weight; for a rigid body's corner it is -1. The touched vertex
+is -1 if the touched side is not the body.
+"""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -73,9 +75,9 @@ class ContactSensor:
 def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = None) -> list[str]:
     """Return the names in `StepResult.contacts` for a scene's handles, in their order.
 
-    A contact of the body with an obstacle or a rigid body has the name of that item. Contacts of a rigid body's points
-    with an obstacle or another rigid body follow, as in `rigid_pairs`, and with ``self_contact`` that of the body with
-    itself.
+    First come the contacts of the body with obstacles and rigid bodies, under the names of these items. Then come the
+    contacts of rigid bodies' points with obstacles and other rigid bodies, as in `rigid_pairs`. With ``self_contact``,
+    the contact of the body with itself comes last.
     """
     touched = [handle for handle in handles if isinstance(handle, Obstacle)]
     return (

@@ -57,8 +57,8 @@ def imported(name: str) -> ModuleType:
 def without_collection() -> Iterator[None]:
     """Disable Python's cyclic garbage collection during imports and construction, where it would find no garbage.
 
-    Nearly all objects created meanwhile live until the process ends. They are excluded from later collections, which
-    stop every thread.
+    Nearly all objects created meanwhile live until the process ends. They are excluded from later collections, because
+    a collection stops every thread.
     """
     before = gc.isenabled()
     gc.disable()
@@ -71,7 +71,7 @@ def without_collection() -> Iterator[None]:
 
 
 def collect() -> None:
-    """Collect all cyclic garbage before the interpreter shuts down; bindings print errors for garbage left to it."""
+    """Collect all cyclic garbage before the interpreter shuts down; otherwise bindings would print errors for it."""
     gc.unfreeze()
     gc.collect()
 
@@ -80,7 +80,7 @@ def collect() -> None:
 def quiet_imports(name: str, status: int) -> Iterator[None]:
     """End the process at once if SIGINT arrives inside the context, where no open resource needs closing yet.
 
-    KeyboardInterrupt does not suffice: libraries catch it while they probe for optional packages, and continue. A
+    KeyboardInterrupt is not enough: libraries catch it while they probe for optional packages, and continue. A
     dependency that is too old also ends the process, with a message of one line.
     """
 

@@ -15,9 +15,9 @@ _PACKAGE = "gdfe_ros"
 def share_dir() -> Path:
     """Return the directory that contains ``package.xml``, ``config/`` and ``launch/``.
 
-    It depends only on the location of this module, so that code and scenes always have one version: the source tree for
-    a clone, ``pip install -e`` and ``colcon build --symlink-install``, otherwise ``<prefix>/share/gdfe_ros`` of the
-    prefix of the installation (colcon, apt, pip, venv).
+    It depends only on the location of this module, so that code and scenes always have one version. For a clone, ``pip
+    install -e`` and ``colcon build --symlink-install`` it is the source tree. Otherwise it is
+    ``<prefix>/share/gdfe_ros`` below the prefix of the installation (colcon, apt, pip, venv).
 
     Returns:
         Absolute path of the directory.

@@ -146,7 +146,7 @@ class Simulation:
         self.result: StepResult | None = None
 
     def reset_shape(self) -> None:
-        """Go back to the rest shape and to the rest commands; time continues, rigid bodies stay, with zero velocity.
+        """Go back to the rest shape and the rest commands; time continues, and rigid bodies stay with zero velocity.
 
         Raises:
             OverlapError: a rigid body overlaps the body's rest shape; the state is unchanged.
@@ -162,7 +162,7 @@ class Simulation:
             raise
 
     def rest_command(self) -> Command:
-        """Return the initial command: no handle moved, neutral actuators, loads with their own factor."""
+        """Return the initial command: handles at their rest poses, neutral actuators, loads with their own factor."""
         return Command(
             handles=dict.fromkeys(self._movable, Pose()),
             actuators={name: self._neutral[name] for name in self.actuator_names},
@@ -210,10 +210,11 @@ class Simulation:
 
         Args:
             command: new targets; None keeps the old ones.
-            dt: simulation time of the step [s], at most 1e9 s and, with dynamics, 100000 internal steps; None: 0 s or,
-                with dynamics, one internal step.
+            dt: simulation time of the step [s], at most 1e9 s and, with dynamics, 100000 internal steps. None stands
+                for 0 s; with dynamics, for one internal step.
             deadline: wall time [s] after which the best state so far is returned; later steps continue from it.
-            cut_after: instead of a deadline, end the solve where a recorded one ended (``StepResult.cut_after``).
+            cut_after: number of checks of the deadline after which the solve ends, as in a recorded step
+                (``StepResult.cut_after``).
             interrupted: called repeatedly; once it returns True, the solve ends as at a deadline, and the message says
                 why.
 
@@ -277,10 +278,10 @@ class Simulation:
     def set_positions(self, positions: ArrayLike) -> None:
         """Start the next step from given vertices, e.g. those of another simulation; commands stay as they are.
 
-        Handles keep their commanded poses; sliding ones keep their first vertex's offset along free axes. Pressures,
-        captured shapes and the last motion are reset; with dynamics steps continue with the initial velocities. If
-        elements are inverted, the next step to an equilibrium compares it with the one from rest and keeps that of
-        lower energy; `StepResult.restarts` and the message report it.
+        Handles keep their commanded poses; sliding handles keep the offset of their first vertex along free axes.
+        Pressures, captured shapes and the last motion are reset. With dynamics, steps continue with the initial
+        velocities. If elements are inverted, the next equilibrium is compared with the one from rest, and the one of
+        lower energy is kept; `StepResult.restarts` and the message report it.
 
         Args:
             positions: (n, 3) finite [m].
@@ -340,7 +341,7 @@ class Simulation:
         return partial(element_fields, self.stepper.body, state.positions, omega, **given)
 
     def handle_pose(self, name: str) -> Pose:
-        """Return the present pose of a handle: its target, with the computed values along free axes.
+        """Return the present pose of a handle: its target, with the computed components along free axes.
 
         Raises:
             CommandError: no such handle.
@@ -380,8 +381,8 @@ class Simulation:
     def joint_states(self) -> dict[str, JointReading]:
         """Return position, velocity and effort of each joint of the arms, by name, and the limits that cut its motion.
 
-        The effort is that of the motor: it carries and accelerates the links (recursive Newton-Euler), and balances the
-        reactions of the soft body and of the rigid bodies that touch the links (J^T w).
+        The effort is that of the motor. It carries and accelerates the links (recursive Newton-Euler). It also balances
+        the reactions of the soft body, and of rigid bodies that touch the links (J^T w).
         """
         if not self._carriers:
             return {}
@@ -414,7 +415,8 @@ class Simulation:
     ) -> Sensitivities:
         """Return exact derivatives d(output)/d(parameter) at the present state, which is not modified.
 
-        At an equilibrium K dx = -dF (docs/sensitivities.md), with the present contacts and sticking points held.
+        At an equilibrium K dx = -dF (docs/sensitivities.md); present contacts continue to touch, and sticking points to
+        stick.
 
         Args:
             outputs: ``probes.<name>``, ``reactions.<handle or obstacle>``, ``positions``; None: all probes.
@@ -449,8 +451,8 @@ class Simulation:
     def follow(self, parameters: Sequence[str] | None = None) -> None:
         """Carry derivatives along with all steps from here on, for `sensitivities` of a motion.
 
-        Earlier effects of a parameter are not included: a modulus changes from here on, a command is offset from the
-        next step on. Without dynamics this has no effect, because an equilibrium has its own derivatives.
+        Only later effects of a parameter are included: a modulus changes from now on, and a command is offset from the
+        next step on. Without dynamics this method has no effect, because an equilibrium has its own derivatives.
 
         Args:
             parameters: of `parameter_names`; None: all actuators.
@@ -483,10 +485,10 @@ class Simulation:
     ) -> NDArray[np.float64]:
         """Return d(probe position)/d(command) at the present state, (probes, 3, actuators).
 
-        At an equilibrium it is computed by central differences, which also exist where there is no tangent. At a cable
-        that is just slack, or a command at the end of its range, the difference is one-sided, on the side on which the
-        actuator acts. For a motion it is exact: the derivative of the state at the end of the last step with respect
-        to the final command of that step.
+        At an equilibrium it is computed by central differences, which exist also without a tangent. For a cable that is
+        just slack, or a command at the end of its range, the difference is one-sided, on the side on which the actuator
+        acts. For a motion it is exact: the state at the end of the last step is differentiated by the final command of
+        that step.
 
         Args:
             probes: names; None: all, in the scene's order.

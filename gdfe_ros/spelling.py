@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 LIKENESS = 0.5
-"""Least ratio of matching letters, between 0 and 1, at which a known word is suggested."""
+"""A known word is suggested if the ratio of matching letters, between 0 and 1, is at least this."""
 
 
 def closest(given: str, known: Iterable[str]) -> str | None:

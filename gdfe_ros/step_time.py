@@ -15,7 +15,7 @@ MOST_STEPS = 100_000
 
 
 def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
-    """Check the duration ``dt`` [s], the ``deadline`` [s] and the count ``cut_after``, both None for none.
+    """Check the duration ``dt`` [s], the ``deadline`` [s] and the count ``cut_after``; None stands for no limit.
 
     Returns:
         ``dt`` in double precision, because a sum of times in lower precision stops growing.

@@ -48,7 +48,7 @@ class Actuator:
 
     @property
     def constrains(self) -> bool:
-        """Whether it prescribes a length or a volume by a constraint, whatever force that needs."""
+        """Whether its command is a length or a volume that a constraint keeps, with any force."""
         return self.mode is Mode.VOLUME
 
 
@@ -70,7 +70,7 @@ class Cable(Actuator):
 
     @property
     def constrains(self) -> bool:
-        """Whether it keeps its length; an elastic cable stretches."""
+        """Whether a constraint keeps its length; an elastic cable stretches instead."""
         return self.mode is not Mode.TENSION and not math.isfinite(self.stiffness)
 
 
@@ -80,7 +80,7 @@ class Chamber(Actuator):
 
     Attributes:
         quads: int32 vertices of the faces, (q, 4), or (q, 6) for tetrahedra; normals point into the material. If
-            ``points`` are given, indices of these, (q, 4), where a triangle repeats its last corner.
+            ``points`` are given, indices (q, 4) of these points; a triangle repeats its last corner.
         points: points carried by the body, if the surface does not lie between vertices.
     """
 
@@ -93,7 +93,7 @@ class Chamber(Actuator):
         return self.quads.ravel() if self.points is None else self.points.corners[self.points.weights != 0.0]
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions (k, 3) [m] that ``quads`` index: those of ``points`` if given, else of the vertices.
+        """Return the positions (k, 3) [m] that ``quads`` index: of ``points`` if given, else of the vertices.
 
         Args:
             positions: (n, 3) [m] of the mesh's vertices.
@@ -105,7 +105,7 @@ class Chamber(Actuator):
 class Growth(Actuator):
     """Cells with another rest size (shape memory, swelling, fibres): F_e = F G^-1, energy det G W(F_e).
 
-    At command c the stretch is G = 1 + c (G_1 - 1); if several growths share a cell, their G - 1 add up.
+    At command c the stretch is G = 1 + c (G_1 - 1). If several growths have a cell in common, their G - 1 add up.
 
     Attributes:
         cells: (k,) int32 cells that grow.

@@ -16,10 +16,11 @@ from gdfe_ros.mesh.tetrahedra import barycentric, quadratic_weights
 from gdfe_ros.mesh.trilinear import reference_coordinates, trilinear_weights
 
 SLACK = 1e-5
-"""Distance outside of a cell, in its reference coordinates (-1 .. 1, or barycentric), at which a point still counts as
-on its face."""
+"""A point counts as on a cell's face if it is outside by at most this, in the cell's reference coordinates (-1 .. 1, or
+barycentric).
+"""
 NEIGHBOURS = 64
-"""Number of cells with the nearest centres that are searched for the one around a point."""
+"""Number of cells, those with the nearest centres, that are searched for the cell around a point."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,9 @@ from gdfe_ros.mesh.tetrahedra import quadratic_slopes, quadratic_weights, simple
 from gdfe_ros.mesh.trilinear import CORNERS, trilinear_weights
 
 GAUSS = 3.0**-0.5
-"""Coordinate of the two integration points of each direction."""
+"""Coordinate of the two Gauss points of each direction, up to the sign."""
 TET_ORDER = 3
-"""Points of a tetrahedron along each direction: products of two shape functions have degree 4."""
+"""Number of integration points of a tetrahedron along each direction; products of two shape functions have degree 4."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,7 +54,7 @@ class Gravity:
         acceleration: (3,) finite [m/s^2].
         density: (m,) of each cell [kg/m^3].
         attached: masses that have weight too.
-        filling: filled fraction of the cells; None: entirely.
+        filling: filled fraction of the cells; None if every cell is entirely filled.
     """
 
     name: str
@@ -103,8 +103,8 @@ class SurfaceLoad:
 
     Attributes:
         name: unique in the scene among actuators and loads.
-        quads: int32 vertices of the faces, (q, 4), or (q, 6) for tetrahedra. If ``points`` are given, indices of these,
-            (q, 4), where a triangle repeats its last corner.
+        quads: int32 vertices of the faces, (q, 4), or (q, 6) for tetrahedra. If ``points`` are given, indices (q, 4) of
+            these points; a triangle repeats its last corner.
         traction: (3,) finite [Pa].
         points: points carried by the body, if the faces do not lie between vertices.
     """
@@ -141,8 +141,8 @@ def gauss_points(
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Yield the volume (m,) [m^3] and the shape functions (1 or m, c) of each of a cell's integration points.
 
-    A hexahedron has 2 x 2 x 2 Gauss points; for a partly filled cell they are the points of its box, and their volume
-    is that of the material only. A quadratic tetrahedron has 27, so that its mass is exact with straight edges.
+    A hexahedron has 2 x 2 x 2 Gauss points. A partly filled cell has the points of its box, and the volume of its
+    material. A quadratic tetrahedron has 27 points, so that its mass is exact with straight edges.
     """
     corners = rest[cells]
     if cells.shape[1] == 10:
@@ -166,7 +166,7 @@ def _tet_points(nodes: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64
 
 
 def corner_areas(rest: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the part of each node in the area of each face (q, 4) or (q, 6), in the same shape [m^2].
+    """Return the area [m^2] that belongs to each node of each face (q, 4) or (q, 6), in the same shape.
 
     Bilinear quads have 2 x 2 Gauss points; for the six nodes of a quadratic triangle see `node_areas`.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Actuator states as positions, in the quantities of their commands."""
+"""Positions of actuators for messages, in the quantities of their commands."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Mode
 
 
 class Readings:
-    """Converts actuator states to positions: the quantity of each command, if it is geometric.
+    """Converts actuator states to positions, in the quantity of each command if this is geometric.
 
-    That is the shortening or the length of a cable [m], the volume of a chamber [m^3], or the command of a growth.
+    A position is the shortening or the length of a cable [m], the volume of a chamber [m^3], or the command of a
+    growth.
 
     Args:
         actuators: of a scene.

@@ -35,9 +35,9 @@ class BagRun:
 
     Attributes:
         reader: of the bag.
-        roles: names of the topics by their roles in the node, e.g. ``handles/tip/pose``; remapping a topic does not
-            change its role. In bags without roles, the role is the name relative to the node's, or the whole name for
-            other topics.
+        roles: names of the topics by their roles in the node, e.g. ``handles/tip/pose``. Remapping a topic does not
+            change its role. In bags without roles, the role of a topic is its name relative to the node's; topics of
+            others have their whole name.
     """
 
     def __init__(self, path: str | Path) -> None:

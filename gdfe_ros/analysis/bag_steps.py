@@ -16,12 +16,13 @@ from gdfe_ros.recording.step_record import StepRecord
 
 _INPUTS = frozenset({"actuation", "commands", "trajectory"})
 _HANDLE_INPUTS = frozenset({"target", "velocity", "follow", "set"})
-"""Last parts of the names of a handle's input topics; ``velocity`` alone is an output. The consumed commands are in the
-step record."""
+"""Last parts of the names of a handle's input topics; a topic named only ``velocity`` is an output. The step record has
+the consumed commands.
+"""
 CONTACTS = "contacts"
-"""Topic of the contact points, with a row for each; their number differs from step to step."""
+"""Topic of the contact points. A message has a row for each point; the number of points changes from step to step."""
 _OTHERS = frozenset({"topology", "scene", "contact_names", "markers", "contact_markers", "jacobian", "/clock"})
-"""Topics of the node that are not published once per step."""
+"""Topics of the node that are published less or more often than once per step."""
 
 StepKey = tuple[int, int]
 """Stamp [ns] of a step, and the number of earlier steps of the run with the same stamp."""
@@ -33,7 +34,7 @@ class BagStep:
 
     Attributes:
         record: consumed commands and outcome.
-        key: identifies it in several runs.
+        key: identifies the same step in different runs.
         samples: arrays by topic (its role) and field, including ``step_record``.
     """
 
@@ -61,19 +62,19 @@ def step_keys(records: Collection[StepRecord]) -> list[StepKey]:
 class BagSteps:
     """The steps of a bag, read one after the other, so that a long bag is never in memory as a whole.
 
-    The messages of a step are consecutive in the bag, around its record, and have its log time. Two successive steps
-    may have the same log time (a reset, a republished state): a repeated topic then belongs to the second one.
+    The messages of a step are consecutive in the bag, around its record, and have the step's log time. Two successive
+    steps may have the same log time, after a reset or for a republished state. A topic that occurs again then belongs
+    to the second step.
 
     Args:
         run: the recorded run.
-        topics: names without the node's, e.g. ``mesh``; None: all that are published once per step.
+        topics: names without the node's, e.g. ``mesh``; None for all topics that are published once per step.
 
     Attributes:
         topics: the topics read, name by role.
         foreign: topics of unknown type, which cannot be compared.
-        strays: number of messages so far, by topic, whose step has no record in the bag (it was dropped or lost).
-        tail: number of messages after the last record, by topic; the end of the recording may have truncated their
-            step.
+        strays: number of messages so far, by topic, of steps without a record in the bag (it was dropped or lost).
+        tail: number of messages after the last record, by topic; the end of the recording may have truncated this step.
     """
 
     def __init__(self, run: BagRun, *, topics: Collection[str] | None = None) -> None:
@@ -116,7 +117,7 @@ class BagSteps:
         self.tail.update(short for short, _, _ in early)
 
     def _of(self, moment: int, early: list[tuple[str, int, Any]]) -> dict[str, Values]:
-        """Return the messages before the record of their step; those of another time are strays."""
+        """Return the messages that precede their step's record; messages of another time are strays."""
         self.strays.update(short for short, time, _ in early if time != moment)
         return {short: message_values(content) for short, time, content in early if time == moment}
 

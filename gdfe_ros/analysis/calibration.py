@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The calibration of Sec. 4.2.1: a bar of two shape factors stretched by 100 %, over the ratio R_G of the two."""
+"""The calibration of Sec. 4.2.1: a bar of two shape factors is stretched by 100 %, for several of their ratios R_G."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ RATIOS = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, CALIBRATED_TO)
 
 @dataclass(frozen=True)
 class CalibrationPoint:
-    """One bar: the ratio of stiffness for a ratio of shape factors.
+    """One bar: the ratio of stiffness that results from a ratio of shape factors.
 
     Attributes:
         geometric: R_G, ratio of the shape factors.
         published: R_M, ratio of the moduli that Eq. 7 assigns to R_G.
         strain: mean eps_eq of the right half over that of the left half.
-        energy: mean 1/2 eps_eq^2 of the right half over that of the left half, as for the strain energies of two halves
-            of equal modulus.
+        energy: mean 1/2 eps_eq^2 of the right half over that of the left half: the ratio of strain energies for equal
+            moduli.
         converged: whether every load step converged.
     """
 
@@ -43,7 +43,10 @@ def calibrate(steps: int) -> list[CalibrationPoint]:
 
 
 def published_ratio(geometric: float) -> float:
-    """Return the mechanical ratio R_M of a geometric ratio R_G >= 1 by Eq. 7; 1 below the R_G of R_M = 1."""
+    """Return the mechanical ratio R_M that Eq. 7 assigns to a geometric ratio R_G >= 1.
+
+    It is 1 below the R_G that belongs to R_M = 1.
+    """
     if geometric <= geometric_ratio(1.0):
         return 1.0
     return float(brentq(lambda ratio: float(geometric_ratio(ratio)) - geometric, 1.0, 1e3))

@@ -20,7 +20,7 @@ class Comparison:
 
     Attributes:
         differences: of the common steps.
-        only: number of steps that only the first and only the second bag has.
+        only: two numbers of steps: those that only the first bag has, and those that only the second bag has.
         foreign: topics of unknown type in the first and in the second bag, which are not compared.
         scene_changes: differing values of the first and the second scene, by dotted key.
     """
@@ -31,7 +31,7 @@ class Comparison:
     scene_changes: dict[str, tuple[Any, Any]]
 
     def verdict(self, factor: float = 0.0) -> Difference:
-        """Return ``Differences.verdict``; different if the steps differ, incomplete if parts were not compared."""
+        """Return ``Differences.verdict``; different if the steps differ, incomplete if something was not compared."""
         if any(self.only) or not self.differences.steps:
             return Difference.DIFFERENT
         verdict = self.differences.verdict(factor)

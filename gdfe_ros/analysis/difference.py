@@ -23,7 +23,7 @@ LENGTHS = frozenset({"x", "y", "z", "ux", "uy", "uz"})
 VELOCITIES = ("vx", "vy", "vz")
 _RATIOS = ("eps_eq", "J", "omega", "min_det")
 CUT = 100.0
-"""Error, in tolerances, assumed for a step whose solve was cut, because its distance to the equilibrium is unknown."""
+"""Error, in tolerances, that is assumed for a step with a cut solve: its distance to the equilibrium is unknown."""
 _COSTS = ("iterations", "substeps", "error_estimate", "skipped")
 
 
@@ -65,11 +65,11 @@ class FieldDifference:
         field: of its messages.
         compared: number of arrays.
         differing: number of arrays with a different bit.
-        resized: number of arrays with different lengths, whose numbers are not compared.
+        resized: number of pairs of arrays with different lengths; their numbers are not compared.
         first: the first number that differs.
         most: the number that differs most; NaN counts as the largest difference.
         scale: largest magnitude in the first run.
-        gaps: largest difference among the steps that were solved to each tolerance, by tolerance.
+        gaps: for each tolerance, the largest difference among the steps that were solved to it.
     """
 
     topic: str
@@ -146,7 +146,7 @@ class Differences:
                 self._add_topic(key, topic, first[topic], second[topic], tolerance)
 
     def _reached(self, record: Values) -> float:
-        """Return the accuracy of a step: the tolerance, or the largest error estimate since the last converged step."""
+        """Return a step's accuracy: the tolerance, or the largest error estimate since the last converged step."""
         if "converged" not in record or record["converged"].item():
             self._open = self._tolerance
         else:
@@ -174,20 +174,20 @@ class Differences:
     def allowed(self, entry: FieldDifference, factor: float, tolerance: float | None = None) -> float:
         """Return the largest difference that ``factor`` tolerances of the solver explain, in the unit of the field.
 
-        Errors accumulate over steps that did not converge in the first run, e.g. because a deadline cut them. For these
-        ``tolerance`` is the largest error estimate of a step since the last converged one (None: the largest tolerance
-        at which the field differs). Whether the other run converges there does not matter.
+        Errors accumulate over steps that did not converge in the first run, e.g. because a deadline cut them. For such
+        steps, ``tolerance`` is the largest error estimate since the last converged step. None stands for the largest
+        tolerance at which the field differs. Convergence of the other run does not matter.
 
-        The tolerance bounds the displacement over the body's size. Lengths may differ by this displacement; strains by
-        it over the shortest edge; moduli, energies and forces by the same fraction of the largest value of their kind.
-        A force may also differ by Young's modulus times the mean cross section times the tolerance: the axial force of
-        such a displacement, however small the forces of bending are.
+        The tolerance bounds the displacement over the body's size. Lengths may differ by this displacement, and strains
+        by this displacement over the shortest edge. Moduli, energies and forces may differ by the tolerance times the
+        largest value of their kind. A force may also differ by the axial force of such a displacement: Young's modulus
+        times the mean cross section times the tolerance.
 
-        One unit in the last place of a float32 is added for values published as such. Iterations, substeps, error
-        estimates and skipped work are the cost of a solve, not its result, and may differ by any amount. Velocities of
-        joint states are differences of positions, which are compared themselves. The set of contact points may differ
-        by points with negligible forces, which shifts all its rows; the wrenches, which are compared, contain the
-        contact forces.
+        For values published as float32, one unit in the last place is added. Some fields may differ by any amount.
+        Iterations, substeps, error estimates and skipped work are the cost of a solve, not its result. Velocities of
+        joint states are differences of positions, and positions are compared. Contact points with negligible forces may
+        be missing in one run, which shifts all rows of the contact points; the compared wrenches contain the contact
+        forces.
         """
         if entry.topic == CONTACTS:
             return np.inf
@@ -210,7 +210,7 @@ class Differences:
         return Difference.WITHIN if within else Difference.DIFFERENT
 
     def factor_needed(self) -> float:
-        """Return the smallest factor with which all differences are allowed; infinite if there is none."""
+        """Return the smallest factor with which all differences are allowed; infinite if no factor is large enough."""
         if self.unmatched:
             return np.inf
         return max((self._factor_of(entry) for entry in self.differing), default=0.0)
@@ -244,7 +244,7 @@ class Differences:
         return max(scale, self._axial * self._size) if ".torque." in entry.field else scale
 
     def _kin(self, entry: FieldDifference) -> Iterator[FieldDifference]:
-        """Yield the components of the same vector, because a component that is zero has no scale of its own."""
+        """Yield the components of the same vector; together they give the scale, because one component may be zero."""
         stem = entry.field.rpartition(".")[0]
         vector = VELOCITIES if entry.field in VELOCITIES else ()
         for other in self.fields.values():

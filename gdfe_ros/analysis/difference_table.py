@@ -23,17 +23,19 @@ _NARROW = 130
 
 
 def wide_console() -> Console:
-    """Return a console that does not fit tables into the 80 columns of a file or pipe."""
+    """Return a console that does not limit tables to the 80 columns of a file or pipe."""
     console = Console(soft_wrap=True)
     return console if console.is_terminal else Console(soft_wrap=True, width=_NARROW)
 
 
 def difference_table(differences: Differences, *, factor: float) -> Table:
-    """Return a table of the differences, in the order of occurrence; a vector has one row, with its worst component.
+    """Return a table of the differences, in the order of occurrence.
+
+    A vector has one row, with its worst component.
 
     Args:
         differences: of two runs.
-        factor: number of solver tolerances that the column ``allowed`` shows; 0: no such column.
+        factor: number of solver tolerances that the column ``allowed`` shows; 0 for a table without this column.
     """
     table = Table(title="differences", title_justify="left")
     for heading in ("topic", "field", "arrays", "first at", "largest", "of", "at"):

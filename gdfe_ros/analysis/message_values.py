@@ -15,7 +15,7 @@ Values = dict[str, NDArray[Any]]
 """Arrays (k,) of one message by field name, e.g. ``eps_eq`` or ``wrench.force.x``."""
 
 RECORD_FIELDS = ("converged", "iterations", "substeps", "error_estimate", "energy", "min_det")
-"""Outcomes of a step that two equal runs have in common; wall times and texts are excluded."""
+"""Outcomes of a step that are the same in two equal runs; wall times and texts are not among them."""
 
 _DESCRIPTION = frozenset({"header", "layout", "__msgtype__"})
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}

@@ -29,7 +29,7 @@ PIECES = 24
 """Pieces along the body's size into which faces of obstacles among its own are divided, because each is drawn before or
 behind another as a whole."""
 TICKS = 5
-"""Intervals between ticks along the longest axis; shorter axes have fewer, so that labels do not overlap."""
+"""Number of intervals between ticks along the longest axis. Shorter axes have fewer, so that labels do not overlap."""
 
 
 def draw_body(
@@ -46,7 +46,7 @@ def draw_body(
 ) -> None:
     """Draw the surface at ``positions`` (n, 3) [m] coloured by cell ``values`` (m,), over the undeformed outline.
 
-    The surface is the skin of a mesh that has one.
+    If the mesh has a skin, this is the surface.
 
     Args:
         path: PNG file, or a binary file object.
@@ -55,8 +55,8 @@ def draw_body(
         values: of the cells.
         title: above the picture.
         label: of the colour bar.
-        limits: least and largest value of the colours; None: those of ``values``. If they differ by less than `NOISE`,
-            the body has one colour.
+        limits: least and largest value of the colours; None for those of ``values``. If they differ by less than
+            `NOISE`, the body has one colour.
         around: points (k, 3) [m] that the axes include, for pictures on one scale.
         scenery: obstacles, cables, chambers and contact forces.
 

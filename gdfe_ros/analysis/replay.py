@@ -30,15 +30,15 @@ class ReplayReport:
 
     Attributes:
         differences: between the bag (first) and the replay (second).
-        unknown: topics of the bag that the replay does not reproduce, and which are therefore not compared.
+        unknown: topics of the bag that the replay does not reproduce; they are not compared.
         strays: messages of the bag without a record of their step, by topic.
-        cuts: number of steps that a deadline had ended; the replay ended them at the same time check.
+        cuts: number of steps that a deadline had cut; the replay ended them at the same check of the time.
         not_converged: number of other steps that did not converge in the replay.
         duration: simulation time that was replayed [s].
         wall_time: of the replay, comparison included [s].
         inexact: number of commands that no message expresses exactly; only in a replay over topics.
-        tail: messages after the last step, by topic, of a step that the end of the recording truncated.
-        end: where the replay ends before the bag does, and why; empty if it is complete.
+        tail: messages after the last step, by topic; they belong to a step that the end of the recording truncated.
+        end: place and reason if the replay ends before the bag does; empty if it is complete.
     """
 
     differences: Differences
@@ -53,7 +53,7 @@ class ReplayReport:
     end: str = ""
 
     def verdict(self, factor: float = 0.0) -> Difference:
-        """Return ``Differences.verdict``; incomplete instead of equal if parts could not be compared."""
+        """Return ``Differences.verdict``, but incomplete instead of equal if parts could not be compared."""
         verdict = self.differences.verdict(factor)
         incomplete = self.end or self.unknown or self.strays or not self.differences.compared
         return Difference.INCOMPLETE if incomplete and verdict is not Difference.DIFFERENT else verdict
@@ -74,7 +74,7 @@ class Replay:
         scene: of the replay.
         simulation: of the replay.
         count: number of steps that can be replayed.
-        end: where the replay ends before the bag does, and why; empty if it is complete.
+        end: place and reason if the replay ends before the bag does; empty if it is complete.
 
     Example:
         >>> report = Replay(BagRun("bags/bend5")).run()
@@ -105,7 +105,7 @@ class Replay:
             raise RecordingError(f"bag {self._run.reader.path} begins in the middle of a run; {error}") from error
 
     def run(self) -> ReplayReport:
-        """Replay the bag, up to the first step whose initial state it does not determine."""
+        """Replay the bag up to the first step with an initial state that the bag does not determine."""
         started = time.perf_counter()
         differences = Differences(self._run.scene)
         steps = BagSteps(self._run)
@@ -154,7 +154,7 @@ def command_of(record: StepRecord) -> Command:
 
 
 def replayable(run: BagRun) -> tuple[int, str]:
-    """Return up to which step the states of a run can be reproduced from its bag.
+    """Return the number of steps with states that the bag can reproduce, and the reason for the end.
 
     Returns:
         Number of steps from the first on, and why the next one cannot be reproduced; empty if all can.

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from gdfe_ros.simulation import Simulation
 
 ARROW = 0.25
-"""Length of the arrow of the largest force, over the size of the body."""
+"""Length, over the size of the body, of the arrow for the largest force."""
 LEAST_FORCE = 0.02
-"""Fraction of the largest force below which a force has no arrow."""
+"""A force has no arrow if it is below this fraction of the largest force."""
 CONTACTS = "contacts"
 """Topic of the contact points, without the node's name."""
 
@@ -40,7 +40,7 @@ class Scenery:
         cables: points (k, 3) [m] of each cable, from end to end.
         chambers: faces (f, 4, 3) [m] of each chamber.
         places: (c, 3) [m] of the contact points.
-        forces: (c, 3) [N] on the body, or on the rigid body whose points touch.
+        forces: (c, 3) [N] on the body, or on the rigid body to which the points belong.
     """
 
     obstacles: list[NDArray[np.float64]] = field(default_factory=list)
@@ -105,7 +105,7 @@ def _inside(
 
 
 def _pushes(points: NDArray | Mapping[str, NDArray] | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return places and forces of contact points, whose fields are those of `gdfe_ros.contacts.POINT`."""
+    """Return places and forces of contact points, given with the fields of `gdfe_ros.contacts.POINT`."""
     if points is None:
         return _no_points(), _no_points()
     places = np.stack([points[axis] for axis in "xyz"], axis=1)

@@ -20,16 +20,15 @@ from gdfe_ros.solver.result import StepResult
 from gdfe_ros.workers import open_workers
 
 FLAT = 1e-3
-"""Thickness of a point cloud, over its length, below which it counts as a line or a sheet without volume."""
+"""A point cloud counts as a line or a sheet without volume if its thickness over its length is below this."""
 CLOSE = 1e-3
-"""Estimated distance to the equilibrium, over the body's size, up to which a position counts as reached."""
+"""A position counts as reached up to this estimated distance to the equilibrium, over the body's size."""
 RETRIES = 8
-"""Number of equal steps from rest to a command that was not reached from the previous one."""
+"""Number of equal steps from rest to a command that could not be reached from the previous command."""
 LONG = 1e6
-"""Duration of a step [s] in which no rate limit restricts a command."""
+"""Duration of a step [s]; it is so long that no rate limit restricts a command."""
 MOST_GRID = 2
-"""Number of actuators up to which the commands are a grid; for more, corners of the ranges and low-discrepancy
-points."""
+"""Up to this number of actuators the commands are a grid; for more, corners of the ranges and a low-discrepancy set."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +53,7 @@ class ReachableSet:
 
     @property
     def reached(self) -> NDArray[np.bool_]:
-        """Which commands have an equilibrium (k,)."""
+        """Whether each command (k,) has an equilibrium."""
         return np.isfinite(self.points).all(axis=1)
 
     @property
@@ -117,7 +116,7 @@ def _to_and_fro(grid: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _tour(unit: NDArray[np.float64]) -> list[int]:
-    """Return an order of points (k, a) in which each is the nearest remaining one to the previous one."""
+    """Return an order of points (k, a): each point is the nearest remaining one to the previous point."""
     left, order = set(range(1, len(unit))), [0]
     while left:
         places = np.array(sorted(left))
@@ -137,7 +136,7 @@ def find_workspace(
         probe: name of the probe whose positions are computed.
         actuators: names (a,); the other actuators keep their rest commands.
         commands: (k, a).
-        workers: processes; 1 stays in this one.
+        workers: number of processes; with 1 no other process is started.
 
     Raises:
         GdfeError: there is no such probe.

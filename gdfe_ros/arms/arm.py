@@ -49,7 +49,7 @@ class Arm:
         dynamics: kinematics and dynamics of its links.
         flange: name of the link that carries the handle.
         handle: name of the handle.
-        centre: (3,) [m] of the handle in its rest pose.
+        centre: (3,) [m] centre of the handle in its rest pose.
         start: (n,) initial positions of its commanded joints [rad] or [m].
         links: pieces of its links that touch.
         visuals: drawn shapes of its links.
@@ -110,18 +110,18 @@ class Arm:
         return zip(self.joints, q.tolist(), strict=True)
 
     def known_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return the ``last`` poses of an arm that has not moved since; `poses` if some of them are unknown."""
+        """Return the ``last`` poses of an arm that has not moved since; if some are unknown, those of `poses`."""
         names = [name for name, *_ in self._carried]
         return {name: last[name] for name in names} if all(name in last for name in names) else self.poses(q, last)
 
     @cached_property
     def _carried(self) -> list[tuple[str, str, Vector, bool]]:
-        """Name, link and rest centre of the handle and of each piece, and whether no joint moves its link."""
+        """Name, link and rest centre of the handle and of each piece; also whether its link is immovable."""
         mounted = self.dynamics.description.rigid_with(self.dynamics.description.root)
         pieces = [(piece.name, piece.link, np.array(piece.origin), piece.link in mounted) for piece in self.links]
         return [(self.handle, self.flange, self.centre, False), *pieces]
 
 
 def _whole_turns(last: Pose | None) -> tuple[float, float, float]:
-    """Return the rotation vector of whole turns (or none) nearest to the ``last`` pose's; zero without one."""
+    """Return the rotation vector of whole turns nearest to the ``last`` pose's rotation; zero without a last pose."""
     return (0.0, 0.0, 0.0) if last is None else nearest_turn((0.0, 0.0, 0.0, 1.0), last)

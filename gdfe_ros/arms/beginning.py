@@ -22,7 +22,7 @@ TOUCHING = 1e-3
 def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterator[str]:
     """Yield a message, with a remedy, for each link with contact that begins inside the soft body or an obstacle.
 
-    Links that cannot move are mounted, perhaps in a table, and are compared with the soft body only.
+    Immovable links may be mounted in an obstacle, such as a table; they are compared with the soft body only.
     """
     if not arm.links:
         return

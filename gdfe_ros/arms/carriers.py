@@ -33,7 +33,7 @@ class JointReading(NamedTuple):
         position: [rad] or [m].
         velocity: [rad/s] or [m/s].
         effort: of its motor [N m] or [N].
-        told: limits that cut the motion or that the effort exceeds; empty if there are none.
+        told: text about limits that cut the motion, or that the effort exceeds; empty if there are none.
     """
 
     goal: float
@@ -85,7 +85,7 @@ class Carriers:
         """Return the positions of joints in a command [rad] or [m].
 
         Raises:
-            CommandError: no such joint, or a position that is no number, not finite or beyond its limits.
+            CommandError: there is no such joint, or a position is no finite number or beyond its limits.
         """
         found = {}
         for name, value in (command.joints if command else {}).items():
@@ -144,7 +144,7 @@ class Carriers:
 
     @staticmethod
     def part_way(before: Motions, after: Motions, fraction: float) -> Motions:
-        """Return the joints at a ``fraction`` of a step that a deadline ended."""
+        """Return the joints after the ``fraction`` of a step that was completed before a deadline."""
         return {
             name: now._replace(positions=before[name].positions + fraction * (now.positions - before[name].positions))
             for name, now in after.items()
@@ -152,7 +152,7 @@ class Carriers:
 
     @staticmethod
     def arrived(motions: Motions) -> bool:
-        """Return whether no joint moves without a new command."""
+        """Return whether every joint stays where it is without a new command."""
         return all(motion.arrived for motion in motions.values())
 
     def readings(
@@ -170,7 +170,7 @@ class Carriers:
             motions: of the joints.
             poses: of handles and links.
             reactions: wrenches (6,) that handles and links exert on the soft body.
-            contacts: contact points by name of the contact; only those of rigid bodies on links are used.
+            contacts: contact points by name of the contact; only contacts of rigid bodies with links are used.
             gravity: (3,) [m/s^2].
             cuts: by joint, the limit that cut its motion in the last step.
         """

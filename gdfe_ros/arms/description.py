@@ -35,9 +35,9 @@ class Geometry:
 
     Attributes:
         kind: box, cylinder, sphere or mesh.
-        numbers: of a box its edges [m]; of a cylinder, about z, radius and length [m]; of a sphere its radius [m]; of a
-            mesh the metres per unit of the file along x, y, z.
-        file: of a mesh: its URI as the description states it.
+        numbers: edges of a box [m]; radius and length of a cylinder about z [m]; radius of a sphere [m]; for a mesh,
+            the metres per unit of the file along x, y, z.
+        file: URI of a mesh, as in the description.
         origin: (3,) [m] of its frame in the link's.
         axes: (3, 3) rotation of its frame in the link's.
         colour: red, green, blue, from 0 to 1; None if the description states none.
@@ -68,7 +68,7 @@ class Link:
 
 @dataclass(frozen=True, kw_only=True)
 class Mimic:
-    """A joint at ``multiplier`` times the position of another ``joint`` plus ``offset``."""
+    """A joint that follows another ``joint``: its position is ``multiplier`` times that joint's, plus ``offset``."""
 
     joint: str
     multiplier: float = 1.0
@@ -82,7 +82,7 @@ class UrdfLimits:
     Attributes:
         lower, upper: of its position [rad] or [m].
         velocity: largest [rad/s] or [m/s].
-        acceleration: largest [rad/s^2] or [m/s^2]; infinite if nothing states one.
+        acceleration: largest [rad/s^2] or [m/s^2]; infinite if no file states one.
         effort: largest torque [N m] or force [N].
     """
 
@@ -147,7 +147,7 @@ class Description:
 
     @property
     def commanded(self) -> tuple[Joint, ...]:
-        """The joints that take commands: those that move and mimic no other, in the order of the file."""
+        """The joints that take commands, in the order of the file: those that move and do not mimic another joint."""
         return tuple(joint for joint in self.joints.values() if joint.moves and joint.mimic is None)
 
     def chain(self, link: str) -> list[Joint]:

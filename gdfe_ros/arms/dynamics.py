@@ -16,7 +16,7 @@ from gdfe_ros.errors import ArmError
 
 Vector = NDArray[np.float64]
 FARTHEST = 1e9
-"""Limit [rad] of a continuous joint, so that pinocchio describes it by one number, as a hinge."""
+"""Limit [rad] that makes a continuous joint a hinge; pinocchio describes a hinge by one number."""
 
 
 class LinkFrame(NamedTuple):
@@ -122,7 +122,7 @@ class LinkDynamics:
         return self._spread @ q + self._offset
 
     def _jacobian(self, link: str) -> Vector:
-        """Return the Jacobian (6, m) of a link's frame in the base's axes, after its placement was computed."""
+        """Return the Jacobian (6, m) of a link's frame in the base's axes; the link's placement must be up to date."""
         frame = self._pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         return self._pin.getFrameJacobian(self._model, self._data, self._frames[link], frame)
 
@@ -135,7 +135,7 @@ class LinkDynamics:
 
 
 def _plain(description: Description) -> str:
-    """Return URDF text with hinges in place of continuous joints, which pinocchio describes by two numbers."""
+    """Return URDF text with hinges in place of continuous joints; pinocchio describes the latter by two numbers."""
     robot = ElementTree.fromstring(description.text)
     for item in robot.findall("joint"):
         for mimic in item.findall("mimic"):

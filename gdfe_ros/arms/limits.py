@@ -13,7 +13,9 @@ from gdfe_ros.arms.description import UrdfLimits
 
 Vector = NDArray[np.float64]
 SHORTFALL = 1e-9
-"""Relative difference of velocities up to which they count as equal: a joint reaches its goal, or is at a limit."""
+"""Two velocities count as equal up to this relative difference; this decides whether a joint reaches its goal or a
+limit.
+"""
 
 
 class JointMotion(NamedTuple):
@@ -21,9 +23,9 @@ class JointMotion(NamedTuple):
 
     Attributes:
         goals: commanded positions [rad] or [m].
-        positions: present ones.
-        velocities: mean ones over the last step [rad/s] or [m/s].
-        accelerations: changes of these, over the step [rad/s^2] or [m/s^2].
+        positions: present positions [rad] or [m].
+        velocities: mean velocities over the last step [rad/s] or [m/s].
+        accelerations: changes of the velocities over the duration of the step [rad/s^2] or [m/s^2].
     """
 
     goals: Vector
@@ -39,7 +41,7 @@ class JointMotion(NamedTuple):
 
     @property
     def arrived(self) -> bool:
-        """Whether nothing moves without a new command."""
+        """Whether every joint stays where it is without a new command."""
         return bool((self.goals == self.positions).all() and not self.velocities.any() and not self.accelerations.any())
 
 
@@ -59,8 +61,8 @@ class JointLimits:
 
         u(e) = a (sqrt(h^2 / 4 + 2 |e| / a) - h / 2),  or |e| / h within the last step.
 
-    The velocity of the step is sign(e) u(e), plus the goal's own velocity, limited to +-v_max and to +-a h about the
-    last one. The position advances by it times h.
+    The velocity v of the step is sign(e) u(e) plus the goal's own velocity, limited to +-v_max and to +-a h about the
+    last velocity. The position advances by v h.
 
     Args:
         limits: of each joint.
@@ -75,7 +77,7 @@ class JointLimits:
     def advance(self, last: JointMotion, goals: Vector, dt: float) -> tuple[JointMotion, Cut]:
         """Return the joints after a step of ``dt`` [s], and the limits that cut their motion.
 
-        Without time (``dt`` 0, in a scene without dynamics) the joints are at their goals at once.
+        With ``dt`` 0, in a scene without dynamics, the joints are at their goals at once.
         """
         none = np.zeros(len(goals), dtype=bool)
         if dt <= 0.0:

@@ -28,10 +28,10 @@ def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
     Args:
         uri: ``package://name/path``, ``file:///path``, or a path from the folder of the URDF.
         folder: of the URDF.
-        packages: folders of packages by name. Others are looked for in the index of ROS, and above the URDF.
+        packages: folders of packages by name. Other packages are searched in the index of ROS, and above the URDF.
 
     Raises:
-        ArmError: there is no such file, with the places that were searched.
+        ArmError: there is no such file; the error lists the searched places.
     """
     parts = urlparse(uri)
     if parts.scheme == "package":
@@ -49,7 +49,7 @@ def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
 
 
 def _package(name: str, folder: Path, packages: Mapping[str, Path]) -> list[Path]:
-    """Return folders that a package may have: the given one, those of ROS' index, and those above the URDF."""
+    """Return the folders that may hold a package: the given one, those of ROS' index, and those above the URDF."""
     if name in packages:
         return [packages[name]]
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)

@@ -17,14 +17,14 @@ def spline(
 ) -> NDArray[np.float64]:
     """Return the values (n,) at a time; before the first point and after the last one they stay constant.
 
-    Linear between points with positions only; the cubic with the given velocities; the quintic with the given
-    velocities and accelerations.
+    The interpolation is linear between points with positions only, cubic with velocities, and quintic with velocities
+    and accelerations.
 
     Args:
         times: (k,) ascending [s].
         values: (k, n) positions.
         slopes: (k, n) velocities; None for none.
-        bends: (k, n) accelerations, which need velocities; None for none.
+        bends: (k, n) accelerations, only together with velocities; None for none.
         at: the time [s].
     """
     place = bisect_right(times, at) - 1

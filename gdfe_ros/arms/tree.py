@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that links and joints form a tree, and that joints mimic others that move."""
+"""Checks that links and joints form a tree, and that a joint mimics only joints that move."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gdfe_ros.spelling import did_you_mean
 
 
 def root_of(names: set[str], joints: Sequence[Joint]) -> tuple[str, list[str]]:
-    """Return the link without a parent, and messages about defects because of which the links are not a tree.
+    """Return the link without a parent, and messages about the defects that prevent a tree.
 
     Args:
         names: names of the links.
@@ -45,7 +45,7 @@ def root_of(names: set[str], joints: Sequence[Joint]) -> tuple[str, list[str]]:
 
 
 def _cycles(names: set[str], joints: Sequence[Joint]) -> list[str]:
-    """Return a message about links that are not connected with the root because they form a loop."""
+    """Return a message about links that form a loop and are therefore not connected with the root."""
     parents = {joint.child: joint.parent for joint in joints}
     for name in sorted(names):
         link, seen = name, []
@@ -59,7 +59,7 @@ def _cycles(names: set[str], joints: Sequence[Joint]) -> list[str]:
 
 
 def mimic_defects(joints: Mapping[str, Joint]) -> list[str]:
-    """Return messages about joints that mimic a joint that does not move, or that itself mimics another one."""
+    """Return messages about joints that mimic a fixed joint, or a joint that itself mimics another one."""
     found = []
     for joint in joints.values():
         if joint.mimic is None:

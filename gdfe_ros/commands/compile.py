@@ -55,7 +55,7 @@ def _compiled(jobs: int) -> Iterator[str]:
 
 
 def _compile_surfaces() -> str:
-    """Compile the kernels for bodies and obstacles from surface files, which no shipped scene uses; return a name."""
+    """Compile the kernels for surface files of bodies and obstacles; no shipped scene uses them. Return a name."""
     from gdfe_ros.mesh import bar
     from gdfe_ros.mesh.outside import carry_skin
     from gdfe_ros.mesh.solid import make_solid

@@ -19,7 +19,7 @@ from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 from gdfe_ros.scene.document import write_document
 
 PARTS = 15.0
-"""Longest side of the bounding box over the default size of the tetrahedra."""
+"""Default size of the tetrahedra: the longest side of the bounding box, divided by this."""
 PRESSURE = 5e3
 """Pressure [Pa] at the end of the program that is written for chambers."""
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 SILENT = 1.0
-"""Time [s] before the text appears, because most scenes are ready by then."""
+"""Time [s] before the text appears; most scenes are ready earlier."""
 
 
 @contextmanager

@@ -21,10 +21,11 @@ NO_SAMPLES = np.zeros(0)
 RIM = 48
 """Points on each rim of a freely moving cylinder."""
 INSET = 0.01
-"""Distance of the points of a box's face from its rim, over the half width. At the rim of an equal face, rounding would
-decide which side is nearer."""
+"""Distance of the points of a box's face from its rim, over the half width. Points on the rim of an equal face would be
+nearer to a side that rounding decides.
+"""
 MOST_ALONG = 8
-"""Limit of intervals between points along a rigid body."""
+"""Limit of the number of intervals between points along a rigid body."""
 AROUND = 16
 """Points on each circle of a round body's surface that are tested for being inside of the soft body."""
 
@@ -77,7 +78,7 @@ class Sphere:
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Its centre (1, 3) [m], from which its surface is one radius away."""
+        """Its centre (1, 3) [m]; the surface is one radius away from it."""
         return np.zeros((1, 3))
 
     @property
@@ -169,7 +170,7 @@ class Capsule:
 
     @property
     def moments(self) -> NDArray[np.float64]:
-        """Mean squares of x, y, z over its volume (3,) [m^2]: those of a cylinder and of two half balls."""
+        """Mean squares of x, y, z over its volume (3,) [m^2], from a cylinder and two half balls."""
         r, length = self.radius, self.length
         across = math.pi * r**4 * (length / 4.0 + 4.0 / 15.0 * r)
         along = math.pi * r**2 * (length**3 / 12.0 + r * length**2 / 3.0 + r**2 * length / 2.0 + 4.0 / 15.0 * r**3)
@@ -177,7 +178,7 @@ class Capsule:
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Points (k, 3) [m] of its axis, at most a radius apart, from which its surface is one radius away."""
+        """Points (k, 3) [m] of its axis, at most a radius apart; the surface is one radius away from them."""
         heights = np.linspace(-0.5, 0.5, 1 + min(2 * MOST_ALONG, math.ceil(self.length / self.radius))) * self.length
         return heights[:, None] * [0.0, 0.0, 1.0]
 
@@ -234,7 +235,7 @@ class Cylinder:
 
     @property
     def skin(self) -> NDArray[np.float64]:
-        """Contact points (k, 3) [m] for other bodies: of its rims, and of circles between them about a radius apart."""
+        """Contact points (k, 3) [m] for other bodies: on its rims, and on circles between them about a radius apart."""
         count = 1 + min(MOST_ALONG, math.ceil(self.length / self.radius))
         rim = self.corners[:RIM] * [1.0, 1.0, 0.0]
         lifts = np.linspace(-0.5, 0.5, count)[:, None, None] * [0.0, 0.0, self.length]
@@ -247,7 +248,7 @@ class TriangleMesh:
 
     Attributes:
         solid: the solid with its signed distances.
-        original: vertices (n, 3) [m] and triangles (t, 3) in the frame of the file, if the solid's frame is another.
+        original: vertices (n, 3) [m] and triangles (t, 3) in the frame of the file, if that frame is not the solid's.
     """
 
     solid: Solid

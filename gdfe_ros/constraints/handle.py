@@ -28,8 +28,9 @@ class Handle:
         vertices: sorted vertex ids (k,) int32.
         fixed: the handle stays at its rest pose and accepts no commands.
         free: world axes along which the handle slides unloaded; its position there is an unknown.
-        turning: world axes, through the handle's centre, about which it rotates freely; the components of its rotation
-            vector there are unknowns. With one or three free axes no moment remains; with two the energy is minimal.
+        turning: world axes, through the handle's centre, about which it rotates freely. The rotation vector's
+            components along these axes are unknowns. With one or three free axes no moment remains; with two the energy
+            is minimal.
         carrier: name of the arm that moves it; empty if it takes commands of its own.
         noun: its name in messages.
         section: its section in scene files and topic names.
@@ -49,7 +50,7 @@ class Handle:
             raise ValueError(f"handle {self.name!r} is fixed and has free axes; drop one of the two")
 
     def seen_from(self, origin: NDArray[np.float64]) -> Handle:
-        """Return the handle for positions relative to ``origin`` (3,) [m], which does not change it."""
+        """Return this handle for positions relative to ``origin`` (3,) [m]: handles do not depend on the origin."""
         return self
 
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:

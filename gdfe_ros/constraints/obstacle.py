@@ -31,13 +31,13 @@ class ContactPoints(str, Enum):
 class Obstacle(Handle):
     """A rigid shape that the body cannot enter.
 
-    Its force on the body is its reaction, as for a handle, with the moment about the origin of its frame.
+    Its reaction is its force on the body, as for a handle; the moment is about the origin of its frame.
 
     Attributes:
         vertices: none.
         form: its shape.
-        origin: of its frame in the rest pose [m].
-        turn: of its frame in the rest pose, a rotation vector [rad].
+        origin: origin of its frame in the rest pose [m].
+        turn: rotation vector of its frame in the rest pose [rad].
         friction: Coulomb's coefficient.
         points: evaluation of gaps.
     """
@@ -56,11 +56,11 @@ class Obstacle(Handle):
         return replace(self, origin=tuple(np.subtract(self.origin, origin).tolist()))
 
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the origin (3,) [m] of its frame in the rest pose, whatever the body's ``vertices``."""
+        """Return the origin (3,) [m] of its frame in the rest pose; ``vertices`` are not used."""
         return np.array(self.origin)
 
     def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
-        """Return its pose relative to rest: the commanded one."""
+        """Return the commanded pose, which is the obstacle's pose relative to its rest pose."""
         return commanded
 
     def frame(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

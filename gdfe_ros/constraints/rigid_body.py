@@ -19,16 +19,16 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.pose import Pose
 
 SIGNS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
-"""Signs of the four corners of a box no two of which share an edge."""
+"""Signs of four corners of a box; no two of these corners are connected by an edge."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RigidBody(Obstacle):
     """An obstacle that only forces move.
 
-    It is represented by four vertices with a quarter of its mass each, at corners of a box around its centre of mass
-    whose half edges are its radii of gyration along its axes. Mass, moments of inertia and every point of the body
-    follow from these vertices.
+    Four vertices with a quarter of its mass each represent it. They are corners of a box around its centre of mass,
+    with the radii of gyration along its axes as half edges. Mass, moments of inertia and every point of the body follow
+    from them.
 
     Attributes:
         vertices: (4,) int32 its vertices, which follow those of the mesh.
@@ -45,7 +45,7 @@ class RigidBody(Obstacle):
     mass: float
 
     def __post_init__(self) -> None:
-        """Skip the check of handles: it accepts no commands, and all its axes are free."""
+        """Skip the check of handles: a rigid body accepts no commands, and all its axes are free."""
 
     @property
     def gyration(self) -> NDArray[np.float64]:
@@ -54,7 +54,7 @@ class RigidBody(Obstacle):
 
     @property
     def signs(self) -> NDArray[np.float64]:
-        """s_a (4, 3) [1/m]: R = sum_a x_a s_a^T is its rotation."""
+        """The factors s_a (4, 3) [1/m] that give its rotation R = sum_a x_a s_a^T from its vertices x_a."""
         return SIGNS / (4.0 * self.gyration)
 
     @property
@@ -85,10 +85,10 @@ class RigidBody(Obstacle):
 
 
 def rigid_pairs(touched: Sequence[Obstacle]) -> Iterator[tuple[RigidBody, Obstacle]]:
-    """Yield each rigid body with each obstacle and other rigid body against which its points are tested.
+    """Yield each rigid body with each obstacle, or other rigid body, against which its points are tested.
 
-    Points of a body are not tested against a ball: the ball's centre finds that contact exactly. Of two balls, the
-    first one's centre does.
+    A body's points are not tested against a ball: the test of the ball's centre finds that contact exactly. Of two
+    balls, the centre of the first one is tested.
     """
     for i, rigid in enumerate(touched):
         for j, thing in enumerate(touched):

@@ -30,7 +30,7 @@ class SelfContact:
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
     def seen_from(self, origin: NDArray[np.float64]) -> SelfContact:
-        """Return the same for positions relative to ``origin`` (3,) [m]."""
+        """Return this definition for positions relative to ``origin`` (3,) [m]."""
         return replace(self, origin=origin)
 
     def owner(self, vertex: int) -> str:

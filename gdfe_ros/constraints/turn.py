@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of a quaternion to the rotation vector that continues a handle's rotation."""
+"""Conversion of a quaternion to a rotation vector that continues a handle's earlier rotation."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ NO_TURN = 1e-9
 
 
 def nearest_turn(quaternion: Sequence[float], reference: Pose) -> tuple[float, float, float]:
-    """Return the rotation vector [rad] of a quaternion (x, y, z, w) that is closest to ``reference``'s.
+    """Return the rotation vector [rad] of a quaternion (x, y, z, w) that is closest to the vector ``reference``.
 
-    A pose message cannot distinguish a rotation from the same one plus 360 degrees. The closest one to the present
-    rotation is chosen, so that a handle can be rotated any number of times. The code uses plain floats: for four
+    A pose message does not distinguish a rotation from the same rotation plus 360 degrees. The vector closest to the
+    present rotation is chosen, so that a handle can rotate any number of times. The code uses plain floats: for four
     numbers numpy takes ten times as long.
     """
     x, y, z, w = map(float, quaternion)

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Closed-loop control: commands from measurements of the robot, with a model that may be inaccurate.
 
-A command is the command at the last measurement plus the change that removes the distance to the goal according to the
-Jacobian J. At the start J is the model's. Each measurement corrects it (Broyden 1965): if a change dc moved the robot
-by dy instead of J dc, J changes by
+A command is the command at the last measurement plus a change. According to the Jacobian J, this change removes the
+distance to the goal. At the start J is the model's. Each measurement corrects it (Broyden 1965): if a change dc moved
+the robot by dy instead of J dc, J changes by
 
     dJ = learning * (dy - J dc) (D^2 dc)^T / |D dc|^2,
 
 with the costs D of the changes (`CommandLimits.costs`). The command integrates the error, so that an error of the model
-leaves no offset; at the end of a range nothing is integrated.
+causes no lasting offset. At the end of a range nothing is integrated.
 """
 
 from __future__ import annotations
@@ -28,12 +28,15 @@ from gdfe_ros.simulation import Simulation
 
 Array = NDArray[np.float64]
 DAMPING = 1e-3
-"""Weight of a change of the commands relative to its costs D. If the Jacobian is nearly singular, commands change by at
-most 500 times the change that the strongest actuator would need."""
+"""Weight of a change of the commands relative to its costs D. With a nearly singular Jacobian, commands change by at
+most 500 times the change that the strongest actuator would need.
+"""
 BASELINE = 3.0
-"""Least motion, in tolerances, with which a measurement corrects the Jacobian: noise is then at most a third of it."""
+"""A measurement corrects the Jacobian if the robot moved by at least this number of tolerances; noise is then at most a
+third of the motion.
+"""
 WITHIN = 0.5
-"""Fraction of the distance that a change is predicted to remove, above which its goal counts as within reach."""
+"""A goal counts as within reach if a change is predicted to remove more than this fraction of the distance."""
 
 
 class FeedbackControl:
@@ -47,11 +50,11 @@ class FeedbackControl:
         simulation: the model, at the robot's present commands; it is stepped once if it is not at an equilibrium.
         targets: targets to control; the name of a probe alone stands for its position along all axes.
         actuators: names of the actuators; None: all.
-        tolerance: distance [m] at which a goal counts as reached, at least the noise of the measurements; motions below
-            three times this distance do not correct the Jacobian.
-        slew: least time [s] in which a command crosses its range. If it is below that of the robot (a node's
-            ``slew_time``), the robot follows some actuators more than others.
-        learning: fraction of the prediction error of a change that corrects the Jacobian, from 0 to 1.
+        tolerance: distance [m] at which a goal counts as reached; it must be at least the noise of the measurements.
+            Motions below three times this distance do not correct the Jacobian.
+        slew: least time [s] in which a command crosses its range. If it is below the robot's (a node's ``slew_time``),
+            the robot follows the commands of some actuators more than others.
+        learning: fraction, from 0 to 1, of a change's prediction error that corrects the Jacobian.
 
     Raises:
         CommandError: no such probe or actuator, dynamics, or a number outside of its range.
@@ -135,8 +138,8 @@ class FeedbackControl:
     def command(self, goals: ArrayLike, dt: float) -> Reach:
         """Return the commands of the next ``dt`` [s], towards goals (t, 3) at its end, within ranges and rates.
 
-        The returned distances are those of the last measurement. The message names the goals that the commands are not
-        predicted to reach, and the reason.
+        The returned distances are those of the last measurement. The message names the goals that will probably not be
+        reached, and the reason.
 
         Raises:
             CommandError: goals or time are not allowed; nothing has changed.
@@ -163,9 +166,9 @@ class FeedbackControl:
     def _judge(self, measured: Array, foretold: Array) -> None:
         """Shorten the longest change if the last one reduced the error by less than a quarter of the predicted amount.
 
-        ``foretold`` (m,) is the predicted motion. The change is judged only if most of the distance was predicted to
-        remain: near the point closest to an unreachable goal, long changes would circle around it. For goals within
-        reach, `observe` corrects the Jacobian.
+        ``foretold`` (m,) is the predicted motion. Only changes towards goals out of reach are judged, for which most of
+        the distance was predicted to remain. Long changes would circle around the point closest to such a goal. For
+        goals within reach, `observe` corrects the Jacobian.
         """
         before, stack = self._base[1], self._stack
         error, after = stack.errors(self._goals, before), stack.errors(self._goals, measured)

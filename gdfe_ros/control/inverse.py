@@ -31,13 +31,15 @@ Array = NDArray[np.float64]
 LEAST = 1e-4
 """Weight l of a change of the commands relative to its costs D."""
 SHORTER, LONGER = 0.25, 2.0
-"""Factors on the longest change after a change that did not reduce the errors enough, and after one that did."""
+"""Factors on the longest change: after a change that did not reduce the errors enough, and after one that did."""
 MOST_TRIES = 60
-"""Number of changes of the commands after which a goal counts as out of reach."""
+"""A goal counts as out of reach after this number of changes of the commands."""
 ENOUGH = 0.25
 """Least reduction of the errors by a change, over the predicted reduction."""
 STANDSTILL, FAINT = 0.1, 1e-3
-"""Least predicted motion of the targets and least predicted reduction of their errors, in tolerances, for a step."""
+"""A step needs at least this predicted motion of the targets, and this predicted reduction of their errors, in
+tolerances.
+"""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -155,8 +157,8 @@ class InverseControl:
     def _nearer(self, wanted: Array, error: Array, dt: float | None = None) -> tuple[bool, Array, int]:
         """Change the commands once; return whether the errors decreased, the new errors (m,), and the number of tries.
 
-        ``error`` (m,) are the present errors from the goals ``wanted`` (t, 3). The change takes ``dt`` [s]; None: the
-        time that the rates require.
+        ``error`` (m,) are the present errors from the goals ``wanted`` (t, 3). The change takes ``dt`` [s]; None stands
+        for the time that the rates require.
         """
         stack, now, tries = self._stack, self._now(), 0
         here, values = self.simulation.snapshot(), stack.values()
@@ -197,7 +199,7 @@ class InverseControl:
         return self._stack.errors(wanted, self._stack.values())
 
     def _now(self) -> Array:
-        """Return the commands (n,) in force, which rates may have limited."""
+        """Return the commands (n,) in force, after the limits of rates."""
         states = self.simulation.actuator_states()
         return np.array([states[name].command for name in self.names])
 

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 SURPRISE = 0.3
-"""Error of the predicted motion of a change, over that motion, above which the exact Jacobian is computed again. A
-moving goal is missed by at most that fraction of a step."""
+"""The exact Jacobian is computed again if the error of a change's predicted motion, over that motion, exceeds this. A
+moving goal is missed by at most that fraction of a step.
+"""
 
 
 class KeptJacobian:
     """The Jacobian of values with respect to commands, which is kept between changes of the commands.
 
-    Broyden's update corrects it after each change. The exact Jacobian is computed again after a change that was
-    predicted badly, and if commands or values are not those after the last update.
+    Broyden's update corrects it after each change. The exact Jacobian is computed again in two cases: a change was
+    predicted badly, or commands or values differ from those after the last update.
 
     Args:
         exact: returns the exact Jacobian (m, n) of the present state.

@@ -57,19 +57,20 @@ class CommandLimits:
         return cls([known[name] for name in names], slew=slew)
 
     def costs(self, rows: Array) -> Array:
-        """Return the costs D (n,) of changes: the largest norm of a column of ``rows`` (m, n) with the command's unit.
+        """Return the costs D (n,) of changes: for each command, the largest norm among columns of its unit.
 
-        A command that moves the targets much less than others with its unit is therefore hardly changed.
+        The columns are those of ``rows`` (m, n). A command that moves the targets much less than others with its unit
+        is therefore hardly changed.
         """
         return np.where(self._alike, np.linalg.norm(rows, axis=0), 0.0).max(axis=1)
 
     def room(self, now: Array, dt: float | None) -> tuple[Array, Array]:
-        """Return the least and the largest change (n,) from commands ``now`` (n,) in ``dt`` [s]; None: in any time."""
+        """Return the least and the largest change (n,) from commands ``now`` (n,) in ``dt`` [s]; None for any time."""
         reach = np.full(len(now), np.inf) if dt is None else self.rates * dt
         return np.maximum(self.low - now, -reach), np.minimum(self.high - now, reach)
 
     def changed(self, now: Array, change: Array) -> Array:
-        """Return commands (n,) after a change, clipped to the range; commands within rounding of an end are at it."""
+        """Return commands (n,) after a change, clipped to the range and set to its ends within rounding."""
         commands, rounding = now + change, ROUNDING * np.abs(change)
         commands = np.where(np.abs(commands - self.low) <= rounding, self.low, commands)
         commands = np.where(np.abs(commands - self.high) <= rounding, self.high, commands)

@@ -10,7 +10,7 @@ from gdfe_ros.errors import DependencyError
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-12
-"""Distance of a solution from a bound that counts as none, if b has the norm 1 and the columns of A at most 1."""
+"""Distance from a bound that counts as zero, if b has the norm 1 and the columns of A have norms of at most 1."""
 
 
 def least_squares(

@@ -22,9 +22,9 @@ PATIENCE = 60.0
 class RealTimeControl:
     """Returns commands for moving goals without waiting for the model's equilibrium.
 
-    A command is computed from the last equilibrium that the model has found, by its Jacobian, in less than a
-    millisecond. The model then solves for the commands that are in force, as fast as it can. Its equilibrium corrects
-    the next command, as a measurement does in `FeedbackControl`.
+    A command is computed in less than a millisecond, from the model's last equilibrium and its Jacobian. The model then
+    solves for the commands in force, as fast as it can. Its equilibrium corrects the next command, as a measurement
+    does in `FeedbackControl`.
 
     Args:
         simulation: the model, without dynamics; until `close` only this object may step it.
@@ -34,7 +34,7 @@ class RealTimeControl:
 
     Attributes:
         solves: number of equilibria that the model has found.
-        failed: message of the model's last step if it found no equilibrium; empty if it found one. After a failure
+        failed: message of the model's last step if this found no equilibrium; empty otherwise. After a failure,
             commands continue from the last equilibrium.
 
     Raises:
@@ -71,7 +71,7 @@ class RealTimeControl:
     def command(self, goals: ArrayLike, dt: float) -> Reach:
         """Return the commands of the next ``dt`` [s], towards goals (t, 3) at its end, within ranges and rates.
 
-        Distances and message are as in `FeedbackControl.command`, but of the model's last equilibrium.
+        Distances and message are as in `FeedbackControl.command`, but refer to the model's last equilibrium.
 
         Raises:
             CommandError: goals or time are not allowed; nothing has changed.

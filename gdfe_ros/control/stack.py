@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stacked errors and derivatives of several targets, each over its tolerance."""
+"""Stacked errors and derivatives of several targets, each divided by the target's tolerance."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Stack:
         return bool((self.distances(error) <= self.tolerances).all())
 
     def length(self, goals: Array, values: Array) -> float:
-        """Return the largest distance from values to goals (t, 3), over the longest motion of one change."""
+        """Return the largest distance from values to goals (t, 3), each over the longest motion of one change."""
         longest = [
             target.longest(self._simulation, goal, value)
             for target, goal, value in zip(self.targets, goals, values, strict=True)

@@ -17,7 +17,7 @@ from gdfe_ros.simulation import Simulation
 
 Array = NDArray[np.float64]
 WAY, TURN = 0.1, 0.5
-"""Longest motion of a probe, over the body's size, and largest rotation [rad] in one change of the commands."""
+"""Limits of one change of the commands: longest motion of a probe, over the body's size, and largest rotation [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,9 +26,9 @@ class Aim(ABC):
 
     Attributes:
         axes: controlled components of the value: 0, 1, 2 for x, y, z.
-        weight: priority beside other targets: factor on the squared errors, each over its tolerance.
-        tolerance: distance at which a goal counts as reached, in the unit of the target; None: the control's for
-            positions, 1e-3 rad and 1e-3 N.
+        weight: priority beside other targets: factor on the squared ratio of each error to its tolerance.
+        tolerance: distance at which a goal counts as reached, in the unit of the target. None stands for the control's
+            tolerance of positions, 1e-3 rad, or 1e-3 N.
 
     Raises:
         ValueError: an axis is not 0, 1 or 2, or the weight or the tolerance is not positive.
@@ -56,7 +56,7 @@ class Aim(ABC):
     @property
     @abstractmethod
     def output(self) -> str:
-        """Output of `Simulation.sensitivities` from whose derivative the target's follows."""
+        """Output of `Simulation.sensitivities`; its derivative determines the target's derivative."""
 
     @abstractmethod
     def require_in(self, scene: Scene) -> None:
@@ -83,7 +83,7 @@ class Aim(ABC):
         return output[:3]
 
     def obstacle(self, value: Array) -> str:
-        """Return the reason why no command moves the target from a value (3,); empty if there is none."""
+        """Return the reason if no command moves the target from a value (3,); otherwise empty."""
         return ""
 
 
@@ -132,8 +132,8 @@ class Target(ProbeTarget):
 class OrientationTarget(ProbeTarget):
     """Orientation of a probe; the goal is a rotation vector (3,) [rad] from rest.
 
-    The rotation is the one that fits the corners of the cell around the probe best, as on ``~/probe/<name>``. The axes
-    are components of the remaining rotation, in the scene's frame.
+    The rotation best fits the corners of the cell around the probe, as on ``~/probe/<name>``. The axes select
+    components of the remaining rotation, in the scene's frame.
     """
 
     unit = "rad"
@@ -145,7 +145,7 @@ class OrientationTarget(ProbeTarget):
 
     @property
     def output(self) -> str:
-        """Positions of all vertices, among them those that determine the rotation."""
+        """Positions of all vertices; some of them determine the rotation."""
         return "positions"
 
     def value(self, simulation: Simulation) -> Array:
@@ -164,8 +164,8 @@ class OrientationTarget(ProbeTarget):
     def derivative(self, simulation: Simulation, output: Array) -> Array:
         """Return the rotations (3, n) [rad] that motions (3 v, n) [m] of the vertices cause.
 
-        R is the best-fitting rotation of the corners x, undeformed X, both about their means. With y = R X and
-        V = sum x y^T, motions dx rotate R by w with (tr V - V) w = sum y x dx (cross products).
+        Let x be the corners and X the undeformed corners, both about their means, and R the rotation that fits best.
+        With y = R X and V = sum x y^T, motions dx rotate R by w with (tr V - V) w = sum y x dx (cross products).
         """
         now, rest = self._corners(simulation)
         turned = Rotation.align_vectors(now, rest)[0].apply(rest)

@@ -11,11 +11,11 @@ and the sensor's noise would dominate the slope."""
 
 
 class ForceCloser:
-    """Finds the command, of an actuator or of anything else that closes, at which a wanted force acts. Needs no ROS.
+    """Finds the command at which a closing actuator, or anything else that closes, exerts a wanted force. Needs no ROS.
 
     While no force is measured, the command changes by one stride in each step. Then it changes by (goal - force) /
-    slope, at most by one stride, where the slope d force / d command is the secant of the last two steps. Neither the
-    stiffness nor the position of the grasped object has to be known.
+    slope, at most by one stride. The slope d force / d command is the secant of the last two steps. Stiffness and
+    position of the grasped object need not be known.
 
     Args:
         goal: wanted force [N], above ``threshold``.

@@ -31,15 +31,15 @@ from gdfe_ros.simulation import Command, Simulation
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes whose command is in ``effort`` of joint states; the commands of other modes are in ``position``."""
+"""Modes with their command in ``effort`` of joint states; other modes have it in ``position``."""
 _PERIOD = 0.02
-"""Duration of the first command to a goal [s]; later it is the difference of the stamps of two states."""
+"""Duration of the first command to a goal [s]; later durations are the difference of the stamps of two states."""
 _REST = 1e-4
-"""Relative change of the commands below which they count as constant."""
+"""Commands count as constant if their relative change is below this."""
 _LONG = 300
-"""Number of commands after which the outcome is logged, even if the commands still change."""
+"""The outcome is logged after this number of commands, even if the commands still change."""
 _ENOUGH = 1e6
-"""Duration of the model's step to the commands in force [s], so long that no rate limit matters."""
+"""Duration of the model's step to the commands in force [s]; it is so long that no rate limit matters."""
 
 
 class TipFollower(Node):
@@ -49,10 +49,11 @@ class TipFollower(Node):
     that, measurements correct the Jacobian (`FeedbackControl`).
 
     Parameters: ``simulation`` (full name of the node), ``probe``, ``tolerance`` [m], ``learning`` (0 to 1) and
-    ``slew_time``, the shortest time [s] in which a command crosses its range, at least that of the simulation.
+    ``slew_time`` [s]. The last one is the shortest time in which a command crosses its range; it must be at least the
+    simulation's.
 
     Attributes:
-        message: why the last goal cannot be reached; empty if it can.
+        message: reason why the last goal cannot be reached; empty if it can be reached.
     """
 
     def __init__(self, interrupted: threading.Event | None = None, **options: object) -> None:

@@ -16,7 +16,7 @@ class Gains:
     Attributes:
         proportional: proportional gain [Pa/m].
         integral: integral gain [Pa/(m s)]; its part of the pressure carries the weight.
-        derivative: derivative gain [Pa s/m], which damps the oscillation. The damping of a soft body is a few per cent
+        derivative: derivative gain [Pa s/m], which damps the oscillation. A soft body itself damps by a few per cent
             only; without this gain, the integral adds more energy to an oscillation than the body dissipates.
     """
 
@@ -28,8 +28,8 @@ class Gains:
 class TipHeight:
     """PID control of a tip's height by chambers that raise it and chambers that lower it. Needs no ROS.
 
-    The derivative is that of the height, not of the distance to the goal, so that a jump of the goal does not make it
-    jump. The integral is held while the pressure is at its limit.
+    The derivative is that of the height. A jump of the goal therefore does not change it. The integral stays constant
+    while the pressure is at its limit.
 
     Args:
         goal: wanted height [m]; may be changed at any time.

@@ -10,20 +10,20 @@ from scipy.optimize import lsq_linear
 _LEAST = 1e-3
 """Weight of the change of the commands in the least-squares problem, relative to the distance."""
 _TINY = 1e-12
-"""Change that is allowed in each direction even at the end of a range: the least-squares solver needs two different
-bounds."""
+"""Change that is allowed in each direction even at the end of a range, because the least-squares solver needs two
+different bounds.
+"""
 
 
 class TipTracker:
     """Finds commands for actuators that bring a tip to its goals. Needs no ROS.
 
-    A command is the one in force when the tip was measured, plus the least change that, by the Jacobian, moves the tip
-    by ``gain`` times the distance to the goal. So it does not matter whether earlier commands are still in transit or
-    were lost.
+    A command is the one in force at the measurement of the tip, plus a change. It is the least change that, by the
+    Jacobian, moves the tip by ``gain`` times the distance to the goal. Earlier commands may thus be late or lost.
 
-    Broyden's update corrects the Jacobian by measured motions, so that it has to be computed only once. Motions are
-    added up until they reach ``baseline``: in a smaller motion, the solver's tolerance or a sensor's noise would
-    dominate the correction.
+    Broyden's update corrects the Jacobian by measured motions; therefore it is computed only once. Motions are added up
+    until they reach ``baseline``. In a smaller motion, the solver's tolerance or a sensor's noise would dominate the
+    correction.
 
     Args:
         jacobian: (axes, actuators) d position / d command at the start.
@@ -33,7 +33,7 @@ class TipTracker:
         axes: indices of the controlled coordinates x, y, z.
         gain: fraction of the distance that one command covers, in (0, 1].
         baseline: least motion that corrects the Jacobian [m]; a hundred times the noise is enough.
-        reach: largest motion that one command is computed for [m].
+        reach: largest motion of the tip for which one command is computed [m].
     """
 
     def __init__(

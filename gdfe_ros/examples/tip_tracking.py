@@ -45,8 +45,8 @@ class TipTracking(Node):
     """Moves a probe along a circle in the y-z plane, whose lowest point is the probe's first position.
 
     Parameters: ``simulation`` (full name of the node), ``probe``, ``radius`` [m], ``period`` [s] on the clock of the
-    poses' stamps, ``gain``, and ``patience`` [s], the wall time without an answer after which the request or the
-    command is repeated.
+    poses' stamps, ``gain``, and ``patience`` [s]. After this wall time without an answer, the request or the command is
+    repeated.
 
     Attributes:
         errors: distance [m] of the probe from its goal in the y-z plane, for each step since the start.
@@ -178,7 +178,7 @@ class TipTracking(Node):
         return circle(self._centre, self._radius, (moment - self._start) / self._period)
 
     def _note_delay(self, now: float) -> None:
-        """Measure the delay from sending the command in force to this step; the median of the last delays is used."""
+        """Measure the delay from sending the command in force to this step; the median of recent delays is used."""
         for sent, command in reversed(self._sent):
             if self._start <= sent < now and np.allclose(command, self._applied, rtol=1e-9, atol=0.0):
                 self._delays.append(now - sent)

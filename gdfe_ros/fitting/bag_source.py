@@ -29,12 +29,12 @@ Bag = tuple[tuple[Series, ...], tuple[Track, ...], Schedule | None, tuple[str, .
 def read_bag(source: Source, scene: Scene) -> Bag:
     """Read a bag.
 
-    In a bag of the node the commands are those of its step records. If the match file compares nothing, the probes are
-    compared or, without probes, the mesh. For any other bag the match file names the topics. Times count from the first
-    message that is used; they are the stamps of the headers or, without headers, the times of recording.
+    In a bag of the node, the step records give the commands. If the match file compares nothing, the probes are
+    compared; without probes, the mesh. For any other bag the match file names the topics. Times are the stamps of the
+    headers; without headers, the times of recording. They count from the first message that is used.
 
     Returns:
-        Series, tracks of commands, the schedule of the steps if the bag is one of the node (else None), remarks.
+        Series; tracks of commands; for a bag of the node the schedule of the steps, else None; remarks.
 
     Raises:
         GdfeError: a topic, or a requested item of its messages, does not exist.
@@ -80,7 +80,10 @@ def _series(source: Source, scene: Scene, values: TopicValues, name: str, model:
 def _cloud_values(
     observable: Observable, clouds: list[NDArray[np.float64]], scene: Scene, where: str
 ) -> NDArray[np.float64]:
-    """Return the points of clouds: (m, 3 n) for all vertices, or (m, p, 3) on the surface, NaN in smaller clouds."""
+    """Return the points of clouds as (m, 3 n), or (m, p, 3) on the surface with NaN in smaller clouds.
+
+    The first form is for clouds of all n vertices.
+    """
     if observable.kind is QuantityKind.VERTICES:
         counts = {len(cloud) for cloud in clouds}
         if counts != {scene.mesh.n_vertices}:

@@ -21,7 +21,7 @@ KNOWN = (
     "PoseStamped", "PointStamped", "TransformStamped", "TFMessage", "Marker", "MarkerArray", "WrenchStamped",
     "JointState", "Float64MultiArray", "Float64", "Float32", "FluidPressure", "PointCloud2",
 )  # fmt: skip
-"""Types of messages from which quantities can be compared or commands read."""
+"""Types of messages with quantities that can be compared, or with commands."""
 
 
 class TopicValues:

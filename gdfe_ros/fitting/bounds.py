@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Detection of bounds in the wrong unit: the best value lies decades beyond them."""
+"""Detection of bounds in the wrong unit: values far beyond the bound then fit much better."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from gdfe_ros.fitting.statistics import Confidence
 from gdfe_ros.fitting.trajectory import NotSimulatedError
 
 DECADES = (1, 2, 3)
-"""Distances beyond a bound at which values are tried, in powers of ten."""
+"""Factors beyond a bound at which values are tried, as powers of ten."""
 BETTER = 0.25
-"""Sum of squares over that at the bound, below which the bound counts as wrong: the misfit halves."""
+"""A bound counts as wrong if the sum of squares falls below this fraction of that at the bound: the misfit halves."""
 
 
 def require_bounds(problem: FitProblem, solved: Solved, known: Confidence) -> None:
-    """Raise an error for a fit that ends at a bound if values some powers of ten beyond it fit the data far better.
+    """Raise an error for a fit that ends at a bound, if values beyond the bound fit far better.
+
+    Values some powers of ten beyond it are tried.
 
     Raises:
         GdfeError: there is such a parameter; the error names the best decade.

@@ -15,7 +15,7 @@ from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import Trajectory
 
 Own = NDArray[np.float64]
-"""A recording's own unknowns (u,) that are fitted: time shift [s], then rotation vector [rad], then translation [m]."""
+"""Unknowns (u,) that belong to one recording and are fitted: time shift [s], rotation vector [rad], translation [m]."""
 
 
 def predicted(
@@ -52,7 +52,7 @@ def residuals(
     horizon: float = np.inf,
     distances: SurfaceDistances | None = None,
 ) -> list[NDArray[np.float64]]:
-    """Return (simulated - measured) / sigma of each series in the shape of its values; NaN if not compared."""
+    """Return (simulated - measured) / sigma of each series, in the shape of its values; NaN for values not compared."""
     found = []
     for series, values, sigma in zip(
         recording.series, predicted(recording, trajectory, own, horizon=horizon), sigmas, strict=True
@@ -75,7 +75,7 @@ def split(recording: Recording, own: Own) -> tuple[float, tuple[Rotation, NDArra
 
 
 def first_own(recording: Recording, trajectory: Trajectory) -> Own:
-    """Return initial values of a recording's own unknowns: the shift within its bounds, and the best-fitting frame.
+    """Return initial values of a recording's own unknowns: a time shift within its bounds, and the best frame.
 
     The frame is the rigid motion with the least squared distance between simulated and measured points (Kabsch 1976).
     """
@@ -104,7 +104,7 @@ def first_own(recording: Recording, trajectory: Trajectory) -> Own:
 class SurfaceDistances:
     """Distances of measured points from the simulated surface.
 
-    The distance [m] of a point is that from the plane of the face with the nearest midpoint, positive inside.
+    The face with the midpoint nearest to a point is taken; the distance [m] is that from its plane, positive inside.
 
     Args:
         quads: faces of the body's surface (f, 4), with normals that point outwards.
@@ -132,7 +132,7 @@ class SurfaceDistances:
 
 
 def _at(times: NDArray[np.float64], outputs: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Interpolate (k, d) at moments (m,), as a cubic spline for a motion; constant before and after the times."""
+    """Interpolate (k, d) at moments (m,), by a cubic spline for a motion; values stay constant before and after."""
     if outputs.shape[0] == 1:
         return np.repeat(outputs, moments.size, axis=0)
     inside = np.clip(moments, times[0], times[-1])

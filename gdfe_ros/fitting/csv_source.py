@@ -67,7 +67,7 @@ class CsvSource:
         return self._source.match.compare or dict(self._named())
 
     def _named(self) -> Iterator[tuple[str, CompareModel]]:
-        """Yield the probes whose positions are among the columns, by the names of these."""
+        """Yield each probe with position columns in the file, by the names of these columns."""
         found = False
         for probe in self._scene.probes:
             forms = (

@@ -22,7 +22,7 @@ class ComparedColumn:
         recording: name of the recording.
         series: name of the series, with the column's label.
         unit: SI unit.
-        held_out: whether it was predicted, not fitted.
+        held_out: whether its recording was only predicted, not fitted.
         times: (m,) [s] on the recording's clock.
         measured: (m,).
         simulated: (m,).
@@ -38,7 +38,7 @@ class ComparedColumn:
 
 
 def curves(fit: Fit) -> list[ComparedColumn]:
-    """Return every measured column with the simulated values; a cloud is one column of root mean square distances."""
+    """Return every measured column with simulated values; a cloud is one column of root mean square distances."""
     found = list(_curves(fit.problem, fit.solved.point, held_out=False))
     if fit.held_out is not None:
         found += _curves(fit.held_out, fit.prediction, held_out=True)

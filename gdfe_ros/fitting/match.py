@@ -37,9 +37,9 @@ class Source:
 def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
     """Return the recordings in files and bags, with their options from the match file.
 
-    Without `recordings` in the match file each file is one recording with the file's name. With `recordings`, at least
-    one of them must refer to each file. Several recordings may use different rows of one file. Recordings of files that
-    are not in ``data`` are left out.
+    Without `recordings` in the match file, each file is one recording with the file's name. With `recordings`, every
+    file must belong to at least one of them. Several recordings may use different rows of one file. Recordings of files
+    outside of ``data`` are left out.
 
     Raises:
         MatchError: every defect of the match file.

@@ -38,7 +38,7 @@ def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observa
 def along_of(
     model: CompareModel, observable: Observable, where: str
 ) -> tuple[tuple[str, ...], NDArray[np.float64] | None]:
-    """Return the labels of the measured columns, and the directions (c, 3) along which they are measured, or None.
+    """Return the labels of the measured columns, and the directions (c, 3) of measurement; None if there are none.
 
     Raises:
         GdfeError: the direction of a single column of a vector is missing or zero, or a number has several columns.

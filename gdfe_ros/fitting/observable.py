@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class QuantityKind(Enum):
-    """Kinds of quantities; positions are vectors [m], and a recording may have them in its own frame."""
+    """Kinds of quantities. Positions are vectors [m]; a recording may have them in its own frame."""
 
     PROBE = "probe"
     MEAN = "mean"
@@ -41,7 +41,7 @@ class Observable:
     Attributes:
         kind: kind of the quantity.
         name: name of the probe, handle or actuator.
-        vertices: (k,) vertices of a mean position.
+        vertices: (k,) vertices whose mean position is the quantity.
         displacement: whether positions are relative to rest.
     """
 
@@ -52,7 +52,7 @@ class Observable:
 
     @property
     def unit(self) -> str:
-        """SI unit of the values; ``SI`` for an actuator, whose unit depends on its kind."""
+        """SI unit of the values; ``SI`` for an actuator, because its unit depends on its kind."""
         return "m" if self.kind in POSITIONS else "N" if self.kind is QuantityKind.FORCE else "SI"
 
     def of(self, simulation: Simulation) -> NDArray[np.float64]:

@@ -18,8 +18,8 @@ _FORM = "--vary takes KEY=LOW..HIGH or KEY=LOW..START..HIGH, e.g. materials.sili
 class FittedParameter:
     """A key of the scene, and the interval in which its value is sought.
 
-    The solver's coordinate u is ln(value) if the lower bound is positive, else value / (high - low), so that steps in u
-    are comparable between parameters.
+    The solver's coordinate is u = ln(value) if the lower bound is positive, else u = value / (high - low). Steps in u
+    are thus comparable between parameters.
 
     Attributes:
         key: dotted key, as of an override.
@@ -89,7 +89,7 @@ def _parameter(entry: str, data: object) -> FittedParameter:
 
 
 def _look_up(key: str, data: object) -> float | None:
-    """Return the number at a key of the scene; None if the scene does not give this key."""
+    """Return the number at a key of the scene; None if the scene lacks the key."""
     for part in key.split("."):
         if isinstance(data, list) and part.isdecimal() and int(part) < len(data):
             data = data[int(part)]

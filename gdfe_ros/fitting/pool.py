@@ -33,7 +33,7 @@ class Pool:
         self.count = 0
 
     def run(self, tasks: Sequence[Task]) -> list[Trajectory | NotSimulatedError]:
-        """Return the trajectory of each task, or the error because of which it has none.
+        """Return the trajectory of each task, or the error that prevented it.
 
         Raises:
             GdfeError: a process died.

@@ -18,13 +18,13 @@ from gdfe_ros.fitting.sensitivity import trajectory_columns
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
 
 SHARE = 0.01
-"""Standard deviation of a series without its own, over the largest range of all series with the same unit."""
+"""Assumed standard deviation of a series that states none, over the largest range of all series with the same unit."""
 NUDGE = {"shift": 1e-5, "turn": 1e-5, "translation": 1e-6}
-"""Change of a recording's own unknown for a finite difference [s], [rad], [m], which needs no simulation."""
+"""Change of a recording's own unknown in a finite difference [s], [rad], [m]; this needs no simulation."""
 FARTHEST = 20.0
-"""Distance of a position from the origin, in body lengths, above which its unit or its origin is probably wrong."""
+"""If a position is farther from the origin than this [body lengths], its unit or its origin is probably wrong."""
 FAILED = 1e3
-"""Residual of every value if a trial cannot be simulated, so that the search rejects the trial."""
+"""Residual of every value if a trial cannot be simulated; the search then rejects the trial."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +51,11 @@ class FitProblem:
         pool: runs the simulations.
         parameters: parameters to fit.
         recordings: recordings to fit.
-        surface: distances from the surface; None if no cloud is compared with it.
+        surface: computes distances from the surface; None if no cloud is compared with the surface.
         sigmas: standard deviation of each series of each recording; None: those of `standard_deviations`.
 
     Attributes:
-        horizons: time [s] of each recording up to which it is compared.
+        horizons: for each recording, the time [s] up to which it is compared.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class FitProblem:
         return np.array(low), np.array(high)
 
     def first(self) -> NDArray[np.float64]:
-        """Return the initial unknowns: the parameters' starts, and the frames that fit best there.
+        """Return the initial unknowns: the starts of the parameters, and the frames that fit best at these starts.
 
         Raises:
             NotSimulatedError: the start cannot be simulated.
@@ -162,7 +162,7 @@ class FitProblem:
         return np.stack(columns, axis=1)
 
     def series_residuals(self, point: FitPoint) -> list[list[NDArray[np.float64]]]:
-        """Return (simulated - measured) / sigma by recording and series, in the shape of the values; NaN if missing."""
+        """Return (simulated - measured) / sigma by recording and series, shaped as the values; NaN if missing."""
         given = zip(self.recordings, point.trajectories, point.own, self.sigmas, self.horizons, strict=True)
         return [
             residuals(recording, trajectory, own, sigmas, horizon=horizon, distances=self._surface)
@@ -184,7 +184,7 @@ class FitProblem:
 
 
 def standard_deviations(recordings: Sequence[Recording]) -> list[list[float]]:
-    """Return the standard deviation of each series: its own, or `SHARE` of the largest range of its unit."""
+    """Return the standard deviation of each series: its own, or else `SHARE` of the largest range of its unit."""
     spans: dict[str, float] = {}
     for recording in recordings:
         for series in recording.series:

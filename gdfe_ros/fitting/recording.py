@@ -23,9 +23,9 @@ class Series:
         observable: quantity of the simulation with which it is compared.
         times: (m,) on the recording's clock [s], ascending.
         values: (m, c) in SI units, NaN if a value is missing; (m, p, 3) for points on a surface.
-        along: (c, d) matrix from the d values of the simulation to the c measured ones; None: they are the same.
+        along: (c, d) matrix from the d values of the simulation to the c measured ones; None if they are the same.
         labels: labels of the c columns.
-        sigma: standard deviation of a value in SI units; None: not given.
+        sigma: standard deviation of a value in SI units; None if unknown.
     """
 
     name: str
@@ -38,13 +38,13 @@ class Series:
 
     @property
     def count(self) -> int:
-        """Number of measured values; of a surface, number of its points."""
+        """Number of measured values; for a surface, number of its points."""
         finite = np.isfinite(self.values)
         return int(finite.all(axis=2).sum()) if self.values.ndim == 3 else int(finite.sum())
 
     @property
     def span(self) -> float:
-        """Largest range of the values of a column."""
+        """Largest range of a column's values."""
         return float(np.nanmax(np.ptp(self.values, axis=0)))
 
 
@@ -70,10 +70,11 @@ class Recording:
         series: measured series.
         schedule: steps and commands of its simulation.
         overrides: values of the scene that differ in this recording, by dotted key.
-        shift: time [s] by which the recording's clock is ahead of the simulation's; initial value if it is fitted.
+        shift: time [s] by which the recording's clock is ahead of the simulation's; if it is fitted, its initial value.
         shift_between: bounds of the time shift [s] if it is fitted; None if it is not.
         frame: number of fitted unknowns of the frame: 0, 3 (translation) or 6 (rotation vector, translation).
-        from_equilibrium: whether a motion begins in equilibrium under its first commands, else in the initial state.
+        from_equilibrium: whether a motion begins in the equilibrium of its first commands; if not, in the initial
+            state.
         remarks: remarks for the user on the reading of the recording.
     """
 

@@ -14,8 +14,9 @@ from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
 
 STEP = 0.01
-"""Change of a coordinate u for a finite difference: 1 % of a value. The relative error of a difference is about as
-large, plus the solver's tolerance over this change."""
+"""Change of a coordinate u in a finite difference: 1 % of a value. The relative error of the difference is about as
+large, plus the solver's tolerance divided by this change.
+"""
 
 
 def trajectory_columns(
@@ -27,7 +28,7 @@ def trajectory_columns(
     *,
     horizons: Sequence[float],
 ) -> list[list[Trajectory]]:
-    """Return d(trajectory)/du of each parameter (outer list) and recording, at given values.
+    """Return d(trajectory)/du for each parameter (outer list) and recording, at given values.
 
     The differences are one-sided, towards the middle of the bounds.
 
@@ -37,7 +38,7 @@ def trajectory_columns(
         parameters: parameters with the coordinates u.
         values: values of the parameters.
         base: trajectories at these values.
-        horizons: time [s] of each recording up to which it is simulated.
+        horizons: for each recording, the time [s] up to which it is simulated.
 
     Raises:
         NotSimulatedError: a changed value cannot be simulated on either side.

@@ -14,16 +14,18 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
 
 HORIZONS = (1 / 16, 1 / 4, 1.0)
-"""Fractions of a motion that are fitted one after the other. An oscillation that is off by a whole period is a local
-minimum of the misfit; the first oscillation has no such minimum."""
+"""Fractions of a motion that are fitted one after the other. An oscillation with an error of a whole period is a local
+minimum of the misfit; the first oscillation alone has no such minimum.
+"""
 STEP = 1e-5
-"""Relative change of the unknowns, and of the sum of squares, at which a search ends."""
+"""A search ends at this relative change of the unknowns, or of the sum of squares."""
 COARSE = 0.01
-"""Relative change of the sum of squares at which a search ends if one with a longer horizon follows."""
+"""A search that is followed by one with a longer horizon ends at this relative change of the sum of squares."""
 MOST_TRIALS = 60
 SILENT = 1e-3
-"""Root mean square of d(residual)/du below which a parameter has no influence: a factor e on its value then changes the
-measured values by a thousandth of their standard deviation."""
+"""A parameter has no influence if the root mean square of d(residual)/du is below this. A factor e on its value then
+changes the measured values by a thousandth of their standard deviation.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +34,7 @@ class Solved:
 
     Attributes:
         unknowns: unknowns found (u,).
-        jacobian: d(residual)/d(unknown) there, (values, unknowns), weighted by the loss.
+        jacobian: d(residual)/d(unknown) at these unknowns, (values, unknowns), weighted by the loss.
         cost: half the sum of squares, or of the loss.
         point: simulations at these unknowns.
         message: reason why the search ended.
@@ -97,7 +99,7 @@ def _line(problem: FitProblem, unknowns: NDArray[np.float64], share: float, tria
 
 
 def _require_influence(problem: FitProblem, unknowns: NDArray[np.float64]) -> None:
-    """Raise GdfeError for parameters without influence, both on the first part of the time and on all of it."""
+    """Raise GdfeError for parameters without influence on the first part of the time and on all of it."""
     silent = _silent(problem, unknowns)
     if silent:
         problem.look_to(1.0)

@@ -16,16 +16,17 @@ from gdfe_ros.fitting.solve import Solved
 
 CONFIDENCE = 0.95
 LOOSE = 1.0
-"""Standard deviation along a direction of unit length in the parameters' coordinates u above which the data do not
-determine this direction: a factor e, or the whole interval."""
+"""The data do not determine a direction of unit length in the coordinates u if the standard deviation along it exceeds
+this: a factor e, or the whole interval.
+"""
 ALIKE = 0.995
-"""Correlation of two parameters above which the data determine only one combination of them."""
+"""If the correlation of two parameters exceeds this, the data determine only one combination of them."""
 STRUCTURED = 0.5
-"""Correlation of successive residuals above which these count as structured; for noise it is about 0."""
+"""Successive residuals with a larger correlation count as structured; for noise it is about 0."""
 FEWEST = 8
-"""Least number of values of a series whose residuals are examined for structure."""
+"""Least number of values in a series for which the structure of its residuals is examined."""
 AT_BOUND = 1e-3
-"""Distance of u from its bound, over the interval, below which a value counts as lying at the bound."""
+"""A value counts as lying at a bound if the distance of u from the bound, over the interval, is below this."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ def _bound(parameter: FittedParameter, coordinate: float) -> str:
 
 
 def _ends(parameter: FittedParameter, coordinate: float, half: float) -> tuple[float, float]:
-    """Return the ends of a confidence interval as values, which may lie beyond the bounds."""
+    """Return the ends of a confidence interval as values; they may lie beyond the bounds."""
     if parameter.logarithmic:
         half = min(half, 300.0)
         return float(np.exp(coordinate - half)), float(np.exp(coordinate + half))
@@ -140,7 +141,7 @@ def _loose(keys: Sequence[str], covariance: NDArray[np.float64]) -> list[str]:
 
 
 def autocorrelation(residual: NDArray[np.float64]) -> float:
-    """Return the largest correlation of successive residuals (m, c) of a column; NaN with fewer than `FEWEST`."""
+    """Return the largest correlation of successive residuals of any column (m, c); NaN for fewer than `FEWEST`."""
     found = []
     for column in residual.reshape(residual.shape[0], -1).T:
         sound = column[np.isfinite(column)]

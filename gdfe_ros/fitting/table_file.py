@@ -82,7 +82,7 @@ class TableFile:
         return np.mean([self.column(name, unit) for name in columns], axis=0)
 
     def rows(self, ranges: Mapping[str, tuple[float, float]], every: int) -> NDArray[np.intp]:
-        """Return the indices (k,) of every n-th row whose columns lie in the given ranges, in the unit of the file.
+        """Return the indices (k,) of every n-th row with columns in the given ranges, in the unit of the file.
 
         Raises:
             GdfeError: there is no such row.

@@ -16,22 +16,26 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden
 
 FLOOR = 0.01
-"""Least stress in a point's weight, over the largest stress: stresses near zero are mostly noise."""
+"""A point's weight uses at least this fraction of the largest stress, because stresses near zero are mostly noise."""
 GOOD = 0.01
-"""Misfit, over the stress, below which no further term is tried."""
+"""No further term is tried once every misfit, over the stress, is below this."""
 MOST_TERMS = 3
 MOST_ALPHA = 20.0
-"""Largest magnitude of Ogden's exponents; above it powers of the stretch overflow."""
+"""Largest magnitude of Ogden's exponents; for larger ones, powers of the stretch overflow."""
 STARTS = (-6.0, -3.0, -1.5, 1.0, 2.0, 3.0, 5.0)
 """Initial exponents of the search, used in all combinations."""
 CANCELLED = 100.0
-"""Sum of |mu_i| over the sum of mu_i above which terms cancel each other; in the paper it is at most 2.2."""
+"""Terms count as cancelling each other if the sum of |mu_i| over the sum of mu_i exceeds this; in the paper it is at
+most 2.2.
+"""
 DEGREE = 6
 """Default degree of a polynomial, as in the paper."""
 SOFTEST, HARDEST = 1e3, 1e12
-"""Range of initial moduli [Pa] outside of which a unit is wrong: gels have a few kilopascals, diamond has 1e12 Pa."""
+"""Plausible range of initial moduli [Pa]: gels have a few kilopascals, diamond has 1e12 Pa. Outside of it a unit is
+wrong.
+"""
 LARGEST_STRAIN = 15.0
-"""Engineering strain above which the values are probably percentages: no rubber is stretched sixteenfold."""
+"""Engineering strains above this are probably percentages: no rubber is stretched sixteenfold."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +47,8 @@ class TensileFit:
         entry: its entry for the key `materials` of a scene.
         strain: engineering strains of the test (k,), without zeros.
         stress: nominal stresses of the test (k,) [Pa].
-        misfit: misfit of each point (k,), over its stress (or ``FLOOR`` of the largest stress).
+        misfit: misfit of each point (k,), over its stress, or over ``FLOOR`` times the largest stress if that is
+            larger.
         remarks: instabilities of the law; empty for a law that was accepted.
         refused: messages about unstable laws of the same kind that were tried.
     """
@@ -80,8 +85,8 @@ def fit_tensile(
         strain: engineering strains (k,); compression is negative.
         stress: nominal stresses (k,) [Pa].
         law: ``LINEAR``, ``NEO_HOOKEAN``, ``OGDEN`` or ``CURVE`` (a polynomial).
-        terms: number of terms of Ogden's law; None: the least number of a stable law whose misfit is below ``GOOD`` at
-            every point, or else that of the best stable law.
+        terms: number of terms of Ogden's law; None for the least number with which a stable law has a misfit below
+            ``GOOD`` at every point. If there is no such law, the best stable law is taken.
         degree: degree of the polynomial.
         poisson: initial Poisson's ratio, for the scene.
         density: mass density [kg/m^3], for the scene.
@@ -132,7 +137,7 @@ def _weights(stress: NDArray[np.float64]) -> NDArray[np.float64]:
 def _linear_in_parameters(
     e: NDArray[np.float64], s: NDArray[np.float64], law: Law, degree: int, common: Mapping[str, Any]
 ) -> tuple[Material, dict[str, Any]]:
-    """Return a law whose stress is linear in its parameters, and these parameters, by linear least squares."""
+    """Return a law with a stress that is linear in its parameters, and these parameters, by linear least squares."""
     kinds = {Law.LINEAR: Linear, Law.NEO_HOOKEAN: NeoHookean}
     if law is Law.CURVE:
         if not 1 <= degree <= e.size:
@@ -155,7 +160,7 @@ def _linear_in_parameters(
 
 
 def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, common: Mapping[str, Any]) -> TensileFit:
-    """Fit ``terms`` terms; None: the fewest of a stable law with a misfit below `GOOD`, else the best stable law."""
+    """Fit ``terms`` terms. None: the fewest with a stable law of a misfit below `GOOD`, else the best stable law."""
     most = min(MOST_TERMS, e.size // 2)
     if terms is not None:
         if not 1 <= terms <= most:
@@ -178,7 +183,7 @@ def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, co
 def _ogden_terms(
     e: NDArray[np.float64], s: NDArray[np.float64], count: int, common: Mapping[str, Any]
 ) -> tuple[Material, dict[str, Any]]:
-    """Fit the exponents by a trust-region method, and for each trial the moduli, in which the stress is linear."""
+    """Fit the exponents by a trust-region method; for each trial fit the moduli by linear least squares."""
     weights = _weights(s)
 
     def moduli(alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

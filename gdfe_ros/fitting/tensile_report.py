@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from gdfe_ros.fitting.tensile import TensileFit
 
 ACCEPTABLE = 0.05
-"""Largest misfit, over the stress, above which another law is recommended: tests of one batch differ by as much."""
+"""Another law is recommended if the misfit, over the stress, exceeds this; tests of one batch differ by as much."""
 
 
 def tensile_rows(fit: TensileFit) -> list[tuple[str, str]]:

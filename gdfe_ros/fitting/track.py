@@ -26,7 +26,8 @@ class Track:
         times: (m,) [s], ascending.
         values: in SI units, (m, 1) of an actuator or load; of a handle (m, 3) translations or (m, 6), with rotation
             vectors.
-        held: whether a command is constant until the next one, as for messages; else it is interpolated linearly.
+        held: whether a command is constant until the next one, as for messages; if not, commands are interpolated
+            linearly.
     """
 
     name: str
@@ -74,8 +75,8 @@ def make_schedule(tracks: Sequence[Track], scene: Scene, moments: NDArray[np.flo
     Args:
         tracks: recorded commands.
         scene: the scene to simulate.
-        moments: times [s] at which it is compared. Without dynamics each of them is an equilibrium. With dynamics the
-            steps are as long as the scene's internal ones and reach the last of these times.
+        moments: times [s] at which the simulation is compared. Without dynamics each of them is an equilibrium. With
+            dynamics the steps are as long as the scene's internal ones, up to the last of these times.
     """
     if scene.dynamics is None:
         times = np.unique(moments)

@@ -16,8 +16,9 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
 
 EQUILIBRIA, MOTION = 1e-6, 1e-5
-"""Largest solver tolerances of a fit, in equilibrium and in motion. Larger ones disturb the finite differences of
-simulations: 1e-5 by 1.5 % in an oscillation."""
+"""Largest solver tolerances of a fit, for equilibria and for motion. Larger ones disturb finite differences of
+simulations: 1e-5 by 1.5 % in an oscillation.
+"""
 
 
 class NotSimulatedError(GdfeError):
@@ -65,7 +66,7 @@ def simulate(text: str, values: Mapping[str, float], recording: Recording, *, ho
 
 
 def _start(text: str, overrides: Mapping[str, Any], recording: Recording) -> Simulation:
-    """Return the simulation before its first step."""
+    """Return the simulation in the state before its first step."""
     origin = f"of recording {recording.name}"
     scene = scene_from_text(text, origin=origin, overrides=overrides)
     least = min(scene.solver.tolerance, EQUILIBRIA if scene.dynamics is None else MOTION)

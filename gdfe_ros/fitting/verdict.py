@@ -14,9 +14,9 @@ from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.statistics import STRUCTURED, Confidence, autocorrelation
 
 WORSE = 1.5
-"""Misfit of a held-out recording, over that of the fitted ones, above which the model does not predict it."""
+"""The model does not predict a held-out recording if its misfit, over that of the fitted ones, exceeds this."""
 SLIGHT = 0.02
-"""Misfit, over the motion in the data, below which neither structure nor a bad prediction causes a warning."""
+"""Misfits below this fraction of the measured motion cause no warning about structure or prediction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +26,11 @@ class Match:
     Attributes:
         recording: name of the recording.
         series: name of the series.
-        held_out: whether it was predicted, not fitted.
+        held_out: whether the recording was only predicted, not fitted.
         count: number of compared values.
         rms: root mean square of simulated minus measured, SI.
-        relative: ``rms`` over the size of the motion: root mean square of displacements, or of the values about their
-            mean; for points on a surface, their largest extent.
+        relative: ``rms`` over the size of the motion. This is the root mean square of displacements, or of the values
+            about their mean; for points on a surface, their largest extent.
         largest: largest absolute difference, SI.
         autocorrelation: correlation of successive residuals; NaN for too few of them.
         residual: simulated minus measured, SI, in the shape of the values; distances for points on a surface.

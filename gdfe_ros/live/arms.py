@@ -13,7 +13,7 @@ from gdfe_ros.arms.arm import Arm, Visual
 from gdfe_ros.scene.scene import Scene
 
 _GREY = (0.72, 0.74, 0.78)
-"""Colour of links whose description states none."""
+"""Colour of links without a colour in their description."""
 
 
 class Arms:

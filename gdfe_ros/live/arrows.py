@@ -10,9 +10,9 @@ import viser
 from numpy.typing import NDArray
 
 _LONGEST = 0.35
-"""Length of the arrow of the largest force so far, over the body's size."""
+"""Length, over the body's size, of the arrow for the largest force so far."""
 _LEAST_SHARE = 0.01
-"""Fraction of the largest force so far below which a force has no arrow."""
+"""A force has no arrow if it is below this fraction of the largest force so far."""
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.008, 0.022, 0.05
 """Radii and length of the parts of an arrow, over the body's size."""
 

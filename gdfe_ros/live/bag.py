@@ -26,8 +26,8 @@ class LiveBag:
 
     Args:
         path: directory of the bag, which must not exist or be empty.
-        simulation: the stepped simulation, the same one as long as the bag is written.
-        state: initial state of the first step; None: rest.
+        simulation: the stepped simulation; it must not be replaced while the bag is written.
+        state: initial state of the first step; None for the initial state of the scene.
         dt: simulation time of a step [s], for the bag.
 
     Raises:

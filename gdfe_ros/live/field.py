@@ -21,8 +21,9 @@ class Field:
 
     Attributes:
         label: for users, with the unit.
-        values: returns the field at the points of the surface (k,) after a step.
-        noise: width of a range, in the unit of the field, below which the body has one colour.
+        values: function that returns the field at the points of the surface (k,) after a step.
+        noise: least width of a colour range, in the unit of the field; if the values differ less, the body has one
+            colour.
     """
 
     label: str
@@ -57,7 +58,7 @@ class Range:
     """Colour range from the least to the largest value drawn; constant while it is held.
 
     Attributes:
-        low, high: bounds; unless held, those of the values drawn last.
+        low, high: bounds; unless they are held, the least and largest value drawn last.
         held: whether the bounds stay constant.
     """
 

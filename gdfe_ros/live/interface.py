@@ -14,7 +14,7 @@ from gdfe_ros.scene.scene import Scene
 
 
 class Ability(str, Enum):
-    """Request to a run besides commands; there is a button for each."""
+    """Request to a run other than a command; there is a button for each."""
 
     PLAY = "play the program"
     PAUSE = "pause"
@@ -29,7 +29,7 @@ class ShownRun(Protocol):
 
     Attributes:
         abilities: the supported requests.
-        failure: reason for an end that was not requested, or None.
+        failure: reason if the run ended without a request; None otherwise.
     """
 
     abilities: frozenset[Ability]
@@ -45,7 +45,7 @@ class ShownRun(Protocol):
 
     @property
     def commands(self) -> Mapping[str, float]:
-        """Present commands of actuators and loads, except unknown ones."""
+        """Present commands of actuators and loads; unknown ones are left out."""
 
     @property
     def targets(self) -> Mapping[str, Pose]:
@@ -53,11 +53,11 @@ class ShownRun(Protocol):
 
     @property
     def moduli(self) -> Mapping[str, float]:
-        """Present Young's moduli [Pa] by material, except those that cannot be changed."""
+        """Present Young's moduli [Pa] by material; moduli that cannot be changed are left out."""
 
     @property
     def paused(self) -> bool:
-        """Whether only the request of a step makes one."""
+        """Whether steps are made only on request."""
 
     @property
     def recording(self) -> str | None:
@@ -67,7 +67,7 @@ class ShownRun(Protocol):
         """Record whether there are viewers."""
 
     def doing(self) -> tuple[str, bool]:
-        """Return a text about the run's activity and whether it is a problem; empty if the last steps show it."""
+        """Return a text about the run's activity, and whether it is a problem; empty if the last steps show it."""
 
     def command(self, name: str, order: Order) -> None:
         """Queue an order for the next step.
@@ -77,9 +77,9 @@ class ShownRun(Protocol):
         """
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Carry out the request of a button other than that of the moduli; pause and record switch on and off.
+        """Carry out the request of a button, except that of the moduli; pause and record switch on and off.
 
-        Return a future text for the user, which may raise a GdfeError, or None if the page shows the effect.
+        Return a future text for the user, which may raise a GdfeError, or None if the page itself shows the effect.
         """
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[Any]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feedback control that moves a probe to where a viewer drags it, by the states that are shown."""
+"""Feedback control that moves a probe to the place to which a viewer drags it; it uses the shown states."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from gdfe_ros.live.view import View
 from gdfe_ros.node.orders import ActuatorOrder
 
 STILL = 1e-6
-"""Relative change of the commands below which they count as constant."""
+"""Commands count as constant if their relative change is below this."""
 INTERVAL = 0.02
 """Duration of a command [s], for the rate limits of actuators."""
 ENOUGH = 1e6
-"""Duration of the model's step to the commands in force [s], so long that no rate limit matters."""
+"""Duration of the model's step to the commands in force [s]; it is so long that rate limits do not matter."""
 SLEW = 1.0
-"""Shortest time [s] in which a command crosses its range; for a node under the wall clock it is half a second."""
+"""Shortest time [s] in which a command may cross its range; half a second for a node under the wall clock."""
 LEARNING = 0.6
-"""Parameter ``learning`` of the control without dynamics. With dynamics it is 0, because a body that still swings would
-correct the Jacobian wrongly."""
+"""Parameter ``learning`` of the control without dynamics. With dynamics it is 0, because a swinging body would correct
+the Jacobian wrongly.
+"""
 
 
 class Leading:
     """Converts goals of a probe to orders for the actuators, one order for each state that is shown.
 
-    The model is solved once, in a separate thread, when a viewer first drags the probe. A goal is dropped when it is
-    reached, when the commands are constant, or when another source commands an actuator.
+    The model is solved once, in a separate thread, when a viewer first drags a probe. A goal is dropped in three cases:
+    it is reached, the commands no longer change, or another source commands an actuator.
 
     Args:
         session: the run.
@@ -59,7 +60,7 @@ class Leading:
         self.take(self._view)
 
     def take(self, view: View | None) -> None:
-        """Send the next commands, computed from a new state; None: from the last one."""
+        """Send the next commands, computed from the state ``view``; None stands for the last state."""
         with self._lock:
             self._view = view or self._view
             if self._goal is None or self._control is None or self._view is None:
@@ -118,5 +119,5 @@ class Leading:
 
 
 def _same(commands: Mapping[str, float], others: Mapping[str, float]) -> bool:
-    """Return whether commands are the same up to the rounding of a slider."""
+    """Return whether commands are equal up to the rounding of a slider."""
     return all(abs(value - others[name]) <= STILL * max(abs(value), 1e-12) for name, value in commands.items())

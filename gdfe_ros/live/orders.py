@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of viewers' orders when they are received, because a step that has begun can no longer refuse them."""
+"""Checks of viewers' orders when they arrive: a step that has begun can no longer refuse them."""
 
 from __future__ import annotations
 

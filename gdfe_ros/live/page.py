@@ -34,8 +34,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.threads import VIEWER, show_name
 
 _SLOWLY = 0.2
-"""Update interval of numbers, plots, traces and sliders [s]; only the body and its markers are updated in every
-frame."""
+"""Update interval of numbers, plots, traces and sliders [s]. The body and its markers are updated in every frame."""
 _BUILT = "the body is being built"
 _PLAIN = "none"
 _PORTS = 65536
@@ -60,7 +59,7 @@ class Page:
     Attributes:
         port: port of the server.
         drawn: frames drawn so far.
-        failure: reason for an end of the drawing that was not requested, or None.
+        failure: reason if the drawing ended without a request; None otherwise.
     """
 
     def __init__(self, *, host: str, port: int, frames: float) -> None:
@@ -233,7 +232,7 @@ class Page:
         self._server.flush()
 
     def _refresh(self, view: View | None) -> None:
-        """Send the parts that are not updated in every frame; before the first step, only controls and status."""
+        """Send the parts that are not updated in every frame; before the first step, send only controls and status."""
         with self._server.atomic():
             self._panel.refresh(self._session.commands)
             self._state.content = self._status.text(view, largest=self._stage.largest(), viewers=self.viewers)

@@ -18,7 +18,7 @@ from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.orders import ActuatorOrder
 
 _TOUCHED = 1.0
-"""Time after a move for which a slider keeps the user's value [s]; then it shows the present command."""
+"""After a move, a slider keeps the user's value for this time [s]; then it shows the present command."""
 _LARGEST_FACTOR = 2.0
 """Value at the right end of a load's slider."""
 _STEPS = 1000
@@ -127,7 +127,7 @@ class Panel:
             self._add_button(Ability.MODULI, self._change_moduli)
 
     def _show_moduli(self) -> None:
-        """Show moduli that have changed since they were last shown; until then, values typed by a viewer stay."""
+        """Show moduli that have changed since they were last shown; until then, keep the values that a viewer typed."""
         present = self._session.moduli
         for name, number in self._numbers.items():
             if present[name] != self._moduli[name]:

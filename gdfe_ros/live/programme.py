@@ -20,7 +20,7 @@ def pose_order(handle: str, pose: Pose) -> PoseOrder:
 
 
 class Programme:
-    """Plays a program from a given simulation time on, except for names that another source commands meanwhile.
+    """Plays a program from a given simulation time on; it leaves out names that another source commands.
 
     One thread may call `leave` while another calls `give`. After `leave` has returned, no more orders for its names
     are sent.
@@ -44,7 +44,7 @@ class Programme:
         return self._program.duration
 
     def leave(self, names: Iterable[str]) -> None:
-        """Stop commanding the named handles, actuators and loads, which another source commands now."""
+        """Stop commanding the named handles, actuators and loads, because another source commands them now."""
         with self._giving:
             self._left.update(names)
 

@@ -32,18 +32,17 @@ if TYPE_CHECKING:
     from gdfe_ros.live.bag import LiveBag
 
 _LONG = 0.3
-"""Duration of a solve above which it is reported [s]."""
+"""A solve is reported if it takes longer than this time [s]."""
 
 
 class RestingPace(WallPace):
     """Steps in real time; while idle, simulation time stands still.
 
-    The first command after a rest, such as a slider's move or a program, therefore covers one step, however long the
-    rest.
+    Therefore the first command after an idle time, such as a slider's move or a program, always covers one step.
     """
 
     def begin(self) -> float:
-        """Return one dt after a rest, else the same as `WallPace`."""
+        """Return one dt after an idle time, otherwise the same as `WallPace`."""
         if self._idle:
             self.restart()
         return super().begin()
@@ -140,7 +139,7 @@ class LiveSession:
         return self.stepper.paused
 
     def watch(self, wanted: bool) -> None:
-        """Do nothing: steps are always passed on, because plots show earlier ones."""
+        """Do nothing: steps are always passed on, because plots also show steps without viewers."""
 
     def doing(self) -> tuple[str, bool]:
         """Return a text about the activity and whether it is a problem; empty while the run waits or follows."""
@@ -186,7 +185,7 @@ class LiveSession:
             bag.close()
 
     def stamp(self, ending: float, early: float = 0.0) -> int:
-        """Return the stamp [ns] of a step that ends at a simulation time [s]: that time."""
+        """Return the stamp [ns] of a step: its simulation time ``ending`` [s]."""
         return to_nanoseconds(ending)
 
     def command(self, name: str, order: Order) -> None:
@@ -235,10 +234,10 @@ class LiveSession:
         self.stepper.post(back, urgent=True)
 
     def record(self, path: Path | None) -> Future[str]:
-        """Begin a bag in a new directory, or with None complete the present bag; return a future message about it.
+        """Begin a bag in a new directory, or complete the present bag if ``path`` is None; return a future message.
 
-        The future raises a GdfeError if a bag is being written already, if there is none to complete, or if it cannot
-        be created.
+        The future raises a GdfeError in three cases: a bag is being written already, there is none to complete, or it
+        cannot be created.
         """
         return self.stepper.post(lambda: self._end_bag() if path is None else self._begin_bag(path))
 

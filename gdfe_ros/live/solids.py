@@ -22,14 +22,14 @@ _SHEET = 4.0
 """Edge of the sheet that represents a plane, over the body's size."""
 _OBSTACLE, _BODY, _LINES = (140, 145, 155), (230, 140, 50), (110, 115, 125)
 _OBSTACLE_OPACITY, _BODY_OPACITY = 0.45, 0.8
-"""Opacities at which forces and objects behind remain visible."""
+"""Opacities of obstacles and of rigid bodies; forces and objects behind them remain visible."""
 
 
 class Solids:
     """Shapes of obstacles that are sent once; later only changed poses are sent.
 
-    A plane is drawn as a sheet with lines a tenth of the body's size apart. The sheet follows the body by whole line
-    distances, so that the lines appear fixed.
+    A plane is drawn as a sheet with lines a tenth of the body's size apart. The sheet follows the body by multiples of
+    this distance, so that the lines appear fixed.
 
     Args:
         space: of the page.
@@ -44,10 +44,10 @@ class Solids:
         self._nodes = {thing.name: self._add(f"{group}/{thing.name}", thing) for thing in self._things}
 
     def move(self, poses: Mapping[str, Pose], positions: NDArray[np.floating]) -> None:
-        """Move each to its pose; viser sends the changes.
+        """Move each shape to its pose; viser sends the changes.
 
         Args:
-            poses: of all, relative to rest.
+            poses: of all obstacles and rigid bodies, relative to rest.
             positions: of the body's vertices (n, 3) [m].
         """
         for thing in self._things:

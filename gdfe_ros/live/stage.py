@@ -42,7 +42,7 @@ _TRACE = 400
 _GRAIN = 2e-3
 """Least distance between two points of a trace, over the body's size."""
 _TOUCHED = 0.7
-"""Time after a drag for which a control keeps the user's pose [s]."""
+"""After a drag, a control keeps the user's pose for this time [s]."""
 _ORANGE = (240, 140, 20)
 _HELD = {"arrows": (40, 80, 200)}
 _TOUCHES = {"sticks": (25, 180, 50), "slips": (230, 25, 25)}
@@ -170,7 +170,7 @@ class Stage:
         return tuple(self._groups)
 
     def largest(self) -> dict[str, float]:
-        """Return the largest force so far [N] of each group of arrows, the force of its longest arrow."""
+        """Return, for each group of arrows, the largest force so far [N]; its arrow is the longest."""
         return {name: arrows.largest for name, arrows in self._arrows.items()}
 
     def show(self, group: str, wanted: bool) -> None:
@@ -240,7 +240,7 @@ class Stage:
             self._arrows[REACTIONS].draw({"arrows": (self._scale * ends, forces)})
 
     def _draw_contacts(self, view: View) -> None:
-        """Draw the contact force on each point, from outside; a slipping point has another colour."""
+        """Draw the contact force on each point, from outside; slipping points have another colour."""
         if self._touching:
             points = view.contacts()
             ends = self._scale * np.stack([points[name] for name in "xyz"], axis=1)
@@ -251,7 +251,7 @@ class Stage:
 
 
 def _goal_of(probe: str) -> str:
-    """Return the name of a probe's control, which differs from the names of handles."""
+    """Return the name of a probe's control, distinct from the names of handles."""
     return f"goals/{probe}"
 
 
@@ -265,7 +265,7 @@ def scale_of(mesh: HexMesh) -> float:
 
 
 def first_view(mesh: HexMesh, arms: Sequence[Arm] = ()) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the initial target and position of the camera, (3,) in the units of the view; whole arms are visible."""
+    """Return initial target and position of the camera, (3,) each in the units of the view; arms are wholly visible."""
     links = [frame.origin for arm in arms for frame in arm.rest.values()]
     corners = np.vstack([mesh.bounds, *links]) if links else mesh.bounds
     middle, extent = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), np.ptp(corners, axis=0).max()

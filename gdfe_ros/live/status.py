@@ -62,7 +62,7 @@ class Status:
         }
 
     def _pace(self) -> tuple[float, float] | None:
-        """Return simulation time over wall time, and steps per second, over the last second; None without steps."""
+        """Return simulation time over wall time, and steps per second, for the last second; None without steps."""
         times = list(self._times)
         if len(times) < 2 or times[-1][0] < monotonic() - _WINDOW:
             return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The body's surface as a binary glTF: laid out once, then only vertices and colours are written into its bytes.
+"""The body's surface as a binary glTF. The file is laid out once; then only vertices and colours are overwritten.
 
 viser's plain mesh has one colour; a glTF has one for each vertex.
 """

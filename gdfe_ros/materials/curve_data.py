@@ -26,7 +26,7 @@ class CurveData:
         coefficients: of e, e^2, ... ascending [Pa]; empty for a table.
         strain: strains of a table (k,), ascending from 0; empty for a polynomial.
         stress: stresses of a table (k,) [Pa].
-        strain_max: end of the data.
+        strain_max: strain at the end of the data.
     """
 
     coefficients: tuple[float, ...]
@@ -97,7 +97,7 @@ class CurveData:
         return CurveData(coefficients, self.strain, tuple(factor * value for value in self.stress), self.strain_max)
 
     def remarks(self) -> list[str]:
-        """Return remarks on strains at which no stable elastic material has such a curve; empty if there are none."""
+        """Return remarks on strains at which the curve fits no stable elastic material; empty if there are none."""
         grid = np.linspace(0.0, self.strain_max, _SAMPLES)
         tangent, stress = self._data_tangent(grid), self._data_stress(grid)
         notes = []

@@ -12,7 +12,7 @@ from gdfe_ros.materials.material import Material
 
 
 def lacks_density(materials: Mapping[str, Material], what: str) -> str:
-    """Return a message if materials lack the density that ``what``, e.g. ``gravity needs``; empty if none lacks it."""
+    """Return a message if materials lack the density that ``what``, e.g. ``gravity needs``; empty if all have one."""
     light = [key for key, material in materials.items() if material.density is None]
     return f"{what} a density: give `density` [kg/m^3] to {', '.join(light)}" if light else ""
 

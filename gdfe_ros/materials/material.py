@@ -30,7 +30,7 @@ class Material:
     Attributes:
         poisson: initial Poisson's ratio, -1 < nu <= 0.5; 0.5 is incompressible.
         density: mass density [kg/m^3], needed by gravity and dynamics only.
-        omega: shape factor for the ``relative`` policy, 0 < omega <= 1; None: the law's own.
+        omega: shape factor for the ``relative`` policy, 0 < omega <= 1; None for the factor of the law.
         caveat: limitation of the parameters' source; empty for none.
 
     Raises:

@@ -19,14 +19,14 @@ MODES: dict[str, Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], ...]
 
 
 def drucker_remarks(stiffness: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> list[str]:
-    """Return remarks on the stretches from which the tangent stiffness is not positive definite; empty if stable.
+    """Return remarks on stretches at which the tangent stiffness is not positive definite; empty if stable.
 
-    With d tau_i / d ln l_i = a_i, the Kirchhoff stresses of an incompressible body obey
-    d tau_1 = (a_1 + a_3) d ln l_1 + a_3 d ln l_2 and the same with 1 and 2 exchanged. The law is stable while this
-    2 x 2 matrix is positive definite.
+    With d tau_i / d ln l_i = a_i, the Kirchhoff stresses of an incompressible body obey d tau_1 = (a_1 + a_3) d ln l_1
+    + a_3 d ln l_2, and the same with 1 and 2 exchanged. The law is stable if this 2 x 2 matrix is positive definite.
 
     Args:
-        stiffness: a(l) [Pa] of stretches l, for a law whose energy is a sum over the principal stretches.
+        stiffness: function a(l) [Pa] of stretches l, for a law with an energy that is a sum over the principal
+            stretches.
     """
     notes = []
     for mode, stretches in MODES.items():

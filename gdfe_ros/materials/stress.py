@@ -19,11 +19,11 @@ from gdfe_ros.materials.tensor import (
 )
 
 LEAST_VOLUME = 0.1
-"""J below which the logarithms of the neo-Hookean law are extrapolated as parabolas (C2)."""
+"""For smaller J, parabolas (C2) replace the logarithms of the neo-Hookean law."""
 LEAST_STRETCH = 0.1
-"""Principal stretch below which Ogden's law is extrapolated to second order (C1)."""
+"""For smaller principal stretches, Ogden's law is extrapolated to second order (C1)."""
 CURVE_FACTOR = 1.5 / (1.5 * 1.5)
-"""3 / (2 (1 + nu)^2) with nu = 0.5: eps_eq^2 over |F - lam R|^2."""
+"""Ratio of eps_eq^2 to |F - lam R|^2: 3 / (2 (1 + nu)^2) with nu = 0.5."""
 
 
 @inlined
@@ -146,7 +146,8 @@ def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
 def ogden_continued(l0, l1, l2, table, k):
     """Return W and its derivatives with respect to the signed stretches, extrapolated below the least stretch.
 
-    With d_i = min(l_i - l_min, 0) and the law at the clamped stretches it is W + sum_i W_i d_i + k/2 d_i^2.
+    The extrapolated energy is W + sum_i (W_i d_i + k/2 d_i^2). W and W_i are evaluated at the clamped stretches, and
+    d_i = min(l_i - l_min, 0).
     """
     c0, c1, c2 = max(l0, LEAST_STRETCH), max(l1, LEAST_STRETCH), max(l2, LEAST_STRETCH)
     w, g = ogden_terms(c0, c1, c2, table, k)

@@ -16,19 +16,21 @@ INTERVALS = 1024
 LARGEST_STRETCH = 11.0
 """End of the tabulated curves; beyond it Phi' continues as a straight line in eps_eq."""
 MODERATE_POISSON = 0.45
-"""Largest Poisson's ratio with the bulk modulus in the energy; above it a pressure per element keeps the volume."""
+"""Largest Poisson's ratio with the bulk modulus in the energy; beyond it a pressure per element keeps the volume."""
 SOFTENING_POISSON = 0.475
-"""Poisson's ratio from which the bulk modulus in the energy follows if pressures keep the volume of a measured curve.
-The curve's tangent may fall far below the initial modulus, and pressures converge only while this bulk modulus is
-larger than the loss by softening. For other laws the ratio is 0.45."""
+"""Poisson's ratio that gives the bulk modulus in the energy, if pressures keep the volume of a measured curve. The
+curve's tangent may fall far below the initial modulus, and pressures converge only while this bulk modulus is larger
+than the loss by softening. For other laws the ratio is 0.45.
+"""
 
 SHEAR, YOUNG, POISSON, BULK, PENALTY, LAME, CARRIED, TERMS, OGDEN = range(9)
 """Columns of ``MaterialTable.parameters``; Ogden's mu_i and alpha_i alternate from column ``OGDEN`` on."""
 LOCAL = OGDEN + 12
 """Column of the local part of the volume stiffness, see `with_local_share`."""
 LOCAL_SHARE = 1.5
-"""Largest local part over the shear modulus; in a prototype 1 to 2.5 worked as well. Without a local part, laws of
-isochoric strain have motions without energy; with the whole stiffness as local part, elements lock."""
+"""Largest local part of the volume stiffness, over the shear modulus; in a prototype 1 to 2.5 worked as well. Without a
+local part, laws of isochoric strain have motions without energy. If all of the stiffness is local, elements lock.
+"""
 
 
 class MaterialTable(NamedTuple):
@@ -36,10 +38,10 @@ class MaterialTable(NamedTuple):
 
     Attributes:
         law: (k,) int32 of :class:`Law`.
-        parameters: (k, 21) float64, columns named above: shear modulus mu0, Young's modulus E0, Poisson's ratio,
-            bulk modulus K, the bulk modulus kappa that is part of the energy, Lame's lambda of the logarithmic
-            neo-Hookean volume term (0 with a pressure per element), 1 if a pressure per element keeps the
-            volume, number of Ogden terms, local part of the volume stiffness [Pa, -].
+        parameters: (k, 21) float64 [Pa, -], columns named above. These are: shear modulus mu0; Young's modulus E0;
+            Poisson's ratio; bulk modulus K; the bulk modulus kappa in the energy; Lame's lambda of the logarithmic
+            neo-Hookean volume term (0 with a pressure per element); 1 if a pressure per element keeps the volume;
+            number of Ogden terms; local part of the volume stiffness.
         curve: (k, intervals + 1, 5) float64: on interval i with t = eps_eq/width - i,
             Phi' = c0 + c1 t + c2 t^2 + c3 t^3 [Pa]; c4 is Phi at t = 0 [J/m^3].
         tangent: (k, intervals + 1) float64, d sigma / d e [Pa] at the same nodes.
@@ -68,9 +70,9 @@ def pack(materials: Sequence[Material]) -> MaterialTable:
 def with_local_share(table: MaterialTable) -> MaterialTable:
     """Return the materials with their volume stiffness divided, for elements with several integration points.
 
-    The local part, min(lambda, 1.5 mu) of a logarithmic volume energy and min(K, 1.5 mu) of the others, acts at the
-    points. ``BULK``, ``PENALTY`` and ``LAME`` keep the rest, which acts on an element's mean volume ratio. For a
-    homogeneous deformation their sum is the law.
+    The local part acts at the integration points. It is min(lambda, 1.5 mu) for a logarithmic volume energy, and min(K,
+    1.5 mu) for others. ``BULK``, ``PENALTY`` and ``LAME`` keep the rest, which acts on an element's mean volume ratio.
+    For a homogeneous deformation the sum of both is the law.
     """
     parameters = table.parameters.copy()
     log = table.law == Law.NEO_HOOKEAN
@@ -138,7 +140,10 @@ def _equivalent_strain(stretch: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _stretch(strain: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Invert :func:`_equivalent_strain` by Newton's method; it is concave, so starting high converges."""
+    """Invert :func:`_equivalent_strain` by Newton's method.
+
+    The function is concave, so the iteration converges from a high start.
+    """
     stretch = 1.0 + 1.5 * strain
     for _ in range(60):
         stretch = stretch - (_equivalent_strain(stretch) - strain) * 1.5 / (1.0 + 0.5 * stretch**-1.5)

@@ -10,7 +10,7 @@ from gdfe_ros.compiled import inlined
 NEWTON_STEPS = 40
 """Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps."""
 DEGENERATE = 1e-9
-"""Fraction of the size: if two signed stretches cancel to this, a rotation is not unique."""
+"""A rotation counts as not unique if two signed stretches cancel to this fraction of the size."""
 SMALLEST = 1e-30
 """Added to a denominator so that the rotation of a collapsed element (F = 0) is finite."""
 
@@ -52,8 +52,8 @@ def stretch_sum(first, second, jacobian):
     """Return s = tr(R^T F), the sum of the signed principal stretches.
 
     s is the largest root of s^4 - 2 I s^2 - 8 J s + I^2 - 4 II with I = |F|^2, II = |cof F|^2, J = det F. This is the
-    characteristic polynomial of the polar problem in quaternions (Higham and Noferini 2016). It is convex to the right
-    of that root, so Newton's method from the upper bound sqrt(3 I) descends to the root.
+    characteristic polynomial of the polar problem in quaternions (Higham and Noferini 2016). The polynomial is convex
+    to the right of its largest root, so Newton's method from the upper bound sqrt(3 I) descends to the root.
     """
     s, going = math.sqrt(3.0 * first), True
     for _ in range(NEWTON_STEPS):
@@ -128,7 +128,8 @@ def off_diagonal(a):
 def jacobi_sweep(a, v):
     """Return a symmetric matrix (00, 01, 02, 11, 12, 22) and its eigenvectors (9, columns) after three rotations.
 
-    Nothing is rotated if `off_diagonal` is false: all lanes of a block sweep as often as the slowest one needs.
+    Nothing is rotated if `off_diagonal` is false; a lane that has converged thus stays constant in further sweeps of
+    its block.
     """
     a00, a01, a02, a11, a12, a22 = a
     v00, v01, v02, v10, v11, v12, v20, v21, v22 = v

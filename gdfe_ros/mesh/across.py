@@ -22,8 +22,8 @@ def cells_across(
         straight: (m,) whether a cell is a parallelepiped; a row with a cell of another shape is not counted.
 
     Returns:
-        Lengths of the rows (m, 3), the cell itself included; 1 for rows that are not counted; for a row that closes
-        into a ring, the cells of the ring.
+        Lengths of the rows (m, 3), including the cell itself. It is 1 for rows that are not counted. For a row that
+        closes into a ring it is the number of cells in the ring.
     """
     count = len(cells)
     group, sharing = group_quads(cells[:, HEX_FACES].reshape(-1, 4))

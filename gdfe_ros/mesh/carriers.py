@@ -54,17 +54,17 @@ def newton_step(place, point, modes):
 def find_carriers(points, near, modes, settings, best, place, beyond):
     """Write the cell that carries each point: the candidate that contains the point, or else the nearest one.
 
-    The nearest candidate is the one in which the point's largest reference coordinate is smallest. If several are
-    equally near, as at a common face, the one with the lowest number carries the point. The reference coordinates in
-    each candidate are found by Newton's method from its centre.
+    The distance of a candidate is the largest reference coordinate of the point in it. If several candidates are
+    equally near, as at a common face, the one with the lowest number carries the point. Newton's method finds the
+    reference coordinates, starting from the candidate's centre.
 
     Args:
         points: (k, 3) [m].
         near: (k, c) candidates, the most likely first.
         modes: (m, 8, 3) [m] coefficients of the cells' trilinear maps for 1, xi, eta, zeta, eta zeta, xi zeta, xi eta,
             xi eta zeta.
-        settings: limit of Newton steps; change of a coordinate at which they end; largest coordinate of a point that is
-            certainly inside.
+        settings: three numbers: limit of Newton steps; change of a coordinate at which they end; largest coordinate of
+            points that are certainly inside.
         best: (k,), is written.
         place: (k, 3) reference coordinates, is written.
         beyond: (k,) largest magnitude of each point's reference coordinates, is written.

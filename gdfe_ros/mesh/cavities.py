@@ -64,10 +64,7 @@ def inside_volume(points: NDArray[np.float64], faces: NDArray[np.int32]) -> floa
 
 
 def skin_cavities(mesh: Mesh) -> list[Cavity]:
-    """Return the cavities of a mesh's skin, the largest first: closed shells within an odd number of others.
-
-    Their ``quads`` are triangles between points of the skin, with the last corner twice.
-    """
+    """Return the cavities of a mesh's skin, the largest first: closed shells inside an odd number of other shells."""
     points, triangles = mesh.skin.at(mesh.vertices), mesh.skin.faces.astype(np.int64)
     number = shell_numbers(len(points), triangles)
     closed = [len(open_edges(triangles[number == shell])) == 0 for shell in range(number.max(initial=-1) + 1)]
@@ -105,8 +102,8 @@ def open_edges(quads: NDArray[np.int32]) -> NDArray[np.int32]:
 def surface_pieces(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
     """Number the connected pieces of an oriented closed surface, shape (q,), int32.
 
-    Two quads at a common edge are connected. If four or more meet at an edge, as between cells that touch only there,
-    the two quads at the sides of the same gap are connected: gaps are separate spaces.
+    Two quads at a common edge are connected. Four or more quads meet at an edge between cells that touch only there.
+    Then the two quads at the sides of the same gap are connected, because gaps are separate spaces.
 
     Args:
         vertices: positions [m], shape (n, 3).
@@ -131,9 +128,8 @@ def _across_gaps(
 ) -> NDArray[np.int64]:
     """Pair the half edges on the two sides of each gap around an edge.
 
-    A quad whose half edge has the direction of the edge has its material on one side, and a quad with the opposite
-    direction on the other side. Around the edge, each gap thus begins with a quad of one kind and ends with one of the
-    other kind.
+    The half edge of a quad has the direction of the edge, or the opposite one; the material lies on opposite sides of
+    these two kinds. Around the edge, each gap thus begins with a quad of one kind and ends with one of the other.
     """
     size = quads.shape[1]
     quad, corner = half_edges // size, half_edges % size

@@ -38,7 +38,7 @@ def height_at(corners, x, y):
 
 @internal
 def find_crossings(corners, size, column, height):
-    """Write column and height of each crossing that the arrays have room for; return the number of all crossings."""
+    """Write column and height of the crossings for which the arrays have room; return the number of all crossings."""
     nx, ny, nz = size
     found = 0
     for t in range(len(corners)):
@@ -98,8 +98,8 @@ def integrate_columns(vertices, triangles, places, size, moments):
         triangles: (t, 3) of a closed surface.
         places: (c, 2) of the columns in a cube, 0 .. 1.
         size: number of cubes along each axis.
-        moments: (8, cubes), first axis fastest, is added to: 1, xi, eta, zeta and their squares, and the number of
-            crossings.
+        moments: (8, cubes), first axis fastest, is added to: integrals of 1, xi, eta, zeta, xi^2, eta^2, zeta^2, and
+            the number of crossings.
     """
     columns, width = size[0] * size[1], 1.0 / (3.0 * len(places) ** 2)
     column, height = np.empty(4 * columns, np.int64), np.empty(4 * columns)

@@ -18,16 +18,17 @@ from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.mesh.trilinear import trilinear_weights
 
 BARE, SHORT = 2.0 * 3.0**0.5, 1.0
-"""Distance of a boundary cell's material from the skin, over the cell's edge, above which the skin does not cover the
-cell. The first value applies to material inside the skin, as at a hole that is missing in the skin, the second to
-material outside of it."""
+"""The skin does not cover a boundary cell whose material is farther from the skin than this, over the cell's edge. The
+first value is for material inside the skin, as at a hole that is missing in the skin. The second is for material
+outside of it.
+"""
 
 
 def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> HexMesh:
     """Return a mesh whose skin touches instead of the faces of its cells.
 
-    There are as many contact points as the cells can resolve: for each boundary vertex, the skin point with its largest
-    weight. On a flat face this is the nearest point, at an edge a point of the edge.
+    Each boundary vertex gives one contact point, because the cells do not resolve more: the skin point in which the
+    vertex has the largest weight. On a flat face this is the nearest point; at an edge it is a point of the edge.
 
     Args:
         mesh: with its skin.
@@ -75,7 +76,7 @@ def out_of_material(points: NDArray[np.float64], triangles: NDArray[np.int64]) -
 def _require_covered(
     mesh: HexMesh, lined: SkinPoints, points: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> None:
-    """Raise MeshError if a skin does not cover some boundary cells, because obstacles would penetrate these."""
+    """Raise MeshError if a skin does not cover some boundary cells; obstacles would penetrate these cells."""
     cells = np.unique(mesh.boundary.cells)
     corners = mesh.vertices[mesh.cells[cells]]
     centres = mesh.centroids[cells]

@@ -27,8 +27,8 @@ def cube_moments(
         count: number of cubes along each axis.
 
     Returns:
-        Shape (cubes, 7), x fastest: means over the cube of 1, xi, eta, zeta, xi^2, eta^2, zeta^2 times the indicator of
-        material, in reference coordinates -1 .. 1.
+        Shape (cubes, 7), x fastest: integrals over the material of 1, xi, eta, zeta, xi^2, eta^2, zeta^2, divided by
+        the volume of the whole cube; reference coordinates -1 .. 1.
     """
     directions = [_along(vertices, triangles, count, axis) for axis in range(3)]
     moments, crossed = (np.stack(part) for part in zip(*directions, strict=True))
@@ -44,7 +44,7 @@ def _along(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the moments (cubes, 7) by columns along an axis, and the number of columns that cross the surface.
 
-    The axis with most crossings is the one closest to the surface's normal. Along it the position of the surface is
+    The axis with most crossings is closest to the surface's normal. Along this axis the position of the surface is
     exact.
     """
     from gdfe_ros.mesh.columns import integrate_columns  # scenes without cut cells load without numba
@@ -65,8 +65,8 @@ def _along(
 def gather_slivers(moments: NDArray[np.float64], count: tuple[int, int, int]) -> NDArray[np.float64]:
     """Move the material of nearly empty cubes to the fullest cell across one of their faces; return new moments.
 
-    Without this, slivers would have corners with a millionth of a cell's stiffness. Leaving them out would be an error
-    of first order. Their material moves with the extrapolated displacement field of the receiving cell. A sliver
+    Otherwise some corners of slivers would have a millionth of a cell's stiffness; to leave slivers out would be an
+    error of first order. Their material moves with the receiving cell's displacement field, extrapolated. A sliver
     without such a cell is left out.
     """
     nx, ny, nz = count

@@ -21,8 +21,8 @@ class Faces:
     """Faces with the cell to which each belongs.
 
     Attributes:
-        quads: vertex ids, int32, normals out of the owning cell: of hexahedra (q, 4) in VTK's quad order, of quadratic
-            tetrahedra (q, 6), three corners and the nodes on the edges 01, 12, 20.
+        quads: vertex ids, int32, normals out of the owning cell. Hexahedra have (q, 4) in VTK's quad order; quadratic
+            tetrahedra (q, 6): three corners, then the nodes on the edges 01, 12, 20.
         cells: owning cell of each quad, shape (q,), int32.
         crowded: cells that share a face with more than one other cell, sorted, int32; empty for a sound mesh.
     """
@@ -78,7 +78,7 @@ def group_quads(quads: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np
 def enclosed_volume(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> float:
     """Return the volume inside a closed surface of bilinear quads [m^3], positive for outward normals.
 
-    It is the mean over both divisions of each quad into triangles, which is exact for a bilinear patch.
+    It is the mean over the two divisions of each quad into triangles; this is exact for a bilinear patch.
 
     Args:
         vertices: positions [m], shape (n, 3).
@@ -97,7 +97,7 @@ def turned(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def vertex_pieces(cells: NDArray[np.integer], count: int) -> NDArray[np.int32]:
-    """Return the connected piece of each of ``count`` vertices (n,), from 0; cells or faces (m, c) connect them."""
+    """Return the connected piece, from 0, of each of ``count`` vertices (n,); ``cells`` (m, c) connect vertices."""
     row, column = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
     graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int32)

@@ -31,8 +31,8 @@ def named_sets(raw: meshio.Mesh, starts: dict[int, int], heading: str) -> tuple[
         heading: name of the file in an error.
 
     Returns:
-        Cell ids (of solid cells only) and vertex ids by name. A group of faces, edges or points becomes a set of its
-        vertices; data ``name`` become the sets ``name_1``, ``name_2``, ... of their values, except zero.
+        Two mappings by name: ids of solid cells, and vertex ids. A group of faces, edges or points becomes a set of its
+        vertices. Whole-number data ``name`` become a set for each value except zero: ``name_1``, ``name_2``, ...
 
     Raises:
         MeshError: a set refers to blocks in an ambiguous manner.

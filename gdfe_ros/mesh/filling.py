@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Filled fraction of cells: a box in each cell with the moments of its material.
 
-The material of a cut cell has any shape. Its stiffness and weight follow, to second order, from its volume, its
-centroid and its second moments, and a box has the same number of parameters. An element on that box, carried by the
-cell's corners with trilinear weights, represents the cell (docs/theory/cut_cells.md).
+The material of a cut cell may have any shape. To second order, its stiffness and weight depend only on its volume,
+centroid and second moments. A box with the same moments therefore represents the cell: an element on this box, whose
+corners the cell's corners carry with trilinear weights (docs/theory/cut_cells.md).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class Filling:
     """The material in each cell.
 
     Attributes:
-        share: (m,) its volume over that of the cell; above 1 for a cell that includes neighbouring slivers.
-        centre: (m, 3) its centroid in reference coordinates -1 .. 1.
-        spread: (m, 3) half the edges of the box with its second moments, in reference coordinates.
+        share: (m,) volume of the material over that of the cell; above 1 for a cell that includes neighbouring slivers.
+        centre: (m, 3) centroid of the material in reference coordinates -1 .. 1.
+        spread: (m, 3) half edges of the box with the same second moments, in reference coordinates.
     """
 
     share: NDArray[np.float64]
@@ -34,7 +34,7 @@ class Filling:
 
     @classmethod
     def of_moments(cls, moments: NDArray[np.float64]) -> Filling:
-        """Return the filling from the means over cells (m, 7) of 1, xi, eta, zeta and their squares in the material."""
+        """Return the filling from means over cells (m, 7): 1, xi, eta, zeta and their squares in the material."""
         share = moments[:, 0]
         centre = moments[:, 1:4] / share[:, None]
         variance = moments[:, 4:] / share[:, None] - centre**2

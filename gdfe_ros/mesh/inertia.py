@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 ALIKE = 1e-6
-"""Off-diagonal second moments, over the trace, below which the given axes count as principal axes."""
+"""The given axes count as principal axes if the off-diagonal second moments, over the trace, are below this."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ class Inspection:
 
     Attributes:
         path: the file.
-        facts: contents as (name, value) in words, for a table.
+        facts: contents as texts (name, value), for a table.
         defects: defects, each with its remedy; empty for a usable file.
         mesh: the cells, or None for a surface or an unreadable file.
         cavities: cavities of the cells, the largest first.

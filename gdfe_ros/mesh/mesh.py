@@ -27,9 +27,10 @@ class Mesh:
         cells: vertex ids of each cell, shape (m, c), int32, in VTK's order.
         cell_sets: named sorted cell ids, int32 (physical groups, element sets of an imported file).
         vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
-        filling: filled fraction of the cells; None: entirely.
-        skin: surface that is drawn instead of the cells' outer faces; None: these faces.
-        touching: contact points of skins, used instead of the faces of the cells under them; None: faces everywhere.
+        filling: filled fraction of the cells; None if every cell is entirely filled.
+        skin: surface that is drawn instead of the cells' outer faces; None if these faces are drawn.
+        touching: contact points of skins, used instead of the faces of the cells under them; None if faces touch
+            everywhere.
         parts: the meshes of which this one was assembled, by name; empty for a single mesh.
 
     Arrays of another type or layout are converted. Only the shapes are checked here; `check_mesh` checks the content.
@@ -102,14 +103,14 @@ class Mesh:
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounding box [m]; for several meshes that of the largest one, whatever their distance."""
+        """Diagonal of the bounding box [m]; of several meshes, the diagonal of the largest one."""
         if self.parts:
             return max(part.mesh.size for part in self.parts.values())
         return self.extent
 
     @property
     def extent(self) -> float:
-        """Diagonal of the bounding box of everything [m]; for several meshes more than `size`."""
+        """Diagonal of the bounding box of all meshes together [m]; for several meshes it is larger than `size`."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
     @cached_property

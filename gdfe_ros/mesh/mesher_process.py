@@ -22,7 +22,7 @@ _GMSH_TET10, _VTK_ORDER = 11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 
 
 def expected_cells(volume: float, size: float) -> float:
-    """Return the number of regular tetrahedra with edges ``size`` [m] that have the ``volume`` [m^3] together."""
+    """Return the ``volume`` [m^3] over the volume of a regular tetrahedron with edges of ``size`` [m]."""
     return volume / (2.0**0.5 / 12.0 * size**3)
 
 
@@ -110,7 +110,7 @@ def _gmsh_cells(gmsh) -> dict[str, np.ndarray]:
 
 
 def _name(gmsh, dimension: int, entity: int, noun: str) -> str:
-    """Return the last part of a surface's name in the file; for solids and unnamed surfaces, the noun and number."""
+    """Return the last part of a surface's name in the file, or noun and number of a solid or unnamed surface."""
     given = gmsh.model.getEntityName(dimension, entity).rpartition("/")[2].strip()
     return given if given and dimension == 2 else f"{noun}_{entity}"
 

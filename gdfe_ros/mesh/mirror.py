@@ -22,7 +22,7 @@ def mirrored(mesh: Mesh, axis: int) -> Mesh:
     """Return a mesh reflected at the plane through the origin that is perpendicular to an axis.
 
     Vertices, cells and sets keep their numbers. The nodes of each cell, and of each face of its skin, change their
-    order, so that cells are not inverted and the normals of faces point out of the material.
+    order. Cells thus keep a positive volume, and the normals of faces point out of the material.
 
     Args:
         mesh: of one piece, not assembled of parts.

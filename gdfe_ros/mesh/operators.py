@@ -12,7 +12,7 @@ from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.trilinear import CORNERS, MODES
 
 PARALLEL = 1e-9
-"""Largest hourglass amplitude, over the shortest edge, of an element that counts as a parallelepiped."""
+"""An element counts as a parallelepiped if its hourglass amplitude, over the shortest edge, is at most this."""
 
 
 class ShapeOperators(NamedTuple):
@@ -21,18 +21,20 @@ class ShapeOperators(NamedTuple):
     Attributes:
         cells: (m, 8) int32 corner vertices, VTK order.
         volume: (m,) float64 [m^3] of the material.
-        gradient: (m, 8, 3) float64 [1/m], exact volume average of the trilinear gradients (Flanagan and
-            Belytschko 1981): the mean deformation gradient is F = sum_a x_a (x) g_a.
+        gradient: (m, 8, 3) float64 [1/m], exact volume average g_a of the trilinear gradients (Flanagan and Belytschko
+            1981). The mean deformation gradient is F = sum_a x_a (x) g_a.
         hourglass: (m, 4, 8) float64, vectors gamma_k orthogonal to every linear field, of unit length in whole cells.
         edge_axes: (m, 3, 3) float64, row i is the unit direction of the element's undeformed i-th edge.
         edge_lengths: (m, 3) float64 [m], mean length of the edges along each direction.
         reference: (m, 3, 3) float64 [1/m], inverse of dX/dxi at the element's centre.
-        parallel: (m,) bool, the element is a parallelepiped: its operators are sums and differences of corners.
+        parallel: (m,) bool, whether the element is a parallelepiped; its operators are then sums and differences of
+            corners.
         corner_ratio: (m, 8) float64 [1/m^3], one over the triple product of the three edges at each corner.
-        cut: (m,) bool, the element is a box inside its cell, and the corners of `corner_ratio` are the box's.
-        box: (m, 3, 2) float64, ends of that box along each edge of its cell, 0 .. 1 in whole cells.
-        across: (m,) int32 number of cells across the section of which the element is a part in torsion; 1 if it is a
-            section of its own.
+        cut: (m,) bool, whether the element is a box inside its cell; `corner_ratio` is then that of the box's corners.
+        box: (m, 3, 2) float64, ends of that box along each edge of its cell, as fractions of the edge; 0 and 1 in whole
+            cells.
+        across: (m,) int32 number of cells across the section to which the element belongs in torsion; 1 for a section
+            of one cell.
     """
 
     cells: NDArray[np.int32]
@@ -54,8 +56,8 @@ def shape_operators(
 ) -> ShapeOperators:
     """Return the operators of all elements from rest vertices (n, 3) [m] and cells (m, 8).
 
-    The volume and the mean gradient are integrated with 2 x 2 x 2 Gauss points, exact for trilinear shapes. A cut
-    cell has the operators of its ``filling``'s box, carried by the cell's corners.
+    The volume and the mean gradient are integrated with 2 x 2 x 2 Gauss points, exact for trilinear shapes. A cut cell
+    has the operators of the box of its ``filling``; the cell's corners carry this box.
     """
     corners = vertices[cells]
     shape = _operators(corners, cells)

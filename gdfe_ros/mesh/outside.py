@@ -17,13 +17,15 @@ from gdfe_ros.mesh.tet_faces import facets
 from gdfe_ros.mesh.trilinear import CORNERS, MODES, NEWTON_STEPS, SETTLED, trilinear_weights
 
 NEAR = 12
-"""Number of cells nearest to a skin point among which its carrier is searched."""
+"""Number of cells nearest to a skin point that are searched for the cell that carries it."""
 WITHIN = 1.0 - 1e-9
-"""Reference coordinate up to which a point certainly lies in a cell, and in no other."""
+"""A point certainly lies in a cell, and in no other cell, if its largest reference coordinate there is at most this."""
 REACH = 2.5
-"""Largest reference coordinate of a carried point in its cell: three quarters of an edge outside."""
+"""Largest reference coordinate of a carried point in its cell; a larger one means more than three quarters of an edge
+outside.
+"""
 _TRILINEAR = np.concatenate([np.ones((1, 8)), CORNERS.T, MODES])
-"""Corner values (8, 8) of the fields of which a trilinear map is a sum, in the order of `find_carriers`."""
+"""Corner values (8, 8) of the eight fields whose sum is a trilinear map, in the order of `find_carriers`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,7 @@ class Outside:
 
     @classmethod
     def joined(cls, outsides: Sequence[Outside], vertices: Sequence[int], cells: Sequence[int]) -> Outside:
-        """Return several surfaces as one, of triangles between points that cells carry.
+        """Return several surfaces as one; its faces are triangles between points that cells carry.
 
         Args:
             outsides: surfaces of the meshes that become one.
@@ -74,7 +76,7 @@ class Outside:
 
     @property
     def skin(self) -> bool:
-        """Whether it is a skin."""
+        """Whether this surface is a skin."""
         return self.corners.shape[1] > 1
 
     @property
@@ -95,9 +97,9 @@ def carry_skin(
     points: NDArray[np.float64],
     triangles: NDArray[np.int64],
 ) -> Outside:
-    """Attach a triangle surface to the cells: each of its points to the cell that contains it, or to the nearest one.
+    """Attach each point of a triangle surface to the cell that contains it, or to the nearest cell.
 
-    Triangles with longer edges than the cells are divided, because they would stay flat where the cells bend.
+    Triangles with longer edges than the cells are divided, because they would stay flat when the cells bend.
 
     Args:
         vertices: of the undeformed mesh (n, 3) [m].
@@ -106,7 +108,7 @@ def carry_skin(
         triangles: between the points (t, 3).
 
     Raises:
-        MeshError: points are too far outside of the cells to move with them sensibly.
+        MeshError: points are too far outside of the cells for attaching.
     """
     corners = vertices[cells]
     edge = float(np.linalg.norm(corners[:, [1, 3, 4]] - corners[:, :1], axis=2).mean())
@@ -124,8 +126,8 @@ def hang(
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Return the cell (k,) that carries each of ``points`` (k, 3) [m], and the weights (k, 8) of its corners.
 
-    It is the cell that contains the point, or the nearest one. ``vertices`` and ``cells`` are as for `carry_skin`,
-    ``within`` as for `reference_coordinates`.
+    This is the cell that contains the point, or else the nearest one. ``vertices`` and ``cells`` are as for
+    `carry_skin`; ``within`` is as for `reference_coordinates`.
 
     Raises:
         MeshError: points are too far outside of the cells.
@@ -148,9 +150,9 @@ def hang(
 def _too_far(
     points: NDArray[np.float64], far: NDArray[np.bool_], corners: NDArray[np.float64], place: NDArray[np.float64]
 ) -> str:
-    """Return a message about the points that are ``far`` from their nearest cells (k, 8, 3).
+    """Return a message about the points that are ``far`` from their nearest cells.
 
-    ``place`` are their reference coordinates in these.
+    ``corners`` (k, 8, 3) [m] are the corners of these cells, ``place`` the reference coordinates of the points in them.
     """
     nearest = np.einsum("ka,kai->ki", trilinear_weights(np.clip(place, -1.0, 1.0)), corners)
     away = np.where(far, np.linalg.norm(points - nearest, axis=1), 0.0)

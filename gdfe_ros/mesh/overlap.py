@@ -16,8 +16,9 @@ from gdfe_ros.mesh.tetrahedra import EDGES as TET_EDGES
 from gdfe_ros.mesh.tetrahedra import FACES as TET_FACES
 
 TOUCHING = 0.1
-"""Depth, over the shortest edge of two cells, up to which they count as touching. The hulls of the cells of a ball in a
-fitting socket overlap by that much; contact resolves smaller overlaps in the first step."""
+"""Two cells count as touching up to this penetration depth over their shortest edge. The hulls of the cells of a ball
+in a fitting socket overlap by that much. Contact resolves smaller overlaps in the first step.
+"""
 _EDGES = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]])
 _BLOCK = 512
 """Pairs of cells that are tested together."""

@@ -68,7 +68,7 @@ def check_mesh(mesh: Mesh) -> QualityReport:
         mesh: the mesh.
 
     Returns:
-        The report. It counts pieces that share no vertex, which are not a defect.
+        The report. It counts pieces that share no vertex; several pieces are no defect.
     """
     defects = _broken_indices(mesh)
     if defects:
@@ -159,8 +159,8 @@ def _vertex_defects(mesh: Mesh) -> list[str]:
 def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
     """Return the pairs of points closer than a tolerance.
 
-    The points are sorted along a generic direction, so that partners are close in the order. Each point is compared
-    with the next one, the one after it, and so on, until no difference along the direction is small enough.
+    The points are sorted along a generic direction, so that the points of a pair are close in the order. Each point is
+    compared with its successors as long as the distance along the direction is below the tolerance.
 
     Args:
         points: finite positions [m], shape (n, 3).
@@ -184,7 +184,7 @@ def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[n
 
 
 def _named(what: str, mask: NDArray[np.bool_], remedy: str, mesh: Mesh | None = None) -> list[str]:
-    """Return the defect of the marked items, with the place of the first one if they are cells of a ``mesh``."""
+    """Return the defect of the marked items; if they are cells of a ``mesh``, with the place of the first one."""
     ids = np.flatnonzero(mask)
     if len(ids) == 0:
         return []

@@ -18,8 +18,8 @@ def refine(
     """Divide triangles until the given edges are cut into parts of at most ``longest`` [m].
 
     Each edge is divided into equal parts, whose number is a power of two. A triangle whose edges are all too long is
-    divided into four similar ones, repeatedly. A triangle with an edge that is short enough, such as a long thin facet,
-    is divided into a strip across its other edges. Lines inside a strip exceed ``longest`` by at most that short edge.
+    divided into four similar ones, repeatedly. A long thin triangle with one edge that is short enough is divided into
+    a strip across its other edges. Lines inside a strip are longer than ``longest`` by at most that short edge.
 
     Args:
         points: (k, 3) [m].
@@ -84,7 +84,7 @@ def _four_by_four(count: int) -> NDArray[np.float64]:
 
 
 def _strip(cut: Levels) -> NDArray[np.float64]:
-    """Return the barycentric corners (t, 3, 3) of a strip, from the corner opposite to the uncut edge to that edge."""
+    """Return the barycentric corners (t, 3, 3) of a strip that begins at the corner opposite to the uncut edge."""
     turn = cut.index(0)
     ends = 2 ** cut[(turn + 2) % 3], 2 ** cut[(turn + 1) % 3]
     at, found = [1, 1], [((0, 0.0), (0, 1.0 / ends[0]), (1, 1.0 / ends[1]))]

@@ -108,7 +108,9 @@ def ring(radius: float, section: Sequence[float], cells: Sequence[int], *, angle
 
 
 def sphere(inner: float, outer: float, cells: Sequence[int]) -> HexMesh:
-    """Mesh a hollow sphere about the origin: the six faces of a cube, divided at equal angles and mapped to the sphere.
+    """Mesh a hollow sphere about the origin from the six faces of a cube.
+
+    The faces are divided at equal angles and mapped to the sphere.
 
     Args:
         inner: inner radius [m], > 0.

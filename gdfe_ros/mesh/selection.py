@@ -34,7 +34,7 @@ class Side(Enum):
 
 @dataclass(frozen=True)
 class Face:
-    """Vertices on one side of the bounding box; cells with at least one such vertex."""
+    """Vertices on one side of the bounding box; as cells, those with at least one such vertex."""
 
     side: Side
 
@@ -58,28 +58,28 @@ class SphereSelection:
 
 @dataclass(frozen=True)
 class Vertices:
-    """Vertices by id; cells of which all vertices are named."""
+    """Vertices by id; as cells, those with all their vertices among the ids."""
 
     ids: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class CellSelection:
-    """Cells by id; vertices of these cells."""
+    """Cells by id; as vertices, those of these cells."""
 
     ids: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class NamedSet:
-    """A vertex or cell set of the mesh by name; it is converted to the other kind if needed."""
+    """A vertex or cell set of the mesh by name; it is converted to the requested kind."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Within:
-    """A selection in one of several meshes, in the frame and ids of that mesh; the whole mesh without ``where``."""
+    """A selection in one of several meshes, in this mesh's frame and ids; without ``where``, the whole mesh."""
 
     part: str
     where: Where | None = None
@@ -172,7 +172,7 @@ def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the boundary faces whose corners are all selected (perhaps none).
 
-    Of several selections (`AnyOf`), a single one must select all corners of a face.
+    In an `AnyOf`, one of the selections must select all corners of a face.
 
     Args:
         mesh: the mesh.
@@ -193,10 +193,10 @@ def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 
 
 def part_of(mesh: Mesh, name: str) -> MeshPart:
-    """Return one of the meshes of which a mesh was assembled.
+    """Return one of the meshes from which a mesh was assembled.
 
     Raises:
-        MeshError: there is none of that name.
+        MeshError: there is no mesh of that name.
     """
     if name in mesh.parts:
         return mesh.parts[name]
@@ -205,12 +205,12 @@ def part_of(mesh: Mesh, name: str) -> MeshPart:
 
 
 def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
-    """Return the triangles (t, 3) int32 of a mesh's skin whose three points are all selected (perhaps none).
+    """Return the triangles (t, 3) int32 of a mesh's skin with three selected points (perhaps none).
 
-    A face is a side of the skin's own bounding box.
+    A face selects by the skin's own bounding box.
 
     Raises:
-        MeshError: the selection is by ids or sets, which belong to the mesh and not to its skin.
+        MeshError: the selection is by ids or sets; these belong to the mesh and not to its skin.
     """
     points = mesh.skin.at(mesh.vertices)
     match where:
@@ -228,7 +228,7 @@ def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the indices of the selected contact points of a mesh's skin (perhaps none), sorted.
 
-    A face is a side of the skin's own bounding box.
+    A face selects by the skin's own bounding box.
 
     Raises:
         MeshError: as for `select_skin`.

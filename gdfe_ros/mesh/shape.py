@@ -22,9 +22,9 @@ EDGES = np.array(
 def scaled_jacobians(mesh: HexMesh) -> NDArray[np.float64]:
     """Return the least scaled Jacobian over the eight corners of each cell, shape (m,).
 
-    At a corner with edge vectors a, b, c: a . (b x c) / (|a| |b| |c|), in [-1, 1]; 1 for a box, <= 0 for a flat or
-    inverted corner (Knupp 2000; the Verdict library's `scaled jacobian` without the centre). A corner with an edge of
-    zero length counts as 0.
+    At a corner with the edge vectors a, b, c it is a . (b x c) / (|a| |b| |c|), in [-1, 1]. It is 1 for a box, and <= 0
+    for a flat or inverted corner (Knupp 2000; the Verdict library's `scaled jacobian` without the centre). A corner
+    with an edge of zero length counts as 0.
     """
     corners = mesh.vertices[mesh.cells]
     edges = corners[:, CORNERS] - corners[:, :, None]

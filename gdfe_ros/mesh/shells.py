@@ -71,9 +71,8 @@ def points_inside(
 ) -> NDArray[np.bool_]:
     """Return for each point (i, j, k) whether it lies inside a closed surface.
 
-    Each triangle toggles the points above it in the columns along z that pierce it. A common edge is evaluated
-    identically in both triangles and belongs to only one of them, so that a column through an edge or a corner crosses
-    the surface once.
+    In each column along z that pierces a triangle, the points above the triangle change between inside and outside. An
+    edge belongs to only one of its two triangles. A column through an edge or a corner thus crosses the surface once.
 
     Args:
         vertices: positions in units of the point spacing, shape (n, 3).

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choice of the contact points of a skin: for each boundary vertex, the skin point with its largest weight."""
+"""Choice of a skin's contact points: for each boundary vertex, the point in which the vertex has the largest weight."""
 
 from __future__ import annotations
 
@@ -18,17 +18,19 @@ if TYPE_CHECKING:
     from gdfe_ros.mesh.hexmesh import HexMesh
 
 FINE, SMALL = 0.25, 0.1
-"""Longest edge of a refined skin's triangles, over a quantile of the sizes of boundary cells; and the probability of
-that quantile."""
+"""Longest edge of a refined skin's triangles, over a quantile of the sizes of boundary cells; and the level of that
+quantile.
+"""
 CREASE = np.cos(np.radians(30.0))
-"""Cosine between the normals of neighbouring triangles below which their common edge is a crease."""
+"""The common edge of two triangles is a crease if the cosine between their normals is below this."""
 FARTHEST = np.array([0.5, 0.75, 1.0])
-"""Distance to the nearest chosen point, over the size of the carrying cell, beyond which a further point is chosen: for
-a corner, a crease point, and any other point of a skin."""
+"""A further point is chosen if its distance to the nearest chosen point, over the size of its cell, exceeds this. Three
+values: for a corner, for a crease point, and for any other point.
+"""
 NEAR = 8
-"""Number of nearest chosen points searched for one on the same side of a wall."""
+"""Number of nearest chosen points among which one on the same side of a wall is searched."""
 ALIKE = -1e-9
-"""Cosine between two normals above which they count as on the same side of a wall; perpendicular normals do."""
+"""Two normals count as on the same side of a wall if their cosine exceeds this; perpendicular normals do."""
 PLACE = 1e-12
 """Tolerance of reference coordinates in cells."""
 
@@ -70,9 +72,9 @@ class SkinPoints:
     def touching(self, mesh: HexMesh) -> NDArray[np.intp]:
         """Return the indices (p,) of the contact points.
 
-        A boundary vertex without a contact point would be held only by the material of its cells. If that is little,
-        the vertex would pull the skin into the obstacle. If the cells are too coarse for the surface, points far from
-        the chosen ones are added.
+        Each boundary vertex gets a contact point. Otherwise only the material of its cells would hold it, and a vertex
+        with little material would pull the skin into the obstacle. If the cells are too coarse for the surface, points
+        far from the chosen ones are added.
         """
         vertices, normals = _boundary(mesh)
         own = np.full(mesh.n_vertices, -1)
@@ -116,7 +118,7 @@ class SkinPoints:
 
 
 def _kinds(triangles: NDArray[np.int64], normals: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the kinds of points, as `SkinPoints.kinds`, by the number of creases that meet in each."""
+    """Return the kinds of points, as in `SkinPoints`, by the number of creases that meet in each point."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges, owner = edges[order], order // 3

@@ -21,7 +21,7 @@ MARGIN = 4
 MOST_POINTS = 4_000_000
 """Limit of the grid's points; more take minutes and gigabytes."""
 VOLUME_ERROR = 0.3
-"""Relative difference of the grid's and the surface's volumes above which the grid counts as too coarse."""
+"""The grid counts as too coarse if its volume differs from the surface's by more than this fraction."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,9 +2,9 @@
 """Disk cache of results, by the content from which they were computed, beside the cache of the kernels.
 
 A file is first written under a temporary name and then renamed, so that concurrent processes never see an incomplete
-file. It starts with the digest of its content: if a power cut or a full disk has truncated it, the result is computed
-again. A key contains the sources of this package, numpy's version and the machine, so that another version never reads
-the file.
+file. It starts with the digest of its content; if a power cut or a full disk has truncated the file, the result is
+computed again. A key depends on the sources of this package, numpy's version and the machine. Other versions therefore
+never read the file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_BYTES = 256_000_000
-"""Total size of the files [B] above which those used least recently are deleted."""
+"""Limit of the total size of the files [B]; the files used least recently are deleted first."""
 _DIGEST = 32
 
 
@@ -50,7 +50,7 @@ def recall(key: str) -> dict[str, NDArray] | None:
 
 
 def keep(key: str, arrays: Mapping[str, NDArray]) -> None:
-    """Keep arrays under a key; on a full or read-only disk nothing is kept, and no error is raised."""
+    """Keep arrays under a key. If the disk is full or read-only, nothing is kept, and no error is raised."""
     buffer = BytesIO()
     np.savez(buffer, **arrays)
     content, folder = buffer.getvalue(), _folder()

@@ -17,7 +17,7 @@ class TetOperators(NamedTuple):
     Attributes:
         cells: (m, 10) int32 nodes, VTK order.
         volume: (m,) float64 [m^3].
-        weight: (m, 4) float64 [m^3], part of each integration point in the volume.
+        weight: (m, 4) float64 [m^3], volume that belongs to each integration point.
         inverse: (m, 4, 3, 3) float64 [1/m], inverse of dX/dxi at the integration points.
         gradient: (m, 10, 3) float64 [1/m], volume average of the shape functions' gradients.
         corner_ratio: (m, 4) float64 [1/m^3], one over the triple product of dX/dxi at each corner.

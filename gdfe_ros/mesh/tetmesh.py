@@ -28,11 +28,11 @@ common faces."""
 class TetMesh(Mesh):
     """A mesh of 10-node tetrahedra.
 
-    Its ``cells`` (m, 10) are in VTK's order: four corners, the last on the side from which the first three are seen
-    counter-clockwise, then the nodes on the edges 01, 12, 02, 03, 13, 23. The other attributes are those of `Mesh`.
+    Its ``cells`` (m, 10) are in VTK's order: four corners, then the nodes on the edges 01, 12, 02, 03, 13, 23. Seen
+    from the last corner, the first three are counter-clockwise. The other attributes are those of `Mesh`.
 
     Attributes:
-        linear: whether it was raised from linear tetrahedra of a file, whose edges are straight.
+        linear: whether it was made from a file's linear tetrahedra, with straight edges.
     """
 
     linear: bool = False
@@ -59,13 +59,13 @@ def raised(
     *,
     linear: bool = False,
 ) -> TetMesh:
-    """Return linear tetrahedra with a node in the middle of each edge; the corners keep their numbers.
+    """Return quadratic tetrahedra: linear ones with a node in the middle of each edge; corners keep their ids.
 
     Args:
         vertices: (n, 3) [m].
         corners: (m, 4) vertex ids.
         cell_sets: named cell ids.
-        vertex_sets: named vertex ids; the node of an edge joins the sets that both ends belong to.
+        vertex_sets: named vertex ids; a new node joins the sets to which both ends of its edge belong.
         linear: as in `TetMesh`.
     """
     ends = np.sort(corners[:, EDGES].reshape(-1, 2), axis=1)

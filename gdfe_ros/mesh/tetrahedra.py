@@ -17,18 +17,19 @@ FACES = np.array([[1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6], [0, 1, 3, 4, 8, 7], [0
 FACETS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]], dtype=np.int32)
 """The four triangles between the six nodes of a face."""
 SIX = np.array([[0, 1, 2], [1, 2, 0]], dtype=np.int32)
-"""Corners of a face between which each of its nodes 3 .. 5 lies."""
+"""The two corners of a face between which each of its nodes 3 .. 5 lies."""
 
 _NEAR, _FAR = (5.0 + 3.0 * 5.0**0.5) / 20.0, (5.0 - 5.0**0.5) / 20.0
 POINTS = np.full((4, 4), _FAR) + (_NEAR - _FAR) * np.eye(4)
-"""Barycentric coordinates (4, 4) of the element's integration points, each with a quarter of the volume; exact for
-quadratic polynomials."""
+"""Barycentric coordinates (4, 4) of the element's integration points. Each has a quarter of the volume; the rule is
+exact for quadratic polynomials.
+"""
 CORNER_SLOPES = np.array([[-1.0, -1.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 """dL_i/dxi_k (4, 3) with xi = (L_1, L_2, L_3)."""
 NEWTON_STEPS = 25
 """Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps."""
 SETTLED = 1e-10
-"""Change of a point's barycentric coordinates at which Newton's method ends."""
+"""Newton's method ends when a point's barycentric coordinates change by less than this."""
 
 
 def quadratic_weights(place: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -67,10 +68,10 @@ def barycentric(points: NDArray[np.float64], corners: NDArray[np.float64]) -> ND
 
 
 def simplex_rule(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return barycentric points (q, 4) and weights (q,), which sum to one, exact for polynomials of degree 2 order - 1.
+    """Return barycentric points (q, 4) and weights (q,), which sum to one, of an integration rule.
 
-    They are Gauss-Jacobi points on a collapsed cube (Stroud 1971). Their number is not minimal, but all points lie
-    inside and all weights are positive.
+    It is exact for polynomials of degree 2 order - 1. The points are Gauss-Jacobi points on a collapsed cube (Stroud
+    1971). Their number is not minimal, but all points lie inside and all weights are positive.
     """
     from scipy.special import roots_jacobi
 

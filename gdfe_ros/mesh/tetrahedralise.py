@@ -26,13 +26,13 @@ from gdfe_ros.mesh.voxels import examine_surface
 
 STEP_SUFFIXES = (".step", ".stp")
 ENVELOPE = 1e-3
-"""Distance that fTetWild may leave between its surface and the file's, over the diagonal."""
+"""Largest distance between fTetWild's surface and the file's, over the diagonal."""
 NARROW = 0.1
-"""The same distance over the size of the cells; the smaller of the two limits applies."""
+"""Largest distance between the same surfaces, over the size of the cells; the smaller limit applies."""
 STRAIGHTENED = 0.1
-"""Scaled Jacobian below which a cell's curved edges are straightened."""
+"""The curved edges of a cell are straightened if its scaled Jacobian is below this."""
 LONGEST_RUN = 1800.0
-"""Time [s] after which a mesher is stopped."""
+"""A mesher is stopped after this time [s]."""
 _SCRIPT = Path(__file__).with_name("mesher_process.py")
 
 
@@ -44,7 +44,7 @@ def from_step(path: str | Path, *, size: float) -> TetMesh:
 
     Args:
         path: a .step or .stp file.
-        size: largest edge of a cell [m]; edges at curved surfaces are down to a fifth of it.
+        size: largest edge of a cell [m]; at curved surfaces edges may be as short as a fifth of it.
 
     Raises:
         MeshError: with every reason.
@@ -62,8 +62,8 @@ def from_surface(surface: str | Path, *, size: float, scale: float | None = None
     """Fill the inside of a surface of triangles with tetrahedra.
 
     The triangles may be open or intersect each other; a point is inside if the surface winds around it. In a closed
-    surface, nested shells are cavities, whatever their orientation. The filled surface is at most a thousandth of the
-    diagonal and a tenth of ``size`` away from the file's.
+    surface, nested shells of any orientation are cavities. The distance of the filled surface to the file's is at most
+    a thousandth of the diagonal, and at most a tenth of ``size``.
 
     Args:
         surface: an STL, OBJ, PLY or OFF file.
@@ -147,7 +147,7 @@ def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
 
 
 def _curved(raw: dict[str, NDArray]) -> TetMesh:
-    """Return the mesh of a STEP file; edges that fold a cell when they are curved are straightened."""
+    """Return the mesh of a STEP file; curved edges that would fold a cell are straightened."""
     sets = [
         {name.removeprefix(start): ids for name, ids in raw.items() if name.startswith(start)}
         for start in ("cell:", "vertex:")

@@ -30,7 +30,7 @@ class Touching:
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[Touching, int, int]]) -> Touching:
-        """Return several as one; each comes with the indices of its mesh's first vertex and first cell among all."""
+        """Return several of them as one; each comes with the indices of its mesh's first vertex and first cell."""
         each, vertices, cells = zip(*parts, strict=True)
         return cls(
             np.concatenate([one.corners + np.int32(first) for one, first in zip(each, vertices, strict=True)]),

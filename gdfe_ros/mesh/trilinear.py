@@ -29,8 +29,9 @@ NEWTON_STEPS = 25
 
 
 SETTLED = 1e-8
-"""Change of a point's reference coordinates at which Newton's method ends. The remaining error is of the order of its
-square, below double precision."""
+"""Newton's method ends when a point's reference coordinates change by less than this. The remaining error is about its
+square, below double precision.
+"""
 
 
 def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:

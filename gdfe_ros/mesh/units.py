@@ -24,7 +24,7 @@ def guess_unit(size: float) -> str:
 
 
 def unit_defects(size: float, scale: float | None) -> list[str]:
-    """Return a defect if a size in metres is implausible and no scale was stated.
+    """Return a defect if no scale was stated and the size in metres is implausible.
 
     Args:
         size: bounding-box diagonal in the file's own unit.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes from closed surfaces: cubes of a grid whose centres lie inside, or cut cubes; cavities are kept."""
+"""Meshes from closed surfaces: whole cubes with their centres inside, or cut cubes; cavities are kept."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def read_voxels(
         cell: edge of the cubes [m].
         scale: metres for each unit of the file, e.g. 0.001 for millimetres; None assumes metres and rejects bodies of
             implausible size.
-        cells: whole cubes whose centres lie inside, or cut cubes that count by their filled fraction.
+        cells: kind of cubes: whole ones with their centres inside, or cut ones with their filled fraction.
 
     Returns:
         The mesh, its grid centred on the bounding box of the surface; x is the fastest index of vertices and cells.
@@ -68,8 +68,8 @@ def examine_surface(
     """Read a surface file.
 
     Returns:
-        Vertices [m], shape (n, 3), triangles, shape (t, 3), and the defects because of which it cannot be filled or,
-        with ``closed=False``, drawn.
+        Vertices [m], shape (n, 3); triangles, shape (t, 3); and the defects that prevent filling it. With
+        ``closed=False`` only defects that prevent drawing it count.
 
     Raises:
         MeshError: the file has no usable surface; the error names the reason.
@@ -95,7 +95,7 @@ def fill_surface(
         vertices: positions [m], shape (n, 3).
         triangles: vertex ids of a closed surface, shape (t, 3).
         cell: edge of the cubes [m].
-        cells: whole cubes whose centres lie inside, or cut cubes that count by their filled fraction.
+        cells: kind of cubes: whole ones with their centres inside, or cut ones with their filled fraction.
         where: name of the surface in an error.
 
     Raises:

@@ -18,10 +18,10 @@ from gdfe_ros.node.orders import ActuatorOrder, TrajectoryOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
 EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes whose command is in ``effort`` of a JointState; those of other modes are in ``position``."""
+"""Modes with their command in ``effort`` of a JointState; all other modes have it in ``position``."""
 
 LATEST_START = 60.0
-"""Longest time [s] from now to the start of a trajectory, because an idle node keeps stepping until the start."""
+"""Longest time [s] from now to the start of a trajectory; until the start, an idle node keeps stepping."""
 
 
 class ActuatorOrders:
@@ -79,8 +79,8 @@ class ActuatorOrders:
     ) -> TrajectoryOrder:
         """Return the order of a trajectory; ``positions`` are in the unit of each mode, ``effort`` is ignored.
 
-        A trajectory without points ends the running trajectories of the named actuators, loads and joints, or of all if
-        none is named. They keep their present commands, as with joint_trajectory_controller.
+        A trajectory without points ends the running trajectories of the named actuators, loads and joints; without
+        names, all trajectories. Present commands are kept, as by joint_trajectory_controller.
 
         Args:
             message: trajectory; its header's stamp is its start, and a stamp of 0 starts it when it is consumed.
@@ -156,7 +156,7 @@ class ActuatorOrders:
 
 
 def _table(message: JointTrajectory, field: str) -> NDArray[np.float64] | None:
-    """Return the velocities or accelerations (k, n) of a trajectory; None unless all of its points have them.
+    """Return the velocities or accelerations (k, n) of a trajectory; None if some of its points lack them.
 
     Raises:
         Refusal: a point has the wrong number of values, or a value is not finite.

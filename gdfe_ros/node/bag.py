@@ -45,7 +45,7 @@ class Bags:
         steps.
 
         Args:
-            state: initial state of the first step; None: rest.
+            state: initial state of the first step; None for the initial state of the scene.
 
         Raises:
             RecordingError: the bag cannot be created.
@@ -67,7 +67,7 @@ class Bags:
         return text
 
     def finish(self) -> str:
-        """Finish the bag and return a summary; ``failed`` then tells whether the recording ended early."""
+        """Finish the bag and return a summary; `failed` then states whether the recording ended early."""
         self._attach(None)
         status = self.recorder.close()
         text = _outcome(self.recorder, status)

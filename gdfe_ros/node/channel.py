@@ -23,7 +23,7 @@ from gdfe_ros.recording.topic import Qos, TopicInfo
 from gdfe_ros.threads import COURIER, show_name
 
 _WAITING = 2
-"""Steps that may wait to be published before the stepping blocks."""
+"""Number of steps that may wait to be published; if more wait, the stepping blocks."""
 
 
 class Channel:
@@ -91,13 +91,13 @@ class Channel:
         return step.first or self.wanted
 
     def missed(self) -> bool:
-        """Read the graph again if it did not show all subscribers; return whether there are new volatile ones."""
+        """Return whether there are new volatile subscribers; read the graph again if it did not show all of them."""
         if self._unsure:
             self._greet()
         return self._newcomers
 
     def _greet(self) -> None:
-        """Note whether there are new volatile subscribers; DDS delivers the last message to all others by itself."""
+        """Note whether there are new volatile subscribers; DDS itself delivers the last message to all others."""
         listeners = self._node.get_subscriptions_info_by_topic(self.info.name)
         self._unsure = len(listeners) < self._count()
         volatile = (each for each in listeners if each.qos_profile.durability is DurabilityPolicy.VOLATILE)

@@ -23,9 +23,9 @@ from gdfe_ros.scene.scene import Scene
 SHEET = (4.0, 0.005)
 """Edge and thickness of the sheet that represents a plane, over the body's size."""
 MOST_TRIANGLES = 4000
-"""Largest number of triangles of a mesh in one message; in a finer mesh, close vertices are merged."""
+"""Largest number of triangles of a mesh in one message; the close vertices of a finer mesh are merged."""
 LONGEST = 0.3
-"""Length of the arrow of the largest force so far, over the body's size."""
+"""Length, over the body's size, of the arrow for the largest force so far."""
 _OBSTACLE, _BODY = (0.55, 0.57, 0.6, 0.6), (0.9, 0.55, 0.2, 1.0)
 _STICKS, _SLIPS = (0.1, 0.7, 0.2, 1.0), (0.9, 0.1, 0.1, 1.0)
 _SHAFT, _HEAD = 0.01, 0.02

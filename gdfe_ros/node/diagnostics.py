@@ -19,7 +19,7 @@ from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.strays import Doubles
 
 _LONG = 0.5
-"""Duration above which a task is reported [s]."""
+"""A task is reported if it takes longer than this time [s]."""
 _OK, _WARN, _ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -124,7 +124,7 @@ class Diagnostics:
         return parts
 
     def _commands(self, session: SimulationSession | None) -> _Part:
-        """Return the refusals and exceptions since the last report, and the inputs that a lockstep step waits for."""
+        """Return the refusals and exceptions since the last report, and the inputs for which a lockstep step waits."""
         counts: dict[str, object] = dict(self._refusals.counts())
         refused, faults = int(counts["commands refused"]) - self._refused, self._node.faults.count - self._faults
         self._refused, self._faults = self._refused + refused, self._faults + faults
@@ -156,7 +156,7 @@ class Diagnostics:
 
 
 def _limited(session: SimulationSession | None) -> dict[str, str]:
-    """Return, by joint, a text about the limits that cut its motion in the last step or that its effort exceeds."""
+    """Return a text for each joint with limits that cut its motion in the last step, or that its effort exceeds."""
     last = session.run.last if session is not None else None
     return {} if last is None else {name: joint.told for name, joint in last.joints.items() if joint.told}
 

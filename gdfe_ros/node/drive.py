@@ -106,13 +106,13 @@ class CommandAssembler:
         )
 
     def _target(self, name: str, poses: Mapping[str, Pose]) -> Pose:
-        """Return the target of a handle before an order: one ordered earlier in this step, else the present one."""
+        """Return a handle's target before an order: that of an earlier order in this step, or else the present one."""
         return poses.get(name) or self._run.simulation.targets[name]
 
     def _moved(self, dt: float, last: Mapping[str, Pose]) -> dict[str, Pose]:
         """Return the targets that velocities move by ``dt`` [s]; each velocity acts for the parameter's timeout.
 
-        A target moves even if the body lags behind it.
+        A target moves also while the body lags behind it.
         """
         poses = {}
         for name, (twist, left) in list(self._twists.items()):
@@ -156,5 +156,5 @@ class _Course:
     order: TrajectoryOrder
 
     def at(self, time: float) -> float:
-        """Return the command interpolated at a time [s]; before the first point, from the command at the start."""
+        """Return the command interpolated at a time [s]; until the first point, from the command at the start."""
         return float(self.order.at(time - self.start, np.array([self.before]), np.array([self.rate]))[0])

@@ -20,7 +20,7 @@ from gdfe_ros.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Leader:
-    """The leader of a handle, which is a topic or a frame; the other attribute is empty."""
+    """The leader of a handle: a topic or a frame; the attribute of the other kind is empty."""
 
     handle: Handle
     topic: str = ""
@@ -116,7 +116,7 @@ class Followers:
         self._last: dict[str, PoseOrder] = {}
 
     def look(self, *, anew: bool = False) -> None:
-        """Command each handle whose frame has moved since the last call; with ``anew``, each whose frame is known."""
+        """Command each handle with a frame that moved since the last call; with ``anew``, with any known frame."""
         if anew:
             self._last.clear()
         for leader in self._leaders:

@@ -27,9 +27,9 @@ class Frames:
     differ: with ``left/base_link`` the handle ``tip`` has the frame ``left/tip``.
 
     Args:
-        frame_id: the node's own frame, that of the rest shape.
+        frame_id: the node's own frame; the coordinates of the rest shape refer to it.
         scene: scene of the body; None if only names are needed.
-        transforms: transforms of other frames; None: none are known.
+        transforms: transforms of other frames; None if none are known.
 
     Attributes:
         frame_id: as given.
@@ -81,7 +81,7 @@ class Frames:
 
     @property
     def _framed(self) -> list[Handle]:
-        """The handles with frames of their own: all except pieces of links, which move with the links' frames."""
+        """The handles with frames of their own: all except pieces of links; these move with the links' frames."""
         return [handle for handle in self._scene.handles if not isinstance(handle, ArmLink)]
 
     def rests(self) -> dict[str, Placement]:
@@ -123,7 +123,7 @@ class Frames:
         return self.transforms and self.transforms.find(frame, self.frame_id, self._own())
 
     def relative(self, frame: str, handle: str) -> Placement | None:
-        """Return the place of a command's frame in a handle's rest frame; None if a command needs no transform.
+        """Return the place of a command's frame in a handle's rest frame; None if the command needs no transform.
 
         Raises:
             Refusal: no transforms connect the two frames.

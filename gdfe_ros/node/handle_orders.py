@@ -28,7 +28,7 @@ def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Fra
         message: target pose.
         handle: the commanded handle.
         size: size of the body [m].
-        frames: frames of the body; a target in any other frame is the pose of the handle's own frame in it.
+        frames: frames of the body. A target in any other frame is the pose of the handle's own frame in that frame.
 
     Raises:
         Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, the quaternion
@@ -106,7 +106,7 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
 
 
 def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) -> tuple[Vector, Quaternion]:
-    """Return translation from rest and quaternion of a message, bitwise those of the message without a transform."""
+    """Return translation from rest and quaternion of a message, bitwise the message's own if none transforms them."""
     place = frames.relative(message.header.frame_id, handle.name)
     if place is not None:
         return _near(place @ require_pose(message.pose), size)

@@ -16,14 +16,14 @@ _LIMIT = 10_000
 class Inbox:
     """Commands that wait for their step.
 
-    In lockstep no command is dropped: the commands of each input are queued in the order received, and a step consumes
-    one command of each input, or a single command without a command set. Under the other clocks only the latest
-    command of each handle and of each actuator is kept, whatever its sender and topic.
+    In lockstep no command is dropped. The commands of each input are queued in the order received, and a step consumes
+    one command of each input; without a command set it consumes a single command. Under the other clocks only the
+    latest command of each handle and each actuator is kept, from any sender and topic.
 
     Args:
         changed: notified when a command arrives; its lock guards the inbox.
         queued: whether the clock is lockstep.
-        command_set: inputs that must each have a command before a step begins; empty: one command is enough.
+        command_set: inputs; a step begins once each has a command. If it is empty, one command is enough.
     """
 
     def __init__(self, changed: threading.Condition, *, queued: bool, command_set: Collection[str] = ()) -> None:

@@ -87,7 +87,7 @@ class Inputs:
         return [*self._inputs, *(leader.key for leader in self._leaders.values() if leader.frame)]
 
     def led(self) -> dict[str, str]:
-        """Return a text about each follower's leader, by follower; it tells whether the leader was heard."""
+        """Return a text about each follower's leader, by follower; it states whether the leader was heard."""
         leaders = self._leaders.items()
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
@@ -138,7 +138,7 @@ class Inputs:
         self._put(_TRAJECTORY, TrajectoryOrder(names, None, np.zeros(0), np.zeros((0, len(names)))), told=False)
 
     def look(self, step: Step) -> None:
-        """Report a step to all trajectories with waiting clients; called between steps."""
+        """Report a step to every trajectory with a waiting client; called between steps."""
         if not self._pursuits:
             return
         states = self._run.simulation.actuator_states()

@@ -23,12 +23,12 @@ from rclpy.timer import Timer
 from gdfe_ros.node.throttle import Throttle
 
 _KEPT = 1000
-"""Number of destroyed subscriptions, publishers and timers whose release is delayed: more than a node has."""
+"""Number of destroyed subscriptions, publishers and timers that are kept before release; a node has fewer."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
 class Faults:
-    """Counts exceptions in callbacks, and logs those of each place, with traceback, at most once in five seconds.
+    """Counts exceptions in callbacks, and logs them with traceback, for each place at most once in five seconds.
 
     Args:
         log: receives the text of an error.
@@ -55,9 +55,9 @@ class Faults:
 class ManagedNode(LifecycleNode):
     """A lifecycle node whose callbacks cannot end the process.
 
-    Exceptions are counted and logged; a service returns them as its answer. rclpy itself lets such an exception out of
-    the executor, even for a transition that the present state does not have (rclpy #1209). A service's callback may
-    return a ``Future`` of its response: the response is sent when it is complete, and the executor continues meanwhile.
+    Exceptions are counted and logged; a service returns them as its answer. rclpy itself would let such an exception
+    out of the executor, even for a transition that the present state does not have (rclpy #1209). A service's callback
+    may return a ``Future``: the executor continues, and the response is sent when it is complete.
 
     Attributes:
         faults: counts exceptions.
@@ -87,7 +87,7 @@ class ManagedNode(LifecycleNode):
     def unknown_parameters(self) -> set[str]:
         """Return the parameters that were given at start and are not declared, except QoS overrides.
 
-        Moduli, which a scene declares on configuration, are excluded too.
+        Moduli are excluded too, because a scene declares them on configuration.
         """
         later = ("materials.", "qos_overrides.", "start_type_description_service", "use_sim_time")
         return {name for name in self.given_parameters if not self.has_parameter(name) and not name.startswith(later)}
@@ -110,8 +110,8 @@ class ManagedNode(LifecycleNode):
     def destroy_later(self, subscription: Subscription) -> None:
         """Destroy a subscription in a later cycle of the executor, after the publishers that are destroyed now.
 
-        If it is matched with its own node's publisher, its end is an event of that publisher. If EventsExecutor removes
-        both in one cycle, it frees that event without holding Python's lock, and the process dies by SIGSEGV.
+        If a publisher of this node is matched with it, its end is an event of that publisher. An EventsExecutor that
+        removes both in one cycle frees the event without holding Python's lock, and the process dies by SIGSEGV.
         """
 
         def destroy() -> None:
@@ -235,7 +235,7 @@ class ManagedNode(LifecycleNode):
         return code
 
     def _checked(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """Return a callback that refuses transitions which the present state does not have."""
+        """Return a callback that refuses transitions that the present state does not have."""
 
         def answer(request: Any, response: Any) -> Any:
             wanted, state = request.transition, self.lifecycle_state

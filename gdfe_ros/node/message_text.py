@@ -15,7 +15,7 @@ from gdfe_ros.node.qos import interface_class
 from gdfe_ros.spelling import did_you_mean
 
 MOST_SHOWN = 16
-"""Limit of shown values of an array; of a longer one, the first values and their number are shown."""
+"""Limit of shown values of an array. Of a longer array, the first values and the number of values are shown."""
 _ARRAY = re.compile(r"sequence<(?P<kind>[^,]+)(, \d+)?>|(?P<fixed>.+)\[(?P<count>\d+)\]")
 _TEXT = re.compile(r"w?string(<\d+>)?")
 

@@ -24,7 +24,7 @@ class Moduli:
     Args:
         node: declares them.
         scene: with the materials.
-        bags: while a bag is written, no modulus can be changed, because a replay could not repeat the change.
+        bags: while they write a bag, a change of moduli is refused, because a replay could not repeat it.
         changed: called with the new moduli [Pa] by material after a change.
     """
 

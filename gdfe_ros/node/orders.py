@@ -109,7 +109,7 @@ class ActuatorOrder:
     values: Mapping[str, float]
 
     def without(self, later: Order) -> ActuatorOrder | None:
-        """Return the commands that a later order does not replace; a trajectory replaces none, but starts from them."""
+        """Return the commands that a later order does not replace; a trajectory replaces none but starts from them."""
         if not isinstance(later, ActuatorOrder):
             return self
         values = {name: value for name, value in self.values.items() if name not in later.values}
@@ -122,12 +122,12 @@ class TrajectoryOrder:
 
     Attributes:
         names: names of the actuators, loads and joints.
-        start: simulation time at which it starts [s]; None: that of the step that consumes it.
+        start: simulation time at which it starts [s]; None for the time of the step that consumes it.
         times: (k,) ascending times after the start [s].
         values: (k, len(names)) commands in the units of the modes.
         slopes: (k, len(names)) velocities of the commands, for cubics between the points; None: linear.
         bends: (k, len(names)) accelerations of the commands, for quintics; None: cubics or linear.
-        begun: called with the start [s] and the commands and velocities at that time, once a step has consumed it.
+        begun: called once a step has consumed it, with the start [s], and the commands and velocities at the start.
     """
 
     names: tuple[str, ...]
@@ -144,7 +144,7 @@ class TrajectoryOrder:
         return not len(self.times)
 
     def without(self, later: Order) -> TrajectoryOrder | None:
-        """Return the trajectory of the actuators that a later order does not command."""
+        """Return the trajectory without the actuators, loads and joints that a later order commands."""
         match later:
             case ActuatorOrder():
                 taken = set(later.values)

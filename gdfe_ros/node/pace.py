@@ -10,7 +10,7 @@ from enum import Enum
 from typing import Protocol
 
 FARTHEST_JUMP = 10.0
-"""Largest jump of an external clock [s] for which the steps in between are made."""
+"""Largest jump of an external clock [s] that is followed by steps; after a larger jump only its new time is adopted."""
 
 
 class ClockMode(str, Enum):
@@ -79,8 +79,8 @@ class WallPace(_OwnPace):
     """Steps at a rate of wall time; while idle, only heartbeats.
 
     An idle time of n periods becomes one step of n dt, so that simulation time keeps up with wall time. A step that
-    ends one or more periods too late is an overrun of so many periods, even if the node is idle after it; simulation
-    time then stays behind by the missed periods.
+    ends n periods too late counts as n overruns, even if the node is idle after it. Simulation time then stays behind
+    by the missed periods.
 
     Args:
         timing: returns the present values.
@@ -185,10 +185,10 @@ class LockstepPace(_OwnPace):
 class ExternalPace:
     """Follows an external clock: one step of dt whenever the clock has advanced by dt, none while it stands still.
 
-    While there is work, no dt is skipped or extended, so that a run depends on the clock and the commands only, not on
-    the speed of this machine. If the machine is too slow, steps fall behind and are counted as overruns. While idle, a
-    step covers all the elapsed time. If the clock goes back, or jumps ahead by more than `FARTHEST_JUMP`, its new time
-    is adopted and skipped time is not made up for.
+    While there is work, no dt is skipped or extended. A run thus depends only on the clock and the commands, and not on
+    the speed of this machine. On a slow machine steps fall behind and count as overruns. While idle, a step covers all
+    the elapsed time. If the clock goes back, or jumps ahead by more than `FARTHEST_JUMP`, its new time is adopted. No
+    steps are made for the skipped time.
 
     Args:
         timing: returns the present values.
@@ -216,7 +216,7 @@ class ExternalPace:
             self._leapt += ahead
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Return 0 if a step of dt, or while idle a heartbeat, is due; else None, to wait for the clock."""
+        """Return 0 if a step of dt is due, or a heartbeat while idle; otherwise None, to wait for the clock."""
         timing, due = self._timing(), self._due()
         if pending or not settled or timing.ticking:
             return 0.0 if due else None

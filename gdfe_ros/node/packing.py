@@ -29,7 +29,7 @@ from gdfe_ros.solver.elements.fields import ElementFields
 from gdfe_ros.solver.motion.imu import ImuReading
 
 _STAMP_AT = 4
-"""Offset of the stamp: CDR has a head of four bytes, and the messages below begin with their header and its stamp."""
+"""Offset of the stamp [B]. CDR has a head of four bytes, and the messages begin with their header and its stamp."""
 _MARK = -1.2345678901234567e300
 _MARK_SECONDS = 0x5EC0_0000
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)

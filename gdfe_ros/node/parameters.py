@@ -60,7 +60,7 @@ class NodeParameters:
         return {name: self[name] for name in self._specs}
 
     def _warn_of_unknown(self) -> None:
-        """Warn of given parameters that the node does not have; a file for ``/**`` may contain those of other nodes."""
+        """Warn of given parameters that the node does not have; a file for ``/**`` may have those of other nodes."""
         for name in sorted(self._node.unknown_parameters()):
             text = f"parameter {name!r} is unknown and does nothing; {did_you_mean(name, self._specs)}"
             self._node.get_logger().warning(text.rstrip("; "))

@@ -26,7 +26,7 @@ PATIENCE = 10.0
 SETTLING = 0.2
 """Time [s] within which stored messages arrive after the first of them."""
 UNCHANGED = 2.0
-"""Time [s] for which a known graph must not change before a name that it lacks is reported."""
+"""A name is reported as missing after a known graph without it has not changed for this time [s]."""
 
 
 class Peer:
@@ -119,7 +119,7 @@ class Peer:
         return found
 
     def _discover(self, look: Callable[[], Any], names: Callable[[], list[str]]) -> Any:
-        """Return the entry that ``look`` finds in the graph; an empty value if a known graph does not have it.
+        """Return the entry that ``look`` finds in the graph; an empty value if a known graph lacks it.
 
         Args:
             look: returns an entry of the graph, or an empty value until it is discovered.

@@ -38,9 +38,9 @@ _START_ERRORS = (
 _PLACES = re.compile(r"\s*, at \S+:\d+")
 """Source location in rcl's error messages."""
 _MOST_FAULTS = 1000
-"""Number of successive exceptions, without other work in between, above which the executor counts as broken."""
+"""The executor counts as broken after more than this number of successive exceptions without other work in between."""
 _INSIST = 2.0
-"""Time after the first signal [s] after which another signal ends the process at once."""
+"""A signal ends the process at once if it comes later than this time [s] after the first signal."""
 
 
 def make_executor(context: rclpy.Context | None = None) -> Executor:
@@ -157,8 +157,8 @@ def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -
 def _catch_signals(stopping: threading.Event) -> None:
     """Make SIGINT and SIGTERM set an event; a signal more than `_INSIST` later ends the process at once.
 
-    The event does not end a compilation of kernels or a long solve immediately. Signals in quick succession count as
-    one: a terminal sends SIGINT to every process of its group, and a launch may send it again.
+    The event does not end a compilation of kernels or a long solve at once. Signals in quick succession count as one,
+    because a terminal sends SIGINT to every process of its group, and a launch may send it again.
     """
     first: list[float] = []
 

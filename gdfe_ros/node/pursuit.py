@@ -27,7 +27,7 @@ class Code(IntEnum):
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Allowed deviations of the present commands from those of a trajectory, by name; other names are not checked.
+    """Allowed deviations of the present commands from a trajectory's, by name; names without an entry are not checked.
 
     Attributes:
         path: deviations before the end, in the unit of each mode.
@@ -89,8 +89,7 @@ class Pursuit:
 
         Args:
             time: simulation time [s].
-            present: commands of actuators and loads in force, which a rate limit may hold back, and positions of
-                joints, by name.
+            present: by name, the commands of actuators and loads after a rate limit, and the positions of joints.
         """
         if not self.going or not len(self._before) or time < self._start:
             return

@@ -39,7 +39,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _LATE = 1.0
-"""Lag behind an external clock above which a warning is logged [s]."""
+"""A warning is logged if the simulation lags behind an external clock by more than this time [s]."""
 
 
 class SimulationSession:
@@ -161,8 +161,8 @@ class SimulationSession:
     def arrived(self) -> bool:
         """Return whether the last step's error estimate is within the tolerance and every handle is at its target.
 
-        This can be true although the step is not marked as converged: a deadline may end a solve between its
-        convergence and the check of it.
+        It can be True for a step that is not marked as converged: a deadline may end a solve after it has converged and
+        before it is checked.
         """
         result, solver, mesh = self.run.last.result, self.scene.solver, self.scene.mesh
         reach, targets = solver.tolerance * mesh.size, self.simulation.targets
@@ -178,7 +178,7 @@ class SimulationSession:
         """Resume the stepping.
 
         Raises:
-            GdfeError: a request of ~/step is in progress, with which the clock's own steps would interfere.
+            GdfeError: a request of ~/step is in progress; the clock's own steps would interfere with it.
         """
         if self.walk is not None and self.walk.going:
             raise GdfeError(
@@ -285,7 +285,7 @@ class SimulationSession:
         self.inputs.followers.look()
 
     def _begin_bag(self) -> str:
-        """Begin a bag between two steps and return a message; the bag contains the state, unless that is rest."""
+        """Begin a bag between two steps and return a message; the bag contains the state, unless it is initial."""
         state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
         text = self.bags.begin(state=state)
         if state is not None:
@@ -299,7 +299,7 @@ class SimulationSession:
             self.courier.put(step)
 
     def _tell_again(self) -> None:
-        """Publish the present state to new subscribers if no step will do so soon."""
+        """Publish the present state to new subscribers, unless a step will soon do so."""
         if self.stepper.running and not self._telling:
             self._telling = True
             self.stepper.post(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))

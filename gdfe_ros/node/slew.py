@@ -14,11 +14,13 @@ from gdfe_ros.simulation import Command
 _SLOWEST = 1.0 / 32.0
 """Smallest fraction of the full rate."""
 _SLOWER, _FASTER = 0.5, 1.2
-"""Factors of this fraction after a change that did not converge in its step, and after one that did."""
+"""Factors of this fraction: after a change that did not converge in its step, and after a change that did."""
 _HELD, _BACK = 200, 2000
-"""Iterations after which holding a command, or going back, is given up; a change that converges needs 5 to 150."""
+"""Holding a command, or going back, is given up after these numbers of iterations. A change that converges needs 5 to
+150.
+"""
 _LEAST = 4
-"""Least number of iterations counted for a step, because near a limit of stability other work dominates."""
+"""Least number of iterations counted for a step; near a limit of stability, work other than iterations dominates."""
 
 
 class _Phase(Enum):
@@ -37,11 +39,11 @@ class Slew:
     In a step an actuator's command changes by at most share * range / slew_time * dt. The fraction ``share`` is 1 until
     a deadline cuts a step before it converges. Then it is halved, and the command is held until a later step, which
     continues the solve, has converged. If no step converges within 200 iterations, the command goes back to the last
-    converged one, and the next change is half as large. If the smallest change fails too, each next change is twice as
-    large, to pass a limit of stability. If even the change to the goal fails, the command stays at the last converged
-    one until another goal is given. If the step back to the last converged command does not converge within 2000
-    iterations, the command is not the cause, and only ``slew_time`` limits it. The fraction grows by a fifth with each
-    step that converges. Step records contain the limited commands, so that replays do not depend on this limit.
+    converged one, and the next change is half as large. If also the smallest change fails, each following change is
+    twice as large, to pass a limit of stability. If even the change to the goal fails, the command stays at the last
+    converged one until another goal is given. If the step back does not converge within 2000 iterations either, the
+    command is not the cause; then only ``slew_time`` limits it. The fraction grows by a fifth with each step that
+    converges. Step records contain the limited commands, so that replays do not depend on this limit.
 
     Args:
         actuators: of the scene; those without a finite range are not limited.
@@ -67,7 +69,7 @@ class Slew:
 
     @property
     def stopped(self) -> bool:
-        """Whether commands stay short of their goals, because no further step has converged within its deadline."""
+        """Whether commands stay short of their goals because no further step converged within its deadline."""
         return self._phase is _Phase.STOP
 
     @property

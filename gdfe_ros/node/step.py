@@ -54,18 +54,18 @@ class Step:
         record: input and outcome.
         result: of the simulation.
         log_time: simulation time that never goes back, for the bag [ns].
-        first: whether it is the state of an activation or a reset, which is published even without subscribers, so that
-            a subscriber that is still being discovered receives it.
+        first: whether it is the state of an activation or a reset. Such a state is published even without subscribers:
+            a subscriber that is discovered later receives it.
         again: whether it was published before, and is repeated for new subscribers.
         wanted: whether any part of it is to be published or recorded.
-        fields: evaluates the element fields, in the publishing thread; None if they are not wanted.
+        fields: function that evaluates the element fields in the publishing thread; None if they are not wanted.
         obstacles: pose of each obstacle; always given, because commands may be in the obstacles' frames.
         poses: pose of each handle and obstacle; empty if poses are not wanted.
         actuators: states of the actuators, by name; empty if they are not wanted.
         joints: states of the joints of arms, by name; always given, because diagnostics report their limits.
         links: frames of the links of arms, by name; empty if poses are not wanted.
-        imus: evaluates the readings of inertial units, in the publishing thread; None if they are not wanted, and
-            without dynamics.
+        imus: function that evaluates the readings of inertial units in the publishing thread; None if they are not
+            wanted, or without dynamics.
     """
 
     record: StepRecord
@@ -123,9 +123,9 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
 
 
 def handle_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
-    """Return the distance of a handle from its target along axes that are not free [m]; vertices are (n, 3) [m].
+    """Return the distance [m] of a handle from its target along the axes that are not free; 0 for an obstacle.
 
-    An obstacle is always at its commanded pose.
+    ``rest`` and ``positions`` are vertices (n, 3) [m].
     """
     if isinstance(handle, Obstacle):
         return 0.0

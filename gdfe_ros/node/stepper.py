@@ -39,10 +39,11 @@ class StepFailure(GdfeError):
 
 
 _GRACE = 0.5
-"""Time after which a solve is ended on request [s]; a shorter one is completed."""
+"""A solve that is asked to end is ended if it has taken longer than this time [s]; a shorter one is completed."""
 _MOST_RETRIES = 20
-"""Largest number of steps without a new command that continue from a state that did not converge; steps that a deadline
-cut are not counted."""
+"""Largest number of steps without a new command that continue from a state that has not converged. Steps that a
+deadline cut are not counted.
+"""
 
 
 class SteppingThread:
@@ -113,7 +114,7 @@ class SteppingThread:
         self._thread.start()
 
     def wake(self) -> None:
-        """Make the thread check again whether a step is due."""
+        """Make the thread check whether a step is due."""
         with self.changed:
             self.changed.notify_all()
 
@@ -271,7 +272,7 @@ class SteppingThread:
         return None
 
     def _turn(self) -> None:
-        """Make the step that is due; with dynamics, a step over the idle time comes before the step with new orders."""
+        """Make the step that is due. With dynamics, a step over the idle time precedes a step with new orders."""
         with self.changed:
             orders, dt = self._inbox.take(), self._pace.begin()
         last = self._run.parameters["dt"]
@@ -307,7 +308,7 @@ class SteppingThread:
         return simulation.settled or (not simulation.scene.dynamics and self._retries >= _MOST_RETRIES)
 
     def _step(self, orders: Iterable[Order], *, dt: float, first: bool = False, early: float = 0.0) -> None:
-        """Make one step and deliver it; ``early`` is the time [s] from its end to the present time of the clock.
+        """Make one step and deliver it; ``early`` [s] is the time from the step's end to the clock's present time.
 
         Raises:
             StepFailure: the step failed for any reason; the state before it is restored, and the stepping is paused.

@@ -92,8 +92,8 @@ def _tolerances(request: Any) -> Tolerances:
     Tolerances of velocities and accelerations are ignored.
 
     Raises:
-        Refusal: the goal has a trajectory of several degrees of freedom or no points, or a tolerance is not finite or
-            for a name that the trajectory does not command.
+        Refusal: the goal has a trajectory of several degrees of freedom, or one without points; or a tolerance is not
+            finite, or for a name that is not commanded.
     """
     if request.multi_dof_trajectory.joint_names or request.multi_dof_trajectory.points:
         raise Refusal(

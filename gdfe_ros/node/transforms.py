@@ -20,10 +20,11 @@ from gdfe_ros.node.qos import installed, interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason, Refusal
 
 _UNREAD = 2000
-"""Largest number of unread messages of /tf. Older ones are dropped: long before so many messages arrive, a moving frame
-is published again."""
+"""Largest number of unread messages of /tf; older ones are dropped. A moving frame is published again long before so
+many messages arrive.
+"""
 _DEEPEST = 1000
-"""Number of parents of a frame beyond which they must form a cycle."""
+"""A frame with more ancestors than this must be part of a cycle."""
 _UNIT_SLACK = 1e-2
 """Largest deviation of a quaternion's length from 1, as in tf2."""
 
@@ -31,8 +32,8 @@ _UNIT_SLACK = 1e-2
 class Transforms:
     """Subscribes to /tf and /tf_static; for each frame the transform with the latest stamp is used.
 
-    A transform with a number that is not finite, a quaternion that is not of unit length, or a stamp that is older or
-    farther ahead than allowed for a command is ignored and counted as a refused command.
+    A transform is ignored, and counted as a refused command, in three cases: a number is not finite, the quaternion is
+    not of unit length, or the stamp is older or farther ahead than allowed for a command.
 
     Args:
         node: subscribes.
@@ -100,7 +101,7 @@ class Transforms:
             self._freshness.reset()
 
     def _keep(self, data: bytes) -> None:
-        """Store a message unread: a robot publishes a hundred frames a hundred times a second, and few are needed."""
+        """Store a message unread: a robot publishes thousands of transforms a second, and few are needed."""
         self._unread.append((data, self._now()))
         self._heard()
 

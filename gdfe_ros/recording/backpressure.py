@@ -10,9 +10,9 @@ from enum import Enum
 class BackPressure(Enum):
     """Behaviour of ``record`` while the queue is full because the disk is slower than the simulation.
 
-    ``DROP``: reject the message at once (for runs under the wall clock, which must not wait).
-    ``BLOCK``: wait for space, at most ``block_seconds``, then reject it (for lockstep and as-fast-as-possible
-    runs, whose bags should be complete). Every rejected message is counted, see ``RecorderStatus``.
+    ``DROP`` rejects the message at once; it is for runs under the wall clock, which must not wait. ``BLOCK`` waits for
+    space, at most ``block_seconds``, and then rejects the message; it is for other runs, whose bags should be complete.
+    Every rejected message is counted (``RecorderStatus``).
     """
 
     DROP = "drop"
@@ -27,8 +27,8 @@ class QueueOptions:
         max_bytes: limit of the waiting messages [B], 1 MiB or more. An empty queue takes a message of any size.
         back_pressure: behaviour at the limit.
         block_seconds: longest wait under ``BLOCK`` [s], 0 or more.
-        flush_seconds: interval at which all recorded data go to the operating system [s], 0.005 to 10: a
-            killed process loses at most the messages of this time and of the write in progress.
+        flush_seconds: interval at which all recorded data go to the operating system [s], 0.005 to 10. A killed process
+            loses at most the messages of this interval and of the write in progress.
 
     Raises:
         ValueError: a value out of range.

@@ -41,7 +41,7 @@ class BagFile:
     Args:
         path: path of the file, which must not exist.
         topics: topics with definition and hash filled in.
-        run: origin of the run; written first, so that a truncated file still has it.
+        run: origin of the run; it is written first, so that also a truncated file contains it.
         compression: compression of the chunks.
         chunk_size: a chunk is compressed and written when it holds this many bytes [B].
 
@@ -99,7 +99,7 @@ class BagFile:
         """Declare a topic; its schema and channel are written to the chunk in progress.
 
         Raises:
-            OSError: there is no space for it; the file without it can still be finished.
+            OSError: there is no space for the topic; the file without it can still be finished.
         """
         known = topic.type in self._schemas
         fixed = self._fixed + _PER_TOPIC + (0 if known else 2 * len(topic.definition.encode()))
@@ -125,8 +125,8 @@ class BagFile:
         """Append a message; times in nanoseconds.
 
         Raises:
-            OSError: there is no space for it (ENOSPC, EDQUOT, EFBIG); the file without it can still be finished. Any
-                other ``OSError`` means that the device failed.
+            OSError: there is no space for the message (ENOSPC, EDQUOT, EFBIG); the file without it can still be
+                finished. Any other ``OSError`` means that the device failed.
         """
         size = len(data) + _PER_MESSAGE
         self._storage.reserve(self._bound(self._buffered + size))
@@ -142,7 +142,7 @@ class BagFile:
         self._note_chunk()
 
     def _bound(self, buffered: int) -> int:
-        """Return an upper bound of the bytes that finishing the file takes with ``buffered`` bytes in the chunk."""
+        """Return an upper bound of the bytes that are written on finishing, with ``buffered`` bytes in the chunk."""
         per_chunk = _PER_CHUNK + _PER_CHUNK_CHANNEL * len(self._channels)
         return self._fixed + (self._chunks + 1) * per_chunk + buffered + buffered // _EXPANSION
 

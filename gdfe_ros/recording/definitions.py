@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Message definitions and type hashes, as rosbag2 embeds them, read from the ROS installation.
 
-Every ROS message package installs ``share/<package>/msg/<Name>.msg`` (the text) and ``<Name>.json`` (the
-type description with its REP-2011 hash), whether it comes from a wheel, from apt or from a workspace.
-They are read without importing ROS.
+Every ROS message package, from a wheel, from apt or from a workspace, installs two files for each type.
+``share/<package>/msg/<Name>.msg`` is the text; ``<Name>.json`` is the type description with its REP-2011 hash. Both are
+read without importing ROS.
 """
 
 from __future__ import annotations

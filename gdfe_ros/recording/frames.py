@@ -33,7 +33,7 @@ DAMAGE = (
     EOFError,
     MemoryError,
 )
-"""Exceptions that reading a file with a flipped bit may raise: any length, id or text in it may be wrong."""
+"""Exceptions that may occur in reading a file with a flipped bit: any length, id or text in it may be wrong."""
 
 _CHECKSUM = 4
 _HEAD = struct.Struct("<BQ")
@@ -60,7 +60,7 @@ class Damage:
     Attributes:
         chunks: skipped chunks that did not match their checksum, or whose beginning is destroyed.
         records: other skipped records that cannot be read.
-        cut: whether the file is truncated; known when its records are exhausted.
+        cut: whether the file is truncated; known after its last record was read.
     """
 
     chunks: int = 0
@@ -131,7 +131,7 @@ def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
 
 
 def _end(data: mmap, place: int) -> int | None:
-    """Return the end of the record that begins at ``place``; None if no record begins there or the file ends before."""
+    """Return the end of the record at ``place``; None if there is no record, or if the file ends inside it."""
     if place + _HEAD.size > len(data):
         return None
     opcode, length = _HEAD.unpack(data[place : place + _HEAD.size])

@@ -17,7 +17,7 @@ import gdfe_ros
 
 SCENE_FILE = "scene.yaml"
 STATE_FILE = "state.bin"
-"""Attachment with the first state of a bag that did not begin with the initial state (checkpoint.py)."""
+"""Attachment with the first state of a bag; it is missing if that is the initial state (checkpoint.py)."""
 _LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
 
 

@@ -64,10 +64,10 @@ class _Message(NamedTuple):
 class Recorder:
     """Records serialised messages in a thread; ``record`` takes microseconds and never raises because of the disk.
 
-    On a full disk or a device error the recording stops: ``error`` and ``status`` say so, ``failed`` is called, and the
-    bag is completed with its present contents. Messages that ``record`` rejects are counted until then, so that bag and
-    ``status`` agree on the dropped ones; later calls only return False. The simulation continues. Without a call of
-    ``close`` the bag is completed when the interpreter ends. Usable as a context manager.
+    On a full disk or a device error the recording stops, and the simulation continues. ``error`` and ``status`` state
+    the reason, ``failed`` is called, and the bag is completed with its present contents. Until then, messages that
+    ``record`` rejects are counted in the bag and in ``status``; later calls only return False. Without a call of
+    ``close``, the bag is completed when the interpreter ends. A recorder can be used as a context manager.
 
     Args:
         path: directory of the bag, which must not exist or be empty.
@@ -170,7 +170,7 @@ class Recorder:
     def close(self) -> RecorderStatus:
         """Write the queue, complete the bag and end the thread; a second call only returns the status.
 
-        If a signal's exception interrupts it, it can be called again.
+        After an interruption by a signal's exception it can be called again.
         """
         with self._state:
             self._closing = True

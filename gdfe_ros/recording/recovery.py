@@ -29,7 +29,7 @@ class RecoveryReport:
         cut_files: names of truncated files.
         damaged_chunks: skipped chunks whose content did not match its checksum.
         damaged_records: other skipped records that could not be read.
-        orphans: skipped messages whose topic's declaration is lost.
+        orphans: skipped messages of topics without a readable declaration.
         run: whether the new bag has the scene and settings of its run.
     """
 
@@ -98,7 +98,7 @@ def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage], options: B
 
 
 def _origin(salvages: Sequence[Salvage]) -> RunInfo | None:
-    """Return the origin of the run from the first file where it is intact, else with the scene from its topic only."""
+    """Return the run's origin from the first file with an intact one; otherwise only with the scene from its topic."""
     if not any(salvage.run for salvage in salvages):
         for salvage in salvages:
             salvage.restore_scene()

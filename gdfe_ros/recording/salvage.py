@@ -24,8 +24,8 @@ class Salvage:
         file: path of the file.
 
     Attributes:
-        damage: damage of the file; known when ``messages`` is exhausted.
-        orphans: skipped messages whose topic's declaration is lost.
+        damage: damage of the file; known after ``messages`` has yielded its last message.
+        orphans: skipped messages of topics without a readable declaration.
     """
 
     def __init__(self, file: Path) -> None:
@@ -62,7 +62,7 @@ class Salvage:
 
     @property
     def missing(self) -> Counter[str]:
-        """Number of lost messages by topic, from the gaps in the sequence numbers, which begin at 0 in each file."""
+        """Number of lost messages by topic, from gaps in the sequence numbers; these begin at 0 in each file."""
         gaps = {topic: last + 1 - self._count[topic] for topic, last in self._last_sequence.items()}
         return Counter({topic: gap for topic, gap in gaps.items() if gap > 0})
 

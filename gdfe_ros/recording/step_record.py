@@ -31,7 +31,7 @@ class StepRecord:
     """Input and outcome of one step.
 
     A replay starts from ``begin`` and calls ``Simulation.step`` with ``handles``, ``actuators``, ``loads``, ``bodies``,
-    ``joints``, ``dt`` and ``cut_after``, which ends a solve where its deadline ended it.
+    ``joints``, ``dt`` and ``cut_after``. The last one ends a solve at the same place as its deadline did.
 
     Attributes:
         step: number of the step since the node was configured; 0 is the state at activation.
@@ -42,10 +42,10 @@ class StepRecord:
         handles: targets consumed by this step, by handle: translation [m] and rotation vector [rad].
         actuators: commands consumed by this step, by actuator, in the unit of its mode.
         loads: factors of loads consumed by this step, by load.
-        bodies: poses to which rigid bodies were teleported before this step, as for handles; left out of the text if
-            there are none.
-        joints: commanded positions of joints of arms consumed by this step, by joint [rad] or [m]; left out of the text
+        bodies: poses to which rigid bodies were teleported before this step, as for handles; the text lacks the entry
             if there are none.
+        joints: commanded positions of joints of arms consumed by this step, by joint [rad] or [m]; the text lacks the
+            entry if there are none.
         cut: whether a deadline ended the solve before it had converged.
         cut_after: number of the solve's checks of its deadline before the deadline passed; None if it did not pass.
         converged: as in ``StepResult``, like all following attributes.
@@ -57,7 +57,7 @@ class StepRecord:
         wall_time: time spent solving [s]; the only entry that differs between two equal runs.
         skipped: counts of work that was left out, by name.
         message: the defect; empty if there is none.
-        energies: energies of a body in motion [J], by name; without dynamics empty, and left out of the text.
+        energies: energies of a body in motion [J], by name. Without dynamics it is empty, and the text lacks the entry.
     """
 
     step: int

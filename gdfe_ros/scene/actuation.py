@@ -117,7 +117,7 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[st
 
 
 def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tuple[Load, ...]) -> dict[str, float]:
-    """Return the command of every actuator and load at which it has no effect on the undeformed body."""
+    """Return, for every actuator and load, the command without effect on the undeformed body."""
     commands = {load.name: 0.0 for load in loads}
     for actuator in actuators:
         commands[actuator.name] = 0.0
@@ -205,7 +205,7 @@ def _gravity(
 def _embedded(
     mesh: HexMesh, part: str | None, points: object, path: KeyPath, report: Defects, *, key: str | None = None
 ) -> Embedding | None:
-    """Return the points embedded in the body, or in one of its meshes and given in the frame of that mesh.
+    """Return points embedded in the body; with `mesh`, in one of its meshes and given in that mesh's frame.
 
     ``path`` is the key path of the entry with the key `mesh`; ``key`` is the key of the points in this entry.
     """

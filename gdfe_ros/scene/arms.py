@@ -28,7 +28,7 @@ from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
 from gdfe_ros.scene.schema import Draft
 
 SPIN_UP = 0.1
-"""Time [s] in which a joint without a limit of its acceleration reaches its largest velocity."""
+"""A joint without a limit of its acceleration reaches its largest velocity in this time [s]."""
 ONE = "arm"
 """Name of the arm of the key `arm`."""
 
@@ -212,7 +212,7 @@ class _Builder:
 
 
 def _require_distinct(arms: Sequence[Arm], draft: Draft, report: Defects) -> None:
-    """Report arms that carry the same handle, or that share names of joints or links with each other or the scene."""
+    """Report arms with the same handle, or with a joint or link name that another arm or the scene also uses."""
     sections = ("handles", "obstacles", "bodies", "actuators", "loads")
     taken = {name: section[:-1].replace("bodie", "body") for section in sections for name in getattr(draft, section)}
     owners: dict[str, str] = {}

@@ -30,7 +30,7 @@ _TESTED = {
     "cell": "cell centroids",
     "point of the skin": "points about half a cell's edge apart",
 }
-"""Points that a selection tests, by the noun of the selected items; for all other nouns it tests the vertices."""
+"""Points that a selection tests, by the noun of the selected items; the default is the vertices."""
 
 
 def build_materials(draft: Draft, report: Defects) -> dict[str, Material]:
@@ -89,7 +89,7 @@ def build_handles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[
 
 
 def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Defects) -> None:
-    """Report each piece of the body that nothing holds along an axis, because its position would be undetermined."""
+    """Report each piece of the body that nothing holds along some axis: its position would be undetermined."""
     part = vertex_pieces(mesh.cells, mesh.n_vertices)
     for axis, letter in enumerate("xyz"):
         pieces_of = {handle.name: set(part[handle.vertices].tolist()) for handle in handles}
@@ -251,9 +251,9 @@ def select(
     noun: str,
     report: Defects,
 ) -> NDArray[np.int32] | None:
-    """Return the ids that ``selector``, a function of `mesh.selection`, finds for a `where`; without one all cells.
+    """Return the ids that ``selector``, a function of `mesh.selection`, finds for a `where`.
 
-    If the selection is invalid or empty, report it and return None.
+    Without a `where` all cells are returned. If the selection is invalid or empty, report it and return None.
     """
     if where is None:
         return np.arange(mesh.n_cells, dtype=np.int32)

@@ -53,7 +53,7 @@ def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, rep
 def _lined_chamber(
     value: ChamberModel, mesh: HexMesh, first: int, common: dict, path: KeyPath, report: Defects
 ) -> Chamber | None:
-    """Return a chamber whose pressure acts on the skin, because the faces of cut cells are not on the surface."""
+    """Return a chamber with its pressure on the skin; the faces of cut cells are not on the surface."""
     if value.where is not None:
         text = "it would name faces of cut cells, which lie beside the surface; remedy: cavity, near, or cells: whole"
         report.add((*path, "where"), text, value=NO_VALUE)

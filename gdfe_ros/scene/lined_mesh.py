@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Disk cache of bodies made from surfaces, by content: a scene is loaded again without filling its surfaces again."""
+"""Disk cache of bodies made from surfaces, by content: a scene that is loaded again does not fill its surfaces."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ _SECTIONS = (
 
 
 def _document(text: str, heading: str, overrides: Mapping[str, Any] | None) -> tuple[Document, Defects]:
-    """Return the document with its overrides, and the defects that are found before its content is read."""
+    """Return the document with its overrides, and the defects that are known before its content is read."""
     document = parse_document(text, heading=heading)
     report = Defects(heading, document)
     for key, without in (("dynamics", "equilibria"), ("self_contact", "surfaces that pass through each other")):
@@ -218,7 +218,7 @@ def _source(
     *,
     changed: bool,
 ) -> str:
-    """Return text that needs no other file: the text itself, or the data with the contents of files."""
+    """Return text that needs no other file: the text itself, or the data with the contents of its files."""
     for path, entry in carried.items():
         within = data
         for key in path[:-1]:

@@ -42,8 +42,8 @@ class JointPoint:
 class Program:
     """Keyframes of handles, actuators and loads; between two of them everything changes linearly.
 
-    A handle whose first keyframe is later than time 0 starts from its rest pose at time 0. After its last keyframe it
-    keeps the pose of that keyframe. The same holds for actuators and loads, whose commands at time 0 are in `start`.
+    At time 0 a handle is in its rest pose, unless it has a keyframe at time 0. After its last keyframe it keeps the
+    pose of that keyframe. The same holds for actuators and loads; their commands at time 0 are in `start`.
 
     Attributes:
         duration: length of the program [s].

@@ -13,14 +13,17 @@ from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.scene.scene import Scene
 
 LEAST_CELLS = 3.0
-"""Least number of cells per radius of a ball: with it the contact force is within 8 %, at an indentation of a tenth of
-the radius."""
+"""Least number of cells per radius of a ball. With it the contact force is within 8 %, at an indentation of a tenth of
+the radius.
+"""
 ROUNDING = 1e-9
 """Relative tolerance of a radius."""
 THICKEST_CELL = 0.35
-"""Largest thickness of a wall cell over the radius of a round cavity: above it the volume error exceeds 5 %."""
+"""Largest thickness of a wall cell over the radius of a round cavity; above it the volume error exceeds 5 %."""
 ROUND = 1.1
-"""Area of a cavity, over that of a ball of the same volume, up to which the cavity counts as round; a cube has 1.24."""
+"""A cavity counts as round if its area is at most this multiple of the area of a ball with the same volume; a cube has
+1.24.
+"""
 
 
 def coarse_contacts(scene: Scene) -> list[str]:

@@ -26,7 +26,7 @@ from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
 LARGEST_CONTRAST = 1e10
-"""Largest ratio of moduli in one body: beyond it, double precision does not resolve the softer one. 1e6 is tested."""
+"""Largest ratio of moduli in one body. Double precision does not resolve a softer material; 1e6 is tested."""
 
 
 def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
@@ -104,8 +104,8 @@ def unsolvable(
 ) -> list[tuple[tuple[str, ...], str]]:
     """Return the conflicts between the parts of a scene, each as its key in a scene file and a sentence.
 
-    ``cell_material`` (m,) are indices of materials; if it is empty, as after a defect, contrasts are not checked.
-    ``mesh`` is the body, if it is valid; ``cut`` is the key path of partly filled cells, as in `cut_key`.
+    ``cell_material`` (m,) are indices of materials. It is empty after a defect; contrasts are then not checked.
+    ``mesh`` is the body if it is valid. ``cut`` is the key path of partly filled cells, as in `cut_key`.
     """
     held = {item.name: _held(item, handles) for item in actuators}
     found = [
@@ -143,7 +143,7 @@ def _tetrahedra(
 def cut_key(mesh: Mesh) -> tuple[str, ...]:
     """Return the key path at which a scene file asks for cut cells; empty if no cells are cut.
 
-    Of several meshes with cut cells it is that of the first one without a touching skin, or else of the first one.
+    Of several meshes with cut cells, the first one without a touching skin counts, or else the first one.
     """
     if mesh.filling is None:
         return ()
@@ -175,7 +175,7 @@ def _forces(
     self_contact: SelfContact | None,
     policy: Policy,
 ) -> str:
-    """Return a message about items that the ``relative`` policy cannot simulate, having no forces; empty if none."""
+    """Return a message about items that need forces, under the ``relative`` policy, which has none; empty if none."""
     if policy is Policy.ENERGY:
         return ""
     names = [item.name for item in actuators if not isinstance(item, Growth)]
@@ -225,7 +225,7 @@ def _beside(
     policy: Policy,
     mesh: Mesh | None,
 ) -> str:
-    """Return a message about items that act on the faces of cut cells, which are not on the surface; empty if none."""
+    """Return a message about items that act on faces of cut cells, which lie beside the surface; empty if none."""
     if policy is not Policy.ENERGY:
         return "the policy 'relative' does not weight cells that are cut; remedy: cells: whole, or policy: energy"
     bare = _touch_by_cut_faces(mesh)
@@ -243,7 +243,7 @@ def _beside(
 
 
 def _touch_by_cut_faces(mesh: Mesh | None) -> bool:
-    """Return whether a mesh with cut cells (of several, any one) has no skin that touches instead of its faces."""
+    """Return whether a mesh, or one of several, has cut cells and no skin that touches instead of its faces."""
     if mesh is None:
         return False
     meshes = [part.mesh for part in mesh.parts.values()] or [mesh]

@@ -29,7 +29,7 @@ def slipping(scene: Scene) -> list[str]:
 
 
 def _beats(dynamics: Dynamics) -> bool:
-    """Return whether a scheme leaves the fastest oscillations almost undamped."""
+    """Return whether a scheme damps the fastest oscillations only a little."""
     if dynamics.scheme is Scheme.NEWMARK:
         return True
     return dynamics.scheme is Scheme.GENERALISED_ALPHA and dynamics.rho_inf > Dynamics.rho_inf

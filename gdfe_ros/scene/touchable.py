@@ -22,9 +22,9 @@ from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.where_schema import WhereModel
 
 SMALLEST, LARGEST = 1e-3, 1e3
-"""Range of a surface's size over the body's; outside of it, the unit of the surface is probably wrong."""
+"""Allowed range of a surface's size over the body's; outside of it, the unit of the surface is probably wrong."""
 COARSEST = 0.25
-"""Largest grid cell of a surface over the body's size; coarser grids do not resolve the shape that the body touches."""
+"""Largest grid cell of a surface over the body's size; coarser grids do not resolve the touched shape."""
 
 
 def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Obstacle, ...]:

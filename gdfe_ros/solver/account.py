@@ -32,8 +32,8 @@ class Bound:
     """Extremes of a moving body's energy; they show whether a step creates energy.
 
     Attributes:
-        start, least: kinetic + elastic + potential energy - work [J] at the beginning, and its minimum. Each is raised
-            by the uncertainty of the work done since.
+        start, least: kinetic + elastic + potential energy - work [J] at the beginning, and the minimum so far. Both are
+            raised by the uncertainty of the later work.
         most: largest kinetic + elastic energy so far [J].
     """
 
@@ -50,8 +50,8 @@ class Ledger:
         work: done on the body by handles and by changing commands [J].
         lost: energy dissipated by damping and friction [J].
         owed: time [s] that has passed without a step because it was too short for one.
-        failure: the last step if it failed; None if it did not.
-        bound: extremes of the energy; None if the account restarts with the next step.
+        failure: the last step if it failed; None if it succeeded.
+        bound: extremes of the energy; None before a step that restarts the account.
     """
 
     work: float

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 MEMORY = 6
 """Number of pairs that the acceleration keeps."""
 GROWTH = 2.0
-"""Growth of the residual after which Anderson's history is dropped and a plain step follows."""
+"""If the residual grows by more than this factor, the history is dropped and a plain step follows."""
 
 
 class Anderson:

@@ -27,7 +27,7 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 from gdfe_ros.solver.settings import Torsion
 
 FAR_AWAY = 10.0
-"""Distance from the world's origin, in body lengths, beyond which the solver's origin is the body's centre."""
+"""If a body is farther from the world's origin than this [body lengths], its centre becomes the solver's origin."""
 
 
 @dataclass(frozen=True)

@@ -25,14 +25,16 @@ class CellType(NamedTuple):
     Attributes:
         noun: its name, plural.
         corners: number of nodes c.
-        operators: constant operators, from vertices (n, 3) [m], cells (m, c) and the filling of cut cells.
-        blocks: elements in the layout of the kernels, from operators, materials (m,), their table and elements (k,).
-        table: the table of materials that its kernels read, from that of the laws.
-        matrix_blocks: (m, c, c) [N/m] of the constant matrix, from operators, weights (m,) [Pa] and hourglass
-            stiffnesses (m,) [N/m].
-        tangents: compiled, writes d(node force)/d(node position) (m, 3 c, 3 c) [N/m].
+        operators: function that returns the constant operators, from vertices (n, 3) [m], cells (m, c) and the filling
+            of cut cells.
+        blocks: function that returns elements in the layout of the kernels, from operators, materials (m,), their table
+            and elements (k,).
+        table: function that returns the table of materials for its kernels, from the table of the laws.
+        matrix_blocks: function that returns the blocks (m, c, c) [N/m] of the constant matrix, from operators, weights
+            (m,) [Pa] and hourglass stiffnesses (m,) [N/m].
+        tangents: compiled function that writes d(node force)/d(node position) (m, 3 c, 3 c) [N/m].
         softens: whether hourglass stiffness follows the strain.
-        boundary: the outer faces of cells (m, c).
+        boundary: function that returns the outer faces of cells (m, c).
     """
 
     noun: str

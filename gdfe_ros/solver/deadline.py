@@ -10,13 +10,13 @@ from collections.abc import Callable
 class Deadline:
     """A deadline that counts the queries before it passes.
 
-    A solve depends on the clock and on interruptions only through the answers. A replay that is given the count ends
-    the solve at the same place, bit by bit.
+    The answers to these queries are all that a solve knows of the clock and of interruptions. With the recorded count,
+    a replay therefore ends the solve at the same place, bit by bit.
 
     Args:
         moment: value of ``time.perf_counter`` at which the deadline passes; None if the clock does not end the solve.
         after: number of answers "not yet", which replaces the clock in a replay.
-        interrupted: called each time; returns whether to end at once. None for no interruption.
+        interrupted: called at each query; returns whether to end at once. None for no interruption.
 
     Attributes:
         after: number of answers "not yet" before the deadline passed; None if it has not passed.
@@ -35,7 +35,7 @@ class Deadline:
         self.reason = ""
 
     def passed(self) -> bool:
-        """Return whether the deadline has passed; once it has, it stays so."""
+        """Return whether the deadline has passed; after the first True, the answer stays True."""
         if self.after is not None:
             return True
         self.reason = self._ended()

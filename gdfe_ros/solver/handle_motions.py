@@ -18,7 +18,7 @@ Vectors = NDArray[np.float64]
 
 
 LEAST_TURN = 1e-6
-"""Least extent of a handle's vertices, over the undeformed one, for which its rotation can still be determined."""
+"""Least extent of a handle's vertices, over the undeformed extent, that still determines the handle's rotation."""
 
 
 class HandleMotions:
@@ -70,7 +70,7 @@ class HandleMotions:
         return moved
 
     def put(self, slides: Vectors, turns: Vectors, places: Mapping[str, Pose]) -> tuple[Vectors, Vectors]:
-        """Return the free motions (p, 3) with those of the entirely free handles in ``places`` set to their poses."""
+        """Return the free motions (p, 3), with entirely free handles in ``places`` set to their poses there."""
         slides, turns = slides.copy(), turns.copy()
         for name, pose in places.items():
             slides[self._row[name]], turns[self._row[name]] = pose.translation, pose.rotation
@@ -135,10 +135,10 @@ class HandleMotions:
 
 
 def _require_a_turn(handle: Handle, arms: Vectors, found: Vectors) -> None:
-    """Raise CommandError if vertices ``found`` (k, 3) [m] about their mean do not determine the rotation of ``arms``.
+    """Raise CommandError if the vertices ``found`` (k, 3) [m] do not determine the rotation of ``arms`` (k, 3) [m].
 
-    The measure is the sum of the two smallest singular values of their covariance; it vanishes if either set is
-    collinear.
+    Both are relative to their means. The measure is the sum of the two smallest singular values of their covariance; it
+    vanishes if either set is collinear.
     """
     own, given = (np.linalg.svd(each.T @ arms, compute_uv=False)[1:].sum() for each in (arms, found))
     if given < LEAST_TURN * own:

@@ -23,13 +23,13 @@ class StepResult:
         converged: the error estimate is at most the tolerance, every handle is where it was commanded, and no element
             is folded or inverted.
         iterations: linear solves with the constant matrix.
-        error_estimate: estimated largest distance to the equilibrium over the body's size: the preconditioned step,
-            divided by the factor by which it may fall short. Infinite if it is unknown, e.g. for a solve that was cut.
+        error_estimate: estimated largest distance to the equilibrium over the body's size: the preconditioned step over
+            its least ratio to that distance. Infinite if it is unknown, e.g. for a solve that was cut.
         energy: strain energy [J].
         min_det: least volume ratio det F at a corner of an element; for a cut cell, of the whole box. Not positive if
             an element is folded or inverted.
-        reactions: by handle and obstacle (6,) float64: the force [N] and the moment [N m] about the handle's deformed
-            centre, or the obstacle's origin, that it exerts on the body.
+        reactions: by handle and obstacle, the wrench (6,) float64 on the body: force [N], and moment [N m] about the
+            handle's deformed centre or the obstacle's origin.
         contacts: by obstacle, the vertices that touch it and their forces; under ``(self)`` those that touch the body
             itself.
         skipped: counts of work that was left out, by name.
@@ -43,8 +43,9 @@ class StepResult:
         cut_after: number of time checks before the deadline of the solve passed; None if it did not pass.
         actuators: by name, command, length or volume, tension or pressure of each actuator.
         terms: reports of the terms that were added to the simulation, by name.
-        restarts: 1 if the step was repeated from rest, because it ended in folded or inverted elements or, from given
-            positions, in another equilibrium; also 1 if contact with obstacles was dropped. The message says why.
+        restarts: 1 if the step was repeated from rest, or if contact with obstacles was dropped; otherwise 0. A step is
+            repeated if it ended in folded or inverted elements, or from given positions in another equilibrium. The
+            message has the reason.
         velocities: (n, 3) [m/s] with dynamics, a copy; None without.
         energies: with dynamics, by name: kinetic, elastic, potential, work done and dissipated energy since the
             start [J].

@@ -15,13 +15,14 @@ class Policy(str, Enum):
 
 
 class Torsion(str, Enum):
-    """Model of an element's torsional stiffness, which one integration point cannot resolve."""
+    """Model of an element's torsional stiffness; the element's single integration point does not resolve it."""
 
     CELL = "cell"
-    """Each cell resists torsion as a separate bar: exact for a body one cell across, 14 % too stiff for two."""
+    """Each cell resists torsion as a separate bar: exact for a body one cell across, 14 % too stiff for two cells."""
     SECTION = "section"
-    """Each cell resists as a part of its cross-section, whose cells are counted: exact in square bars of one to four
-    cells across."""
+    """Each cell resists torsion as a part of its cross-section, by the number of cells there: exact in square bars of
+    one to four cells across.
+    """
 
 
 class Skip(str, Enum):
@@ -45,14 +46,15 @@ class SolverSettings:
 
     Attributes:
         policy: ``energy`` (force-consistent shape factors) or ``relative`` (the paper as published).
-        tolerance: estimated largest distance to the equilibrium (from the preconditioned step), over the body's
-            size, at which a step counts as converged; 1e-12 to 1e-1.
+        tolerance: a step counts as converged if the estimated largest distance to the equilibrium, over the body's
+            size, is at most this; 1e-12 to 1e-1. The preconditioned step gives the estimate.
         steps: number of load steps for a program; None lets the solver choose.
-        max_iterations: limit of iterations of one increment, after which a step is returned as not converged; a command
-            that is divided into n increments from the start has n times as many.
-        threads: most threads among which the elements of a solve are divided under ``energy``, at most numba's
-            (``NUMBA_NUM_THREADS``, by default the machine's cores); 1 to 1024. The result is the same bit by bit.
-        skip: kinds of work that are left out where they change nothing beyond the tolerance; all of them by default.
+        max_iterations: limit of iterations of one increment; a step beyond it is returned as not converged. A command
+            that is divided into n increments from the start has n times this limit.
+        threads: most threads that divide the elements of a solve under ``energy``, 1 to 1024; never more than numba's
+            number of threads (``NUMBA_NUM_THREADS``, by default the machine's cores). The result does not depend on it,
+            bit by bit.
+        skip: kinds of work that are left out where the result changes by less than the tolerance; by default all kinds.
         torsion: model of torsional stiffness under ``energy``.
 
     Raises:

@@ -2,7 +2,7 @@
 """The whole changing state of a simulated body, as one immutable value.
 
 No array or mapping of a state is ever modified. A copy is a reference, two simulations can share a state, and a step
-returns a new one. All other data are constants, or workspaces whose contents affect no result.
+returns a new one. All other data are constants or work arrays, and no result depends on old contents of work arrays.
 """
 
 from __future__ import annotations
@@ -84,13 +84,13 @@ class DormancyState:
         awake: (n,) vertices that the present part moves; None if the whole body moves.
         known: forces and energies of the frozen elements; None if they are still to be evaluated.
         border: (k, 3) dE/dx [N] of the watched vertices when ``known`` was evaluated; None without it.
-        yielding: last computed displacement [m] of the frozen vertices per 1 N of change of the border's forces;
-            infinite before the first.
+        yielding: displacement [m] of the frozen vertices per 1 N of change of the border's forces, as last computed;
+            infinite before the first computation.
         before: (n, 3) positions [m] of the last step that was examined; the undeformed ones before the first.
         calm: (n,) vertices at rest since counting began.
         count: steps counted.
         patience: number of successive steps for which a vertex must be at rest before it is frozen.
-        rests, longer_rest: number of steps to skip before the next examination, and the last such number, which is
+        rests, longer_rest: number of steps to skip before the next examination, and the last number of skipped steps,
             doubled each time.
         lasted: steps since the present part was chosen.
     """
@@ -210,7 +210,7 @@ class State:
         poses: commanded, by handle.
         commands: of actuators and loads, by name, in the unit of each mode.
         slides, turns: (p, 3) free translations [m] and rotation vectors [rad] of the handles with a free axis.
-        orientation: (p, 3, 3) rotations of these handles with which they were last coupled to the constant matrix.
+        orientation: (p, 3, 3) rotations of these handles at their last coupling to the constant matrix.
         motion: the last step; None before the first.
         terms: stored state of each term.
         elements, shapes: state of the elements under the policies ``energy`` and ``relative``.
@@ -225,8 +225,8 @@ class State:
         sound: whether no element is folded or inverted.
         suspect: whether the positions were given and have folded or inverted elements.
         tried: whether the load path from rest was tried without success.
-        anchor: the last equilibrium if this state is not an equilibrium, because a solve was cut or a failed step left
-            crumpled elements; None otherwise.
+        anchor: None if this state is an equilibrium. After a cut solve, or a failed step with crumpled elements: the
+            last equilibrium.
         ledger: energy account of a moving body; None without dynamics.
     """
 

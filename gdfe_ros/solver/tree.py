@@ -40,10 +40,10 @@ _VALUES = (
     Tangent,
 )
 _CLASSES = {kind.__name__: kind for kind in _VALUES} | {"History": UpdateHistory, "Sleep": states.DormancyState}
-"""Dataclasses that a tree may contain besides plain values, by name; the last two names are those in older archives."""
+"""Dataclasses that a tree may contain besides plain values, by name; the last two names occur in older archives."""
 
 _RENAMED = {states.Summary: {"residual": "error_estimate"}}
-"""Names of fields in older archives, by class, with the present names."""
+"""Present names of fields that older archives name differently, by class."""
 
 _ADDED = {
     Tangent: {"ends", "ways", "softest", "positions"},
@@ -83,7 +83,7 @@ def to_tree(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
-    """Return the value of a tree; operators follow from the commands and are left to the caller (None).
+    """Return the value of a tree. Operators are None, because they follow from the commands; the caller computes them.
 
     Raises:
         TreeError: the tree was not written by `to_tree`.

@@ -11,8 +11,8 @@ Value = TypeVar("Value")
 def changed(value: Value, **changes: object) -> Value:
     """Return a copy of a frozen dataclass with the named attributes replaced.
 
-    `dataclasses.replace` does the same check and takes ten times as long, which would be a tenth of a step of a small
-    body. ``__post_init__`` is not called again.
+    ``__post_init__`` is not called again. `dataclasses.replace` takes ten times as long: a tenth of the time of a small
+    body's step.
 
     Raises:
         TypeError: there is no such attribute.

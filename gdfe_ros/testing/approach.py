@@ -10,23 +10,23 @@ from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
 
 _SHARES = (1.0, 0.125, 0.0)
-"""Fractions of the allowed change, tried in this order until a step converges. Near a loss of stability the whole
-change often converges although smaller ones do not, because it passes the unstable range. More fractions would mostly
-repeat the failure."""
+"""Fractions of the allowed change that are tried in this order until a step converges. Near a loss of stability the
+whole change often converges although smaller ones do not, because it passes the unstable range. More fractions would
+mostly fail in the same manner.
+"""
 _BUDGET = 400
-"""Limit of iterations of a step without dynamics, after which a smaller fraction is tried; most steps need 20 to
-150."""
+"""Limit of iterations of a step without dynamics; then a smaller fraction is tried. Most steps need 20 to 150."""
 
 
 class Approach:
     """Moves the commands of a simulation's actuators towards wanted ones, step by step.
 
     In a step each command changes by at most its ``reach``. If the step does not converge, it is repeated with an
-    eighth of the change, and if that does not converge either, with the commands held.
+    eighth of the change. If this does not converge either, it is repeated with constant commands.
 
     Args:
         simulation: simulation to step.
-        reach: (actuators,) largest change of each command in a step, in the unit of its mode; infinite: no limit.
+        reach: (actuators,) largest change of each command in a step, in the unit of its mode; infinite for no limit.
     """
 
     def __init__(self, simulation: Simulation, reach: NDArray[np.float64]) -> None:

@@ -24,10 +24,11 @@ from gdfe_ros.testing.discovery import await_discovery
 from gdfe_ros.testing.process import NodeProcess
 
 PATIENCE = 300.0
-"""Longest time to wait for anything except a step [s]: the very first start compiles kernels, minutes on a busy
-machine."""
+"""Longest wait for anything except a step [s]: the very first start compiles kernels, which takes minutes on a busy
+machine.
+"""
 _DISCOVERY = 1.5
-"""Time [s] within which running nodes are discovered, even on a busy machine."""
+"""Running nodes are discovered within this time [s], even on a busy machine."""
 STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """QoS of subscriptions to the topics of a step: a late subscriber receives the last step."""
 
@@ -63,7 +64,8 @@ class Client:
         """Spin the node until ``done`` returns a true value; ``what`` names the awaited thing in the error.
 
         Raises:
-            GdfeError: the simulation's process ended, the patience is over, or another node has the simulation's name.
+            GdfeError: the simulation's process ended, the wait took too long, or another node has the simulation's
+                name.
         """
         begin = time.monotonic()
         end, look = begin + self._patience, begin + _DISCOVERY
@@ -104,7 +106,7 @@ class Client:
             )
 
     def await_listeners(self, publishers: Iterable[Publisher]) -> None:
-        """Wait until the simulation subscribes to each publisher: messages sent before are lost."""
+        """Wait until the simulation subscribes to each publisher; messages sent earlier are lost."""
         for publisher in publishers:
             self.wait(publisher.get_subscription_count, f"a subscription of {publisher.topic_name}")
 

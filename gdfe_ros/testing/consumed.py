@@ -31,15 +31,15 @@ class Consumed:
     A step of the replaying node begins when every input that the run uses has a message. For an input that the step
     did not command, the message repeats the command in force, which changes nothing.
 
-    The recorded target is a rotation vector that the node computed from a quaternion. If the quaternion is computed
-    from this rotation vector, the node may convert it to one that differs in the last bit. Therefore the quaternions
-    that were sent are looked up among the messages in the bag.
+    The recorded target is a rotation vector that the node computed from a quaternion. A quaternion computed back from
+    it may give a rotation vector that differs in the last bit. Therefore the quaternions that were sent are looked up
+    among the messages in the bag.
 
     Args:
         run: recorded run.
 
     Attributes:
-        inputs: topics, relative to the node's name, that the run uses and that each step of the replay waits for.
+        inputs: topics, relative to the node's name, that the run uses; each step of the replay waits for all of them.
         puts: topics that place rigid bodies; their messages are sent before those of ``inputs``.
         inexact: number of targets so far that no message in the bag reproduces bitwise.
     """
@@ -116,7 +116,7 @@ class _SentTurns:
 
 
 def _sent_turns(run: BagRun, key: str) -> dict[tuple[float, float, float], list[Quaternion]]:
-    """Return the quaternions sent on a topic, by the translation sent with them."""
+    """Return the quaternions sent on a topic, by the translation in the same message."""
     sent: dict[tuple[float, float, float], list[Quaternion]] = {}
     for message in _messages(run, key):
         place, turn = message.pose.position, message.pose.orientation

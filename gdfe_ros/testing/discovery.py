@@ -20,9 +20,9 @@ def await_discovery(
 ) -> None:
     """Wait until a simulation has discovered every subscription and service client that ``node`` has so far.
 
-    A service counts as ready as soon as requests reach it, but its response is lost while the server has not discovered
-    the client. DDS announces the endpoints of a node in the order of their creation. So once a subscription made now
-    receives diagnostics, the simulation has discovered all earlier endpoints too.
+    A service counts as ready as soon as requests reach it. Its response is lost if the server has not yet discovered
+    the client. DDS announces the endpoints of a node in the order of their creation. Once a new subscription receives
+    diagnostics, the simulation has therefore discovered all earlier endpoints.
 
     Args:
         node: node with the subscriptions and clients.

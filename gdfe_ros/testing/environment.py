@@ -26,7 +26,7 @@ Reward = Callable[[Simulation, NDArray[np.float64]], float]
 Ending = Callable[[Simulation], bool]
 
 _WALK = 3
-"""Largest number of steps towards a new goal in one reset, which bounds the time of a reset."""
+"""Largest number of steps towards a new goal in one reset; it limits the time of a reset."""
 _LONG = 1e9
 """Duration of a step [s] so long that no rate limit cuts a command."""
 
@@ -202,10 +202,11 @@ def make_env(
     Args:
         scene: name, path, or loaded scene.
         observation: function of the simulation that returns an array; None: probes, actuators, and the goal if any.
-        reward: function of the simulation and the clipped action that returns a number; None: minus the distance [m] of
-            the first probe from a goal. Each reset draws a goal: the position of the probe after a few steps towards a
-            random command, starting from the initial state if a seed is given, else at the last goal. For these steps,
-            a scene with handles is simulated without dynamics, a scene without handles with its dynamics.
+        reward: function of the simulation and the clipped action that returns a number. None: minus the distance [m] of
+            the first probe from a goal, which each reset draws. The goal is the position of the probe after a few steps
+            towards a random command. These steps start from the initial state if a seed is given, else at the last
+            goal. A scene with handles is simulated without dynamics in these steps, a scene without handles with its
+            dynamics.
         terminated: function of the simulation, true at the end of an episode; None: never.
         observation_space: None: unbounded, with the shape of the initial observation.
         overrides: values that replace those of the scene, by dotted key; its program is not played.
@@ -228,7 +229,7 @@ def make_env(
 
 
 def _walker(scene: Scene) -> Simulation:
-    """Return the simulation that finds goals: without dynamics, which would oscillate, if the scene has handles."""
+    """Return the simulation that finds goals; with handles it has no dynamics, and thus no oscillations."""
     held = any(handle.section == "handles" for handle in scene.handles)
     return Simulation(replace(scene, dynamics=None) if held else scene)
 
@@ -246,7 +247,7 @@ def _goal(given: ArrayLike) -> NDArray[np.float64]:
 
 
 def _require_ranges(scene: Scene) -> list[str]:
-    """Return the names of the actuators; raise ``GdfeError`` if there is none or one has no range."""
+    """Return the names of the actuators; raise ``GdfeError`` if there is none, or if one has no range."""
     if not scene.actuators:
         raise GdfeError(f"scene {scene.name!r} has no actuators for actions to command; add the key 'actuators'")
     endless = [item.name for item in scene.actuators if not math.isfinite(item.high - item.low)]

@@ -36,8 +36,8 @@ def build_interfaces(definitions: Path, folder: Path) -> Path:
 
     Args:
         definitions: directory with msg/, srv/ and action/, named as the package.
-        folder: directory of built packages, kept for later runs. Each package has its own subdirectory, so that a
-            process that imports one never finds another one that is being built.
+        folder: directory of built packages, kept for later runs. Each package has its own subdirectory; a process that
+            imports a package thus never finds another package that is still being built.
 
     Raises:
         GdfeError: ROS is not installed from wheels, there is no compiler, or the compiler failed.

@@ -35,9 +35,9 @@ _NO_CUT = -1
 class NodeReplay:
     """Starts a node in lockstep with the scene of a bag, sends the commands that each step consumed, and records anew.
 
-    Steps that consumed nothing are made by the service ``~/step``. Before a step with another time step, the parameter
-    ``dt`` is set. A solve that a deadline ended is ended at the same point by the parameter ``cut_after``. A bag that
-    begins in the middle of a run holds the initial state, which the node loads.
+    Steps that consumed nothing are made by the service ``~/step``. Before a step of another duration, the parameter
+    ``dt`` is set. If a deadline ended a solve, the parameter ``cut_after`` ends it at the same point. A bag that begins
+    in the middle of a run contains its first state, and the node loads this state.
 
     Args:
         run: recorded run.
@@ -158,7 +158,7 @@ class NodeReplay:
 def _require_a_node(run: BagRun, record: StepRecord) -> None:
     """Raise ``RecordingError`` if the first step, of the run or after a reset, has a command or a time step.
 
-    A node only publishes the initial state there.
+    A node makes no step there; it only publishes the initial state.
     """
     begins = record is run.records[0] or record.begin is Begin.REST
     if begins and (record.dt or record.handles or record.actuators or record.loads or record.bodies or record.joints):

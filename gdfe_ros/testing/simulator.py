@@ -46,7 +46,7 @@ from gdfe_ros.testing.process import NodeProcess
 from gdfe_ros.testing.state import Moment, PublishedState, moment_of, unpack
 
 _PRESENT = (Mode.LENGTH, Mode.VOLUME)
-"""Modes whose neutral command is the present value; the neutral command of the others is zero."""
+"""Modes with the present value as neutral command; the neutral command of other modes is zero."""
 _numbers = itertools.count()
 
 
@@ -57,8 +57,9 @@ class Simulator:
         scene: name of a scene, or path of a scene file.
         overrides: values that replace those of the scene, by dotted key, e.g. ``{"mesh.bar.cells": [20, 2, 2]}``.
         parameters: parameters of the node; they replace those that this class sets.
-        inputs: command topics, relative to the node's name, of which each step consumes one message. None: all targets
-            and ``actuation``, as `step` and `run` need. For a controller that is a ROS node: the topics it publishes.
+        inputs: command topics, relative to the node's name; each step consumes one message of each. None stands for all
+            targets and ``actuation``, as `step` and `run` need. For a controller that is a ROS node, give the topics
+            that it publishes.
         bag: directory of a bag to record.
         patience: longest time to wait for anything [s]; the very first start compiles, minutes on a busy machine.
 
@@ -112,7 +113,7 @@ class Simulator:
         A refused command has no effect on later steps.
 
         Raises:
-            CommandError: as by ``gdfe_ros.Simulation.step``, before any message is sent; or the node refuses the
+            CommandError: as in ``gdfe_ros.Simulation.step``, before any message is sent; or the node refuses the
                 command.
             OverlapError: a body is placed where it overlaps another one; the step was made without placing it.
             GdfeError: ``inputs`` were given, or the node ended or did not respond.
@@ -283,7 +284,7 @@ class Simulator:
                 listener(self.state)
 
     def _whole_step(self) -> dict[str, Any] | None:
-        """Remove and return the messages of the first step that has arrived on every topic; None if there is none.
+        """Remove and return the messages of the first step with a message on every topic; None if there is none.
 
         Earlier steps are dropped: with the wall clock, a slow subscriber may lose the message of a step on one topic.
         """

@@ -18,9 +18,9 @@ _PRELOAD = "gdfe_ros.testing.preloaded_environment"
 def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver", **options: Any) -> AsyncVectorEnv:
     """Make environments that run in parallel, each in a process of its own.
 
-    Threads of one process would use the same matrix factors, but they would wait for Python's lock between the compiled
-    parts of a step (``python -m benchmarks.environments`` measures both). The processes are forked from a server that
-    has imported the package and loaded the kernels once.
+    Threads of one process would use the same matrix factors, but wait for Python's lock between the compiled parts of a
+    step. ``python -m benchmarks.environments`` measures both. The processes are forked from a server that has imported
+    the package and loaded the kernels once.
 
     Args:
         scene: name or path.

@@ -21,10 +21,10 @@ def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     """Write steps (t) and return their number.
 
     Keys: ``time`` (t,) [s]; ``X`` (n, 3) rest vertices [m]; ``cells`` (m, 8); ``positions`` (t, n, 3) float32 [m];
-    ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for all other topics,
-    except ``contacts/<field>`` (p,) of all contact points, with ``contacts/row`` (p,), the index of the step of each
-    one. A step without a message has NaN there. ``joint_names`` are the names of the k entries of joint states;
-    ``units`` is JSON text: the SI unit of each array that has a single one.
+    ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for all other topics;
+    ``contacts/<field>`` (p,) of all contact points of all steps; ``contacts/row`` (p,) index of each contact point's
+    step. A step without a message of a topic has NaN. ``joint_names`` are the names of the k entries of joint states.
+    ``units`` is JSON text: the SI unit of each array with a single unit.
 
     Raises:
         OSError: the file cannot be written.

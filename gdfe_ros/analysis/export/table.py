@@ -18,7 +18,7 @@ _TARGET = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def step_row(step: BagStep, known: Columns) -> Row:
-    """Return the row of a step: time and outcome, consumed commands, and every published number that is no array.
+    """Return the row of a step: time and outcome, consumed commands, and every single published number.
 
     Columns: ``step, time, dt`` [s], ``wall_time`` [s], outcomes, ``target.<handle>.x`` to ``rz`` [m, rad],
     ``set.<body>.x`` to ``rz``, ``command.<actuator or joint>``, then ``<topic>.<field>``, and
@@ -75,7 +75,7 @@ def columns(rows: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def _cells(topic: str, field: str, values: np.ndarray, known: Columns) -> Row:
-    """Return the numbers of a message with few of them; arrays over the mesh are left out."""
+    """Return the numbers of a message that has only few; arrays over the mesh are left out."""
     if topic == CONTACTS:
         return {f"{topic}.points": len(values)} if field == "x" else {}
     if topic == JOINTS and len(values) == len(known.joints):

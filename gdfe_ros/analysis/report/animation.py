@@ -25,11 +25,11 @@ _NOT_COLOURS = frozenset({"x", "y", "z"})
 
 @dataclass(eq=False)
 class Animation:
-    """Frames of the surface, collected by ``add``; it is the skin of a mesh that has one.
+    """Frames of the surface, collected by ``add``; if the mesh has a skin, this is the surface.
 
     Args:
         scene: that was recorded.
-        steps: number of steps of the run, which determines the thinning.
+        steps: number of steps of the run; it determines the thinning.
         fields: published fields of cells and vertices for colouring the surface.
 
     Attributes:
@@ -75,7 +75,7 @@ class Animation:
     def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
         """Return the description for the page's script, and arrays in base64 by name.
 
-        The page opens on the frame with the largest eps_eq, or on the last one without strains.
+        The page opens on the frame with the largest eps_eq; without strains, on the last frame.
 
         Positions and colours are 16-bit levels between the least and the largest value of the run: positions have an
         error of at most 1/131070 of the bounding box of the run.

@@ -102,7 +102,7 @@ def _vector_chart(history: RunHistory, title: str, stem: str, *, sensors: bool =
 
 
 def _actuators(history: RunHistory, scene: Scene) -> list[Chart]:
-    """Return charts of cables and of chambers, separately because newtons and pascals share no axis."""
+    """Return separate charts of cables and of chambers, because newtons and pascals have no common axis."""
     charts = []
     for title, unit, field, modes in _ACTUATION:
         series = {
@@ -115,7 +115,7 @@ def _actuators(history: RunHistory, scene: Scene) -> list[Chart]:
 
 
 def _others(history: RunHistory) -> list[Chart]:
-    """Return one chart for the numbers of every further topic; components of a vector share one."""
+    """Return one chart for each further topic; the components of a vector have one chart."""
     charts: dict[tuple[str, str], dict[str, list[float]]] = {}
     for (topic, field), values in history.responses.items():
         if topic not in (RECORD, JOINTS) and not topic.endswith(("/pose", "/wrench")):

@@ -16,8 +16,8 @@ DIFFERENCE = "difference"
 def energy_balance(history: RunHistory) -> dict[str, NDArray[np.float64]]:
     """Return both sides of the balance and their difference at each step [J]; empty without dynamics.
 
-    Their difference is the energy created or lost by the time integration. It is zero at the beginning of the recording
-    and at each step that starts from another state: after a reset, or from a loaded state.
+    The difference is the energy created or lost by the time integration. It is zero at the beginning of the recording,
+    and at each step that starts from a reset or a loaded state.
     """
     if not history.energies:
         return {}

@@ -32,7 +32,7 @@ class RunHistory:
         costs: of each solve: ``iterations, substeps, error_estimate, wall_time`` [s] and ``skipped.<name>``.
         responses: numbers that were published once per step, by topic and field; NaN if missing.
         energies: of a body in motion [J], by name; empty for a run without dynamics.
-        starts: indices of the steps that begin from another state than the last step's.
+        starts: indices of the steps that do not begin from the last step's state.
         not_converged: times of the steps that did not converge [s].
         cut: number of steps that a deadline cut.
     """
@@ -72,7 +72,7 @@ class RunHistory:
         self.cut += record.cut
 
     def _add_commands(self, step: BagStep, count: int) -> None:
-        """Carry commands forward: commands that a step did not consume keep their last value."""
+        """Carry commands forward: a command that a step did not consume keeps its last value."""
         for name, pose in step.record.handles.items():
             series = self.targets.setdefault(name, [REST] * count)
             series.append((*pose.translation, *pose.rotation))
@@ -85,7 +85,7 @@ class RunHistory:
 
 
 def _numbers(topic: str, values: Values) -> dict[tuple[str, str], float]:
-    """Return the numbers of a message with few of them; entries of joint states by index, as ``effort.0``.
+    """Return the numbers of a message that has only few; joint states are numbered, as ``effort.0``.
 
     For contacts they are the number of points and the number of slipping points.
     """
@@ -101,7 +101,7 @@ def _numbers(topic: str, values: Values) -> dict[tuple[str, str], float]:
 
 
 def _extend(table: dict, values: Mapping, count: int, missing: float) -> None:
-    """Append one row; a new series, or one without a value in this row, is filled with ``missing``."""
+    """Append one row. A new series gets ``missing`` for earlier rows; a series without a value gets it in this row."""
     for name, value in values.items():
         table.setdefault(name, [missing] * count).append(value)
     for series in table.values():

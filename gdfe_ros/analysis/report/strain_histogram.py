@@ -13,8 +13,8 @@ _SMALLEST = 1e-6
 class StrainHistogram:
     """Fractions of the cells by strain, for groups of consecutive steps.
 
-    Its range doubles when a strain exceeds it, and pairs of classes are then merged, so that the largest strain of a
-    run need not be known in advance.
+    The largest strain of a run need not be known in advance: if a strain exceeds the range, the range doubles and pairs
+    of classes are merged.
 
     Args:
         steps: number of steps of the run.

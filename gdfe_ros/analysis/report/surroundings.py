@@ -16,9 +16,9 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.scene import Scene
 
 MOST_FORCES = 200
-"""Limit of the arrows of a frame; the largest forces have one."""
+"""Limit of the number of arrows in a frame; only the largest forces have arrows."""
 KINDS = ("solids", "chambers", "cables")
-"""Things with the same number of points in every frame: triangles, triangles and lines."""
+"""Things with a constant number of points, by kind; they are drawn as triangles, triangles and lines."""
 
 
 class Surroundings:

@@ -14,7 +14,7 @@ from gdfe_ros.solver.result import StepResult
 
 Result = dict[str, Any]
 _KEPT: list[Simulation] = []
-"""The simulation of the worker's last case: a next case with the same matrix reuses its factor."""
+"""The simulation of the worker's last case; the next case reuses its factor if its matrix is the same."""
 _AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 
 

@@ -32,7 +32,7 @@ class Case:
 
 
 def grid_cases(axes: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, Any]] = ({},)) -> list[Case]:
-    """Return the combinations of every value of every axis with every row of a list; equal cases once."""
+    """Return the combinations of all values of all axes with all rows of a list; equal cases occur once."""
     cases = [
         Case({**row, **dict(zip(axes, values, strict=True))}) for row in rows for values in product(*axes.values())
     ]

@@ -37,7 +37,7 @@ def draw_results(rows: Sequence[Row], path: Path, *, title: str) -> None:
 def results_figure(rows: Sequence[Row], *, title: str, shown: Sequence[str] = SHOWN) -> Figure:
     """Draw quantities over the first varied key, with a line for each combination of the others.
 
-    Crosses mark failed cases, at the bottom, and cases that did not converge, at their last value.
+    Crosses mark two kinds of cases: failed ones at the bottom, and those that did not converge at their last value.
     """
     keys = [key for key in rows[0] if key.startswith("set.") and len({row.get(key) for row in rows}) > 1]
     first, others = (keys[0], keys[1:]) if keys else ("case", [])

@@ -19,15 +19,16 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.workers import THREAD_COUNTS
 
 TASK_SECONDS = 1.0
-"""Intended duration of a task [s]. Short cases are combined, because every task costs the scheduler some milliseconds,
-which the workers lose on a machine where they use all cores."""
+"""Intended duration of a task [s]. Short cases are combined into tasks, because every task costs the scheduler some
+milliseconds. If the workers use all cores, they lose this time.
+"""
 _SHARE = 4
-"""Tasks per thread into which the last cases are divided, so that all threads end at the same time."""
+"""The last cases are divided into this number of tasks per thread, so that all threads end at the same time."""
 PATIENCE = 600.0
-"""Longest time without a worker on this machine [s]; the wait for a user's own scheduler is unlimited."""
+"""Longest time without a worker on this machine [s]. The wait for a user's own scheduler has no limit."""
 _POLL = 0.02
 _LOOK = 1.0
-"""Interval at which workers are checked while no task is completed [s]."""
+"""While no task is completed, the workers are checked at this interval [s]."""
 _SETTINGS = {
     # Solves run in one thread each; dask's profiler would stop them every 10 ms.
     "distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_COUNTS, 1),
@@ -66,7 +67,7 @@ def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
 def run_cases(client: Client, scene: str, cases: Sequence[Case]) -> Iterator[tuple[Case, Result]]:
     """Run cases and yield each with its result on completion.
 
-    A failure in a worker, its death included (after four attempts), is the result of that case.
+    A case that fails in a worker has this failure as result; the death of a worker counts after four attempts.
 
     Raises:
         GdfeError: all workers on this machine died and do not restart.
@@ -104,7 +105,7 @@ def _as_done(client: Client, finished: as_completed) -> Iterator[Future]:
 class _Queue:
     """Cases that wait to be combined into tasks, and running tasks.
 
-    Cases whose task lost its worker then run alone, so that none of them affects others again.
+    If a task loses its worker, its cases then run alone, so that none of them affects others again.
     """
 
     def __init__(self, client: Client, scene: str, cases: Sequence[Case]) -> None:
@@ -127,7 +128,7 @@ class _Queue:
         return started
 
     def take(self, future: Future) -> Iterator[tuple[Case, Result]]:
-        """Yield the cases of a completed task; if its worker died, they are run once more, one by one."""
+        """Yield the cases of a completed task. If its worker died, its cases run once more, one by one."""
         cases, results, error = self._running.pop(future), [], None
         try:
             results = future.result()

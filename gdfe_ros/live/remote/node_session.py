@@ -43,7 +43,7 @@ from gdfe_ros.testing.state import PublishedState
 PATIENCE = 5.0
 """Longest wait for a node's scene [s]."""
 _SILENT = 3.5
-"""Time without a report after which the node counts as silent [s]; it reports once a second."""
+"""A node counts as silent after this time [s] without a report; it reports once a second."""
 _OWN = "gdfe_live"
 
 
@@ -59,8 +59,8 @@ class NodeSession:
         GdfeError: the name is invalid, the node does not exist (the message lists the nodes), or it is not configured.
 
     Attributes:
-        failure: reason for an end of the reception that was not requested, or None.
-        outdated: whether the node has another scene now, so that a new session is needed.
+        failure: reason if the reception ended without a request; None otherwise.
+        outdated: whether the node has another scene now; a new session is then needed.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class NodeSession:
 
     @property
     def commands(self) -> Mapping[str, float]:
-        """Commands received, else the present values of the actuators; loads only after their first command."""
+        """Commands received, or else the present values of the actuators; loads appear after their first command."""
         state, known = self.state, {}
         for actuator in self._scene.actuators if state is not None else ():
             position, _, effort = state.joints[actuator.name]
@@ -116,7 +116,7 @@ class NodeSession:
 
     @property
     def targets(self) -> Mapping[str, Pose]:
-        """Targets received, else the present poses of handles and obstacles."""
+        """Targets received, or else the present poses of handles and obstacles."""
         poses = {handle.name: Pose() for handle in self._scene.handles}
         return poses | (self.state.poses if self.state is not None else {}) | self._led
 
@@ -238,7 +238,7 @@ class NodeSession:
         return scene_from_text(self._text, origin=f"of the node {self.name}")
 
     def _hear_scene(self, message: String) -> None:
-        """Store the scene; a later scene replaces it if only moduli differ, else it makes the session outdated."""
+        """Store the scene. A later scene replaces it if only moduli differ; otherwise the session is outdated."""
         before, self._text = self._text, message.data
         if before in (None, message.data):
             return
@@ -272,7 +272,7 @@ class NodeSession:
         self._told(view_of(state, self._scene))
 
     def _note_pause(self, paused: bool) -> None:
-        """Note that the node is paused or not, before its next report does."""
+        """Note whether the node is paused, before its next report states it."""
         self._report = replace(self._report, paused=paused)
 
     def _spin(self) -> None:
@@ -287,7 +287,7 @@ class NodeSession:
             self._fail(error)
 
     def _note_silence(self) -> None:
-        """Report once that a node is silent, and once that it is back."""
+        """Report once that a node has become silent, and once that it answers again."""
         silent = time.monotonic() - self._heard > _SILENT
         if silent and not self._silent:
             ended = f"nothing is heard of {self.name} any more: it has ended, was killed, or is out of reach"

@@ -12,12 +12,13 @@ from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.scene import Scene
 
 LOST = 1.0
-"""Wall time [s] without a step after which orders are repeated, because an order or the record of a step may be lost,
-and a node that waits for commands makes no step by itself."""
+"""Wall time [s] without a step after which orders are repeated. An order, or the record of a step, may be lost, and a
+node that waits for commands then makes no step.
+"""
 
 
 class Player:
-    """Plays one program at a time, which begins at the first step received after `play`.
+    """Plays one program at a time; the program begins at the first step received after `play`.
 
     Args:
         scene: with the program.
@@ -50,7 +51,7 @@ class Player:
         self._programme = None
 
     def leave(self, names: Iterable[str]) -> None:
-        """Stop commanding the named handles, actuators and loads, which the viewer commands now."""
+        """Stop commanding the named handles, actuators and loads, because the viewer commands them now."""
         if self._programme is not None:
             self._programme.leave(names)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 _ACTIVE, _RECORDING, _PAUSED = "active", "recording", "paused"
-"""Texts of the node about its lifecycle, about a bag that it writes, and in place of its clock."""
+"""Texts in a node's reports: about its lifecycle, about a bag that it writes, and in place of its clock when paused."""
 
 
 @dataclass(frozen=True)
@@ -16,10 +16,10 @@ class NodeReport:
     """Report of a node, once a second.
 
     Attributes:
-        text: activity or problem; empty if it is active without problems.
+        text: activity or problem of the node; empty if the node is active without problems.
         bad: whether there is a problem.
-        paused: whether it is paused.
-        bag: path of the bag that it writes, or None.
+        paused: whether the node is paused.
+        bag: path of the bag that the node writes, or None.
     """
 
     text: str = ""

@@ -19,7 +19,7 @@ from gdfe_ros.node.interface import topics
 from gdfe_ros.node.strays import namesakes
 
 _LOST = 2.0
-"""Time [s] after which an answer counts as lost: a node that has not discovered the client yet cannot send it one."""
+"""Time [s] after which an answer counts as lost: a node that has not discovered the client yet cannot answer it."""
 
 
 def full_name(name: str) -> str:
@@ -38,7 +38,7 @@ def full_name(name: str) -> str:
 
 
 class Waiting:
-    """Reports the lifecycle state of a node whose scene is awaited, each time that it changes.
+    """Reports each change of the lifecycle state of a node from which a scene is awaited.
 
     Args:
         node: receives.

@@ -32,8 +32,8 @@ _INTERVAL = 1.0 / 60.0
 class Steps:
     """Subscribes to the topics of a scene's state, and passes on the newest complete step.
 
-    The records of steps are always received, other topics only while needed, because a node makes no message without a
-    subscriber.
+    The records of steps are always received. Other topics are received only while they are needed, because a node makes
+    no message without a subscriber.
 
     Args:
         node: subscribes.

@@ -27,7 +27,7 @@ def face_areas(x, quads, out):
 
 @kernel
 def corner_normals(areas, starts, smooth, out):
-    """Write unit normals (q, 4, 3) at the corners of faces: the area-weighted mean over the smoothly adjoining faces.
+    """Write unit normals (q, 4, 3) at the corners of faces, as area-weighted means over the faces in ``smooth``.
 
     Args:
         areas: (q, 3) [m^2] area vectors of the faces.
@@ -134,7 +134,8 @@ def nearest_faces(
     Args:
         x: (n, 3) [m] positions.
         last: (n, 3) [m] last positions at which nothing penetrated.
-        sunk: (k,) vertices that already penetrated at ``last``: they leave through the nearest face.
+        sunk: (k,) whether a vertex already penetrated at ``last``. Such a vertex takes the nearest face, even from
+            behind.
         pairs: (p,) index of each candidate pair's vertex among the surface's vertices.
         faces: (p,) face of each candidate pair.
         surface: the topology of an `OwnSurface`.
@@ -146,8 +147,8 @@ def nearest_faces(
         weights: (k, 4), is written: weights of the face's corners at the closest point.
         normal: (k, 3), is written: unit normal of the plane that the vertex must stay in front of.
         gap: (k,) [m], is written: signed distance to that plane.
-        support: (k,), is written: fraction of the contact force that the face carries, 1 above the face and falling to
-            0 at the outer edge of its rim.
+        support: (k,), is written: fraction of the contact force that the face carries. It is 1 above the face and falls
+            to 0 at the outer edge of the rim.
     """
     quads = surface.quads
     for pair in range(len(pairs)):

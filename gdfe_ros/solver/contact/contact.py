@@ -26,19 +26,22 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 
 ENTRY = 1e-3
-"""Distance over the body's size beyond which a point counts as outside. A point that enters the obstacle from farther
-away within one step gets a penetration plane."""
+"""A point counts as outside if its distance from the obstacle, over the body's size, exceeds this. A point from outside
+that enters the obstacle within one step gets a penetration plane.
+"""
 REACH = 0.05
-"""Distance over the body's size within which points take part in contact. Distances are recomputed once the body has
-moved as far."""
+"""Points take part in contact up to this distance over the body's size. Distances are recomputed once the body has
+moved by this distance.
+"""
 SLIP = 3e-7
-"""Slip, over the body's size, assumed in the linearisation for a slipping point that has hardly moved yet."""
+"""Slip, over the body's size, that the linearisation assumes for a slipping point that has hardly moved yet."""
 HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
 """Columns of a point's row that `Contact.update` changes."""
 STIFFER = 30.0
-"""Penalty over the usual one at elements whose fold barrier acts. The barrier makes a corner much stiffer than
-an undeformed one, and multipliers with the usual penalty converge slowly there: 836 iterations a step instead of 18 for
-a cube of 8^3 cells on its corner."""
+"""Factor of the penalty at elements on which a fold barrier acts. The barrier makes a corner much stiffer than an
+undeformed one. With the usual penalty multipliers then converge slowly: a cube of 8^3 cells on its corner took 836
+iterations a step instead of 18.
+"""
 
 
 class Contact(ContactTerm):
@@ -103,7 +106,7 @@ class Contact(ContactTerm):
         self._usual = self._penalty = PENALTY * self._points.stiffness(matrix.assembled.diagonal())
 
     def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """Raise the penalties of points carried by ``vertices`` (k,) for the next solve: fold barriers act there."""
+        """Raise the penalties of points carried by ``vertices`` (k,) in the next solve; fold barriers act on these."""
         self._penalty = self._usual
         if len(vertices):
             beside = np.isin(self._points.carriers, vertices).any(axis=1)
@@ -192,8 +195,8 @@ class Contact(ContactTerm):
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Choose the points that touched at the end of a solve, with the forces found there, for the linearisation.
 
-        A point that slips but has hardly moved gets the slip `SLIP` in the direction of its friction force, so that the
-        direction of slip is defined.
+        The direction of slip must be defined. A slipping point that has hardly moved therefore gets the slip `SLIP` in
+        the direction of its friction force.
         """
         self._led = np.zeros((0, 3))
         if not found["press"].any():
@@ -246,7 +249,7 @@ class Contact(ContactTerm):
         return found
 
     def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the force [N] and the moment [N m] about the obstacle's origin (6,) that it exerts on the points."""
+        """Return the wrench (6,) of the obstacle on the points: force [N], and moment [N m] about its origin."""
         if not self.updates:
             return np.zeros(6)
         forces = self.share * self._forces(positions)[0]
@@ -303,7 +306,8 @@ class Contact(ContactTerm):
     def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the planes (p, 4) through which points enter the obstacle on straight paths to ``places`` (p, 3) [m].
 
-        Rows of points that do not enter, or moved less than `ENTRY`, are zero. ``starts`` (p, 3) [m] are in its frame.
+        The row of a point is zero if it does not enter or if it moved less than `ENTRY`. ``starts`` (p, 3) [m] are in
+        the obstacle's frame.
         """
         planes, ends, reach = np.zeros((len(places), 4)), self._in_frame(places), ENTRY * self._body.size
         moved = ends - starts
@@ -315,7 +319,7 @@ class Contact(ContactTerm):
         return planes
 
     def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the points (p, 3) [m] in the obstacle's frame at the end of the last step; before any, ``places``."""
+        """Return the points (p, 3) [m] at the last step's end in the obstacle's frame; before any step, ``places``."""
         if self._last is None:
             return self._in_frame(places)
         origin, axes = self._frame(self._last.positions, self._last.poses[self._touched.name])
@@ -329,10 +333,10 @@ class Contact(ContactTerm):
         return longest * max(TURNED if isinstance(self._touched, RigidBody) else 1.0, self._points.reach)
 
     def _shifted(self, positions: NDArray[np.float64]) -> float:
-        """Return an upper bound of the displacement [m] of any point relative to the obstacle by the obstacle's motion.
+        """Return an upper bound of the displacement [m] that the obstacle's motion gives any point relative to it.
 
-        The motion counts from the last computation of the distances. Only links of arms have such a bound, because an
-        arm has many links and most of them are far from any contact. For other obstacles that moved it is infinite, so
+        The motion counts from the last computation of the distances. Only links of arms have a finite bound, because an
+        arm has many links and most are far from any contact. For other obstacles that moved the bound is infinite, so
         that their distances are computed again.
         """
         if self._pose == self._seen_at:
@@ -399,7 +403,7 @@ class Contact(ContactTerm):
         return self._points.at(positions)[self._chosen]
 
     def _correct(self, positions: NDArray[np.float64]) -> float:
-        """Update the offsets, by which faces are nearer than their corners; return the largest change [m]."""
+        """Update the offsets of the points (see `law`); return the largest change [m]."""
         if not len(self._faces):
             return 0.0
         surface, faces = self._points, self._faces

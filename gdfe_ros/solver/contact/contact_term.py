@@ -18,7 +18,7 @@ preconditions the minimisation."""
 FORCE = 1e-2
 """The solver's tolerance over the relative tolerance of contact forces: a tolerance of 1e-4 requires forces to 1 %."""
 FAINT = 1e-7
-"""Displacement over the body's size whose penalty force counts as zero. No minimisation resolves less."""
+"""Displacement over the body's size whose penalty force counts as zero. No minimisation resolves a smaller one."""
 
 
 class ContactTerm(Term):
@@ -33,10 +33,11 @@ class ContactTerm(Term):
         potential: the compiled energy; `add_forces` computes the forces as its gradient.
         on_body: whether the elastic body touches an obstacle.
         resolution: displacement [m] to which a minimisation must converge so that the forces are known.
-        share: factor from the multipliers, the forces at the end of a step, to the force over a step in motion.
+        share: force over a step in motion, divided by the multipliers, which are the forces at the end of the step.
         missed: largest error [m] in gap or slip of a self-contact pair at the last update of a solve.
         gives_up: whether hopeless solves end at once, because smaller steps may succeed.
-        stocky: whether only displacements measure the remaining distance of a body; updates are then extrapolated.
+        stocky: whether the minimiser does not certify the distance to the equilibrium. Displacements then measure the
+            remaining distance, and updates are extrapolated.
         buried: whether the penetration that `flaw` found is deep, not only above the tolerance.
         hopeless: whether separate parts have penetrated so deeply that the search finds no pair for them any more.
     """
@@ -54,7 +55,7 @@ class ContactTerm(Term):
         return 0.0
 
     def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """Raise the penalties of points carried by ``vertices`` (k,) for the next solve: fold barriers act there."""
+        """Raise the penalties of points carried by ``vertices`` (k,) in the next solve; fold barriers act on these."""
 
     def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
         """Add the contact forces of a solve that ended at ``positions`` (n, 3) [m] to ``forces`` (n, 3) [N]."""

@@ -15,8 +15,8 @@ PLANE, SPHERE, BOX, CAPSULE, CYLINDER, MESH = range(6)
 def signed_distance(kind, a, b, c, x, y, z):
     """Return the signed distance [m] from a point to a shape, negative inside, and its gradient (3,).
 
-    ``a``, ``b`` and ``c`` are the shape's numbers. Where the gradient is not unique (at a centre, or on a medial
-    plane), one of its limits is returned.
+    ``a``, ``b`` and ``c`` are the shape's numbers. At a centre, or on a medial plane, the gradient is not unique; one
+    of its limits is returned.
     """
     if kind == PLANE:
         return z, 0.0, 0.0, 1.0

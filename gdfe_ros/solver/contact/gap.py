@@ -12,19 +12,22 @@ from gdfe_ros.solver.contact.distance import MESH, signed_distance
 from gdfe_ros.solver.contact.grid import SURE, grid_distance
 
 AXES, ORIGIN, NUMBERS, FRICTION, SIGNS, HEAD = 0, 9, 12, 15, 16, 28
-"""Offsets in a term's reals of the frame's rotation, its origin [m], the shape's numbers, the friction coefficient, the
-signs s_a (4, 3) [1/m] of a rigid body, and of the points."""
+"""Layout of a term's reals. Each number is the offset of one field: the frame's rotation, its origin [m], the shape's
+numbers, the friction coefficient, the signs s_a (4, 3) [1/m] of a rigid body, and the points.
+"""
 PENALTY, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, STRIDE = 0, 1, 2, 5, 8, 11, 12, 20, 24
-"""Offsets in a point's row of the penalty k [N/m], normal force l [N], friction force t (3,) [N], anchor (3,) [m] in
-the frame, normal (3,), offset [m], weights (8,), and the plane n . q = d in the frame through which the point
-entered, as (n, d) with n = 0 for none; and the row's length."""
+"""Layout of a point's row. The offsets are those of the penalty k [N/m], normal force l [N], friction force t (3,) [N],
+anchor (3,) [m] in the frame, normal (3,), offset [m], weights (8,) and entry plane (4,). The plane n . q = d in the
+frame is stored as (n, d); n = 0 means none. `STRIDE` is the row's length.
+"""
 KIND, COUNT, CARRIERS, BODY, VERTICES = 0, 1, 2, 3, 7
-"""Offsets in a term's integers of the shape's kind, the number of points, the number of vertices that carry each point,
-the four vertices of the frame (-1 for a prescribed frame), and of the points' carriers."""
+"""Layout of a term's integers: offsets of the shape's kind, the number of points, the number of vertices that carry
+each point, the frame's four vertices, and the points' carriers. The frame's vertices are -1 for a prescribed frame.
+"""
 MOST_STEPS = 60
 """Limit of sphere-tracing steps along one path. A point that has not arrived by then only grazes the obstacle."""
 SMOOTH = 0.95
-"""Length of the mean of an obstacle's normals at a face's corners above which the obstacle counts as smooth there."""
+"""The obstacle counts as smooth at a face if the mean of its unit normals at the face's corners is longer than this."""
 
 
 @inlined
@@ -106,8 +109,8 @@ def unit(nx, ny, nz):
 def gap_at(kind, reals, r, px, py, pz):
     """Return the signed distance [m] from a point to the obstacle, and the normal (3,) there, in world axes.
 
-    If the obstacle would push the point out on another side than it entered, distance and normal are those of the plane
-    through which it entered.
+    If the obstacle would push the point out on another side than it entered, distance and normal are those of the entry
+    plane.
     """
     g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
     a, b, c = reals[r + PLANE], reals[r + PLANE + 1], reals[r + PLANE + 2]
@@ -133,8 +136,8 @@ def entries(starts, ends, reach, head, kind, planes):
     """Write the planes (k, 4) through which points on straight paths in the frame (k, 3) [m] enter the obstacle.
 
     Rows of points that do not enter are zero. A point that starts nearer than ``reach`` [m] counts as entering only if
-    the obstacle would push it out on the other side at the path's end. Each path is sphere-traced: a step is as long as
-    the distance at its start, and nothing is nearer than that.
+    the obstacle would push it out on the other side at the path's end. Each path is sphere-traced: each step is as long
+    as the distance to the obstacle at its start.
     """
     for i in range(len(starts)):
         planes[i] = 0.0
@@ -160,10 +163,11 @@ def entries(starts, ends, reach, head, kind, planes):
 
 @kernel
 def nearness(x, quads, gauss, shape, head, kind, out):
-    """Add the interpolated minus the true distance to the obstacle, integrated over faces, to ``out`` (n,) [m^3].
+    """Add the error of interpolated distances to the obstacle, integrated over faces, to ``out`` (n,) [m^3].
 
-    Distances are interpolated between a face's corners. Each face's integral is distributed to its vertices. Faces
-    across an edge of the obstacle, where the normals at the corners differ, are left out.
+    The error is the distance interpolated between a face's corners, minus the true distance. Each face's integral is
+    distributed to its vertices. A face across an edge of the obstacle is left out, because the normals at its corners
+    differ.
     """
     corner, normal = np.empty(4), np.empty((4, 3))
     for q in range(len(quads)):

@@ -11,15 +11,17 @@ START, CELL, COUNTS, SAMPLES = 0, 3, 4, 7
 """Offsets in a mesh's numbers of its grid's first point [m], spacing [m], counts, and signed distances [m]."""
 
 SURE = 0.7
-"""Lower bound of the true distance over the interpolated one, which is at most sqrt(2) times too large off the grid."""
+"""Least ratio of the true distance to the interpolated one. Off the grid the interpolated distance is up to sqrt(2)
+times too large.
+"""
 
 
 @inlined
 def spline(t):
     """Return the uniform cubic B-spline weights of four samples in a row, and their slopes, at the fraction ``t``.
 
-    ``t`` runs from the second sample (0) to the third (1). The spline reproduces planes, smooths facets and edges over
-    a cell or two, and overshoots neither distance nor gradient, so it has no spurious dents between which a vertex
+    ``t`` runs from the second sample (0) to the third (1). The spline reproduces planes, and smooths facets and edges
+    over a cell or two. Neither distance nor gradient overshoots, so there are no false dents between which a vertex
     could jump.
     """
     s = 1.0 - t
@@ -43,8 +45,9 @@ def inside_grid(head, base, axis, x):
 def grid_distance(head, count, x, y, z):
     """Return the distance [m] from a point to a mesh, and the exact gradient (3,) of this interpolated distance.
 
-    The grid is the last ``count`` numbers of ``head``. Outside of the grid, where nothing touches, the distance is
-    taken to the surface point nearest to the closest point of the grid, and the gradient has that direction.
+    The grid is the last ``count`` numbers of ``head``. Outside of the grid nothing touches. The function then takes the
+    closest point of the grid, and the surface point nearest to that one; it returns the distance and direction to this
+    surface point.
     """
     base = len(head) - count
     h, ny, nz = head[base + CELL], int(head[base + COUNTS + 1]), int(head[base + COUNTS + 2])

@@ -50,8 +50,8 @@ class Inside:
     def depths(self, x: NDArray[np.float64], bound: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the penetration depth [m] of each surface vertex (k,), and the cell in which it lies (k,).
 
-        They are 0 and -1 for a vertex that is in no foreign cell, or less than ``bound`` [m] below the surface, or
-        nearest to a face that takes no part in self-contact.
+        Depth and cell are 0 and -1 in three cases: the vertex is in no foreign cell, it is less than ``bound`` [m]
+        below the surface, or its nearest face takes no part in self-contact.
 
         Args:
             x: (n, 3) [m] positions.
@@ -126,7 +126,7 @@ def clamp(value):
 
 @internal
 def depth_below(x, quads, touchable, first, last, vertex, bound):
-    """Return the distance [m] from a vertex to the nearest of the faces ``first`` to ``last`` that do not contain it.
+    """Return the distance [m] from a vertex to the nearest face, among ``first`` to ``last``, without this vertex.
 
     It is 0 if that distance is below ``bound`` [m] or the nearest face takes no part in self-contact.
     """
@@ -186,7 +186,7 @@ def find_inside(x, vertices, quads, touchable, quad_starts, cells, pieces, near_
         cells: (m, 8) corners of the cells.
         pieces: (m,) piece of each cell.
         near_starts: (m + 1,) index into ``near`` at which the list of each cell begins.
-        near: vertices of the cells around each cell, ascending; they are exempt.
+        near: vertices of the cells around each cell, ascending; these are not tested in it.
         bound: [m] least depth that is reported.
         depth: (k,) [m], is written for vertices inside a cell.
         cell: (k,), is written for vertices inside a cell.

@@ -7,14 +7,15 @@ Friction has the Moreau envelope of mu l |s|: with the slip s since the anchor, 
 multiplier t, the trial force t + k s is shortened to mu l, and becomes the new t. A point that sticks keeps its
 anchor, so sticking contacts do not creep.
 
-The gap of a vertex is its distance to the obstacle less its ``offset``. The offset is a mean over the faces around the
-vertex: the distance interpolated between a face's corners minus the true distance. On a ball, where faces are chords,
-it halves the error of gaps taken at vertices alone. The vertex itself is never nearer than its gap.
+The gap of a vertex is its distance to the obstacle minus its ``offset`` (at least 0). Flat faces come nearer to a round
+obstacle than their corners do. The offset is the mean of this difference over the faces around the vertex: the distance
+interpolated between a face's corners, minus the true distance. On a ball the offset halves the error of the gaps.
 
-A point is a vertex, or is carried by the eight vertices of a cell below a skin, or by the four vertices of a rigid
-body. The frame of the touched obstacle is prescribed, or is that of a rigid body. The four vertices of a rigid body
-are corners of a box around its centre of mass c. With the signs s_a of these corners over four times the half edges,
-R = sum_a x_a s_a^T and c = mean x_a. Both are linear in the positions, so forces on the vertices follow directly.
+A point is one of three things: a vertex, a skin point carried by the eight vertices of a cell, or a point carried by
+the four vertices of a rigid body. The frame of the touched obstacle is prescribed, or is that of a rigid body. The four
+vertices of a rigid body are corners of a box around its centre of mass c. With the signs s_a of these corners over four
+times the half edges, R = sum_a x_a s_a^T and c = mean x_a. Both are linear in the positions, so forces on the vertices
+follow directly.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 @inlined
 def push(reals, integers, i, f0, f1, f2, force):
-    """Add the gradient dE/dp [N] of a point to the gradients of its carriers, ``force`` (n, 3)."""
+    """Distribute the gradient dE/dp [N] of a point to the gradients of its carriers in ``force`` (n, 3)."""
     count = integers[CARRIERS]
     first = VERTICES + count * i
     for a in range(count):
@@ -133,8 +134,8 @@ def update_multipliers(x, reals, integers):
     """Update the multipliers l and t and the normals.
 
     Returns:
-        The largest error [m] in gap or slip of a point, |change of force| / k; the sum of the changes of forces [N];
-        the sum of the normal forces [N]; the sum of the penalties [N/m] of the points that press.
+        Four numbers: the largest error [m] in gap or slip of a point, |change of force| / k; the sum of the changes of
+            forces [N]; the sum of the normal forces [N]; the sum of the penalties [N/m] of the points that press.
     """
     miss, kind, changed, held_now, stiff = 0.0, integers[KIND], 0.0, 0.0, 0.0
     take_frame(x, reals, integers)

@@ -16,15 +16,17 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.contact import gap
 
 TOUCHING = 1e-3
-"""Penetration depth over a rigid body's diagonal up to which bodies count as touching only."""
+"""Bodies only touch if the penetration depth, over a rigid body's diagonal, is at most this."""
 POINTS, ROUNDS, CLOSER = 9, 14, 0.4
-"""Search grid for the deepest point: points along each edge, number of refinements, and size factor of a refinement."""
+"""Search grid for the deepest point: points along each edge, number of refinements, and factor of the grid's size in
+each refinement.
+"""
 MOST_SHIFTS = 20
 """Limit of shifts towards the outside. One is enough except where edges cross."""
 WITHIN = 0.75
-"""Fraction of all directions in which a point sees the surface, above which it counts as inside and not on the edge."""
+"""A point counts as inside, not on the edge, if it sees the surface in more than this fraction of all directions."""
 SKIN = 0.98
-"""Scale of a rigid body's own surface points, which are tested for being inside of the soft body."""
+"""Scale of a rigid body's own surface points when they are tested for being inside of the soft body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,7 @@ class Placed:
         return self.origin + places @ self.axes.T
 
     def seen_from(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return signed distances (k,) [m] of points (k, 3) [m] from it, negative inside, and the normals (k, 3)."""
+        """Return signed distances (k,) [m] from it to points (k, 3) [m], negative inside, and the normals (k, 3)."""
         form: Form = self.thing.form
         head = np.concatenate([self.axes.ravel(), self.origin, form.numbers, form.samples])
         away, normals = np.empty(len(points)), np.empty((len(points), 3))
@@ -75,7 +77,7 @@ def placed_now(handles: Sequence[Handle], poses: Mapping[str, Pose], positions: 
 
 
 def overlaps(placed: Sequence[Placed], names: Collection[str] | None = None) -> Iterator[str]:
-    """Yield a sentence for each penetration of a rigid body (of those with ``names``): partner, depth and remedy."""
+    """Yield a sentence with partner, depth and remedy for each penetration of one of the rigid bodies ``names``."""
     for i, one in enumerate(placed):
         if not isinstance(one.thing, RigidBody) or (names is not None and one.thing.name not in names):
             continue
@@ -128,8 +130,8 @@ def _way_out(one: Placed, other: Placed) -> NDArray[np.float64]:
 def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
     """Return the penetration depth [m] of a rigid body in another body or obstacle, and the direction (3,) out of it.
 
-    The depth is minus the least sum of both signed distances over all points. For convex shapes the sum is a convex
-    function of the point, so a grid over the body that contracts around the least value finds it.
+    The sum of both signed distances has a minimum over all points; the depth is the negative of this minimum. For
+    convex shapes the sum is convex, so a grid that contracts around its least value finds the minimum.
     """
     middle, half = np.zeros(3), one.half
     line = np.linspace(-1.0, 1.0, POINTS)
@@ -148,7 +150,7 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
 
 
 def _seen_share(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
-    """Return the largest fraction of directions in which one of ``points`` [m] sees the faces (q, 4, 3) [m].
+    """Return the largest fraction of all directions in which a point sees the faces (q, 4, 3) [m], over ``points`` [m].
 
     The solid angle of a triangle is that of van Oosterom and Strackee (1983).
     """

@@ -22,10 +22,9 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 
 REACH, FARTHEST = 0.02, 0.25
-"""Search distance for faces over the body's size, to which twice the displacement of the step is added; and its
-limit."""
+"""Search distance for faces over the body's size, and its limit. Twice the step's displacement is added to it."""
 ROUNDING = 1e-9
-"""Relative distance below the friction limit within which a pair counts as slipping."""
+"""A pair counts as slipping if its friction force is below the limit by less than this fraction."""
 DEEPEST = 1e-4
 """Largest penetration depth, over the body's size, at the end of a converged step."""
 BURIED = 1e-3
@@ -33,7 +32,7 @@ BURIED = 1e-3
 CLEAR = 1.5
 """Search distance over the largest penetration depth at the beginning of a solve."""
 SAME_SIDE = 0.5
-"""Cosine between the old and the new contact normal of a vertex, above which its multipliers are kept."""
+"""A vertex keeps its multipliers if the cosine between its old and its new contact normal exceeds this."""
 
 
 class OwnContact(ContactTerm):
@@ -83,7 +82,7 @@ class OwnContact(ContactTerm):
         """Return the penalties of pressing pairs and of sticking pairs as springs between their vertices.
 
         Returns:
-            (k, 5) vertices of each spring, and (k, 5, 3) its directions scaled by the root of the penalty [N/m].
+            (k, 5) vertices of each spring, and (k, 5, 3) their directions times the square root of the penalty [N/m].
         """
         rows, chosen = self._rows(), self._chosen
         _, presses, _, slips, _ = self._forces(positions)
@@ -229,7 +228,7 @@ class OwnContact(ContactTerm):
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a sentence about the deepest penetration, or an empty one if it is within `DEEPEST`.
 
-        Every surface vertex is checked, whether or not it was in a pair of the solve. Sets ``buried``.
+        Every surface vertex is checked, also those without a pair in the solve. Sets ``buried``.
         """
         depth, text = self.inside.told(positions, DEEPEST * self._body.size)
         self.buried = depth > BURIED * self._body.size
@@ -251,10 +250,10 @@ class OwnContact(ContactTerm):
         return np.where(self._sunk, 0.0, depths)
 
     def _follow(self, found: Nearest, x: NDArray[np.float64]) -> None:
-        """Set the points that friction acts on: the present ones of pairs that slip, those of the start of all others.
+        """Set the points on which friction acts.
 
-        The slip is the motion since the last state relative to the material point that is touched now. It depends on
-        no position in between.
+        A slipping pair gets its present point; any other pair keeps its point at the start. The slip is the motion
+        since the last state relative to the material point that is touched now. Positions in between do not matter.
         """
         rows, chosen, limit = self._rows(), self._chosen, self.reals[law.FRICTION] * self._rows()[:, law.PRESS]
         shear = np.linalg.norm(rows[:, law.SHEAR : law.HOLD], axis=1)
@@ -268,7 +267,7 @@ class OwnContact(ContactTerm):
         self._offset[slips] = tangential(self._apart(slips, x), found.normal[slips])
 
     def _apart(self, pairs: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return vertex minus point of the held face (k, 3) [m] at the last state, turned with the face to ``x``."""
+        """Return the vectors (k, 3) [m] from held face points to vertices at the last state, turned with the faces."""
         quads, last = self._quads[self._hold[pairs]], self._from
         before = last[self._vertices[pairs]] - np.einsum("ka,kai->ki", self._hold_weights[pairs], last[quads])
         return np.einsum("kij,klj,kl->ki", frames(x, quads), frames(last, quads), before)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Self-contact as derivatives need it: the pairs of a converged solve, which continue to touch, stick or slip."""
+"""Self-contact for derivatives: the pairs of a converged solve keep their faces and continue to stick or slip."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ WIDTH = len(HELD) + 3
 class DifferentiableOwnContact(OwnContact):
     """Self-contact whose converged solves can be linearised. Pairs keep their faces.
 
-    The multipliers of a pair are its normal force, its normal, the weights of its face's corners, its friction force,
-    the weights of the corners that friction acts on, its support, and the change of its offset.
+    The multipliers of a pair are, in this order: its normal force, its normal, the weights of its face's corners; its
+    friction force and the weights of the corners on which friction acts; its support, and the change of its offset.
     """
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
@@ -43,8 +43,8 @@ class DifferentiableOwnContact(OwnContact):
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Choose the pairs that pressed at the end of a solve, with the forces found there.
 
-        A pair that slips but has hardly moved gets the slip `SLIP` in the direction of its friction force, so that the
-        direction of slip is defined.
+        The direction of slip must be defined. A slipping pair that has hardly moved therefore gets the slip `SLIP` in
+        the direction of its friction force.
         """
         self._on = bool(found["press"].any())
         if not self._on:
@@ -139,7 +139,10 @@ class DifferentiableOwnContact(OwnContact):
         return Nearest(*(values[chosen] for values in given[1:]))
 
     def _slid(self, x: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the offsets (k, 3) [m] of pairs that have slid since the last state, with the points of ``rows``."""
+        """Return the vectors from face points to vertices since the last state, in the contact planes (k, 3) [m].
+
+        The face points have the corner weights of ``rows``.
+        """
         chosen, weights = self._chosen, self._hold_weights.copy()
         weights[chosen] = rows[:, law.HOLD : law.OFFSET]
         before, self._hold_weights = self._hold_weights, weights
@@ -147,7 +150,10 @@ class DifferentiableOwnContact(OwnContact):
         return tangential(apart, rows[:, law.NORMAL : law.WEIGHTS])
 
     def _set_anchors(self, positions: NDArray[np.float64]) -> None:
-        """Set the offsets of slipping pairs: as far as they slid in the solve, along their friction force."""
+        """Set the offsets of slipping pairs.
+
+        The slip has its length in the solve, and the direction of the friction force.
+        """
         chosen, rows, slips = self._chosen, self._rows(), self._slips
         self._anchors = self._slid(positions, rows)
         corners = positions[self._quads[self._hold[chosen]]]
@@ -161,5 +167,5 @@ class DifferentiableOwnContact(OwnContact):
         self._ends = rows[:, law.OFFSET : law.SUPPORT].copy()
 
     def _moved(self) -> NDArray[np.float64]:
-        """Return the changes (k, 3) [m] of the offsets; they stand behind all pairs."""
+        """Return the changes (k, 3) [m] of the offsets, which are stored after all pairs."""
         return self.reals[-3 * len(self._vertices) :][: 3 * len(self._chosen)].reshape(-1, 3)

@@ -16,10 +16,11 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_faces
 
 CREASE = 0.7
-"""Cosine between the rest normals of two faces above which the surface counts as smooth over their common edge."""
+"""The surface counts as smooth over an edge if the cosine between the rest normals of its two faces exceeds this."""
 DEPTH, RIM = 0.25, 0.05
-"""Over the shortest edge: depth behind a face that a vertex may have without having been in front of it, and distance
-beside a face that still counts as above it."""
+"""Two distances over the shortest edge. A vertex touches a face from behind, up to `DEPTH`, even if it was never in
+front of it. A vertex beside a face, up to `RIM`, still counts as above it.
+"""
 
 
 class Topology(NamedTuple):
@@ -30,9 +31,9 @@ class Topology(NamedTuple):
         quads: (q, 4) int32 faces.
         about_starts, about: (n + 1,) faces around each vertex of the body.
         smooth_starts, smooth: (4 q + 1,) faces over which the normal at each face corner is averaged.
-        near_starts, near: (q + 1,) vertices that can never touch each face, ascending: the vertices of the cells
-            around the face's own cell.
-        depth: [m] depth behind a face that a vertex may have without having been in front of it.
+        near_starts, near: (q + 1,) vertices that can never touch each face, ascending: those of the cells around the
+            face's own cell.
+        depth: [m] depth behind a face up to which a vertex touches it even if it was never in front of it.
         rim: [m] distance beside a face that still counts as above it.
     """
 
@@ -115,8 +116,8 @@ class OwnSurface:
     ) -> Nearest:
         """Return the nearest face that each vertex can touch within a distance.
 
-        A vertex deep behind a face touches it only if it was in front of it at ``last``. This excludes the far side of
-        a wall, which has always been behind.
+        A vertex deep behind a face touches this face only if it was in front of it at ``last``. Vertices on the far
+        side of a wall are thus excluded.
 
         Args:
             x: (n, 3) [m] positions.

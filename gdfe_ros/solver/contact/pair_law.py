@@ -2,10 +2,10 @@
 """Compiled augmented Lagrangian of gaps and friction between vertices and faces of the same body.
 
 The law is that of `gdfe_ros.solver.contact.law`. During a minimisation, the pair of a vertex x has a plane with the
-normal n through the point sum w_a x_a of its face: g = n . (x - sum w_a x_a). Friction ties x to the point sum v_b x_b
-of the face on which it stuck last: the slip s is the part of x - sum v_b x_b - o in the plane, with o the value of
-x - sum v_b x_b when it stuck. Gap and slip are linear in the positions and invariant to translation, so the forces on
-vertex and face cancel to rounding.
+normal n through the point sum w_a x_a of its face: g = n . (x - sum w_a x_a). Friction ties x to the point y = sum v_b
+x_b of the face on which it stuck last. With the offset o, the value of x - y at that time, the slip s is the part of x
+- y - o in the plane. Gap and slip are linear in the positions and invariant to translation, so the forces on vertex and
+face cancel to rounding.
 
 A vertex at the rim of its face has a fraction c of the face's support: 1 above the face, 0 beside it. Its normal force
 is c max(0, l - k g). In the limit of the updates this is a spring of stiffness k c / (1 - c) between vertex and face. A
@@ -23,12 +23,15 @@ from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 FRICTION, HEAD = 0, 1
 """Offsets in the reals of the friction coefficient and of the pairs."""
 PENALTY, PRESS, NORMAL, WEIGHTS, SHEAR, HOLD, OFFSET, SUPPORT, STRIDE = 0, 1, 2, 5, 9, 12, 16, 19, 20
-"""Offsets in a pair's row of k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,) and c; the row's length."""
+"""Layout of a pair's row: offsets of k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,) and c; and the
+row's length.
+"""
 COUNT, VERTICES = 0, 1
 """Offsets in the integers of the number of pairs and of the pairs' vertices."""
 VERTEX, FACE, HELD, WIDTH = 0, 1, 5, 9
-"""Offsets in a pair's integers of the vertex, the corners of its face (4,), and those of the face to which friction
-ties it (4,); and their number."""
+"""Layout of a pair's integers: offsets of the vertex, of its face's corners (4,), and of the corners (4,) of the face
+to which friction ties it; and their number.
+"""
 
 
 @inlined
@@ -131,8 +134,8 @@ def update_pairs(x, reals, integers):
     """Update the multipliers l and t.
 
     Returns:
-        The largest error [m] in gap or slip of a pair, |change of force| / k; the sum of the changes of forces [N]; the
-        sum of the normal forces [N]; the sum of the penalties [N/m] of the pairs that press.
+        Four numbers: the largest error [m] in gap or slip of a pair, |change of force| / k; the sum of the changes of
+        forces [N]; the sum of the normal forces [N]; the sum of the penalties [N/m] of the pairs that press.
     """
     miss, changed, held_now, stiff = 0.0, 0.0, 0.0, 0.0
     for pair in range(integers[COUNT]):

@@ -21,7 +21,7 @@ def touching_vertices(
     shears: NDArray[np.float64],
     slips: NDArray[np.bool_],
 ) -> Touch:
-    """Return the contact forces at all vertices that touch; the corners of faces receive their parts.
+    """Return the contact forces at all vertices that touch; a face's force is distributed to its corners.
 
     Args:
         x: (n, 3) [m] positions, relative to ``origin``.

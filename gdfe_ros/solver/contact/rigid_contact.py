@@ -17,8 +17,9 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
 
 SUPPORTED = 0.1
-"""When a point's part of an impact is computed, its displacement by all contacts counts as at least this fraction of
-its displacement by this contact alone."""
+"""Bound in the computation of impacts: a point's displacement by all contacts counts as at least this fraction of its
+displacement by one contact alone.
+"""
 
 
 class RigidContact(Contact):
@@ -54,13 +55,13 @@ class RigidContact(Contact):
         moved: tuple[NDArray[np.float64], NDArray[np.float64]],
         forces: NDArray[np.float64],
     ) -> None:
-        """Add the part of a step's contact forces that stops approaching points (the impact) to ``forces`` (n, 3) [N].
+        """Add the impact to ``forces`` (n, 3) [N]: the part of a step's contact forces that stops approaching points.
 
         Args:
             positions: (n, 3) [m] at the end of the step.
             before: the state at its beginning.
             approach: (n, 3) [m] displacement of the vertices over the step at their last velocity.
-            moved: (n, 3) [m] displacements of the step by all contacts, and by this contact alone.
+            moved: two arrays (n, 3) [m]: displacement of the step by all contacts, and by this contact alone.
             forces: (n, 3) [N], is added to.
         """
         if not self.updates:
@@ -82,7 +83,10 @@ class RigidContact(Contact):
         pushes: NDArray[np.float64],
         shears: NDArray[np.float64],
     ) -> None:
-        """Add ``pushes`` (k, 3) [N] on the chosen points, of which ``shears`` are friction, to the vertices' forces."""
+        """Add forces ``pushes`` (k, 3) [N] on the chosen points to the vertices' forces.
+
+        ``shears`` (k, 3) [N] is the friction part of these forces.
+        """
         np.add.at(forces, self.couplings()[self._chosen], ways[:, :, None] * pushes[:, None, :])
 
     def _carried(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:

@@ -19,8 +19,8 @@ from gdfe_ros.solver.state import Saved
 class RoundContact(RigidContact):
     """Contact of a rigid body that is round: its points are centres, one radius away from its surface.
 
-    A point that sticks stores how far its material point has slipped, not where it was: a ball that rolls touches with
-    another material point in each step, and a ball that rests does not creep.
+    A sticking point stores the slip of its material point instead of a place. A rolling ball touches with another
+    material point in each step, and a resting ball must not creep.
 
     Args:
         rigid: the round body.

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled augmented Lagrangian of gaps and Coulomb friction between a round rigid body and a shape.
 
-A ball touches where its centre is one radius away from the shape, so that the normal force acts at the centre and the
-gap is exact however the ball is turned. The friction force acts at the material point that touched when the step began,
-c + R q with q = -r R^T n. While the ball rolls by the angle theta in a step, that point slips by r theta^3 / 6 only. A
-capsule is a row of such balls.
+A ball touches the shape when its centre is one radius away. The normal force acts at the centre, and the gap is exact
+for every rotation of the ball. The friction force acts at the material point that touched when the step began, c + R q
+with q = -r R^T n. While the ball rolls by the angle theta in a step, that point slips by r theta^3 / 6 only. A capsule
+is a row of such balls.
 
 The arrays are those of `law`: a row has the centre's weights, then those of the material point, and the radius as
 offset.

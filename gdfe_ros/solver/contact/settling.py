@@ -25,20 +25,24 @@ SLOWEST = 0.95
 NORMALS = slice(4, 7)
 """Columns of normals among the forces of pairs."""
 SHARE = 0.5
-"""Applied fraction of a normal's rotation in a plain update, with which updates converge unless they overshoot more
-than twofold."""
+"""Fraction of a normal's rotation that a plain update applies. Updates then converge unless they overshoot more than
+twofold.
+"""
 SWINGING, MOST_SWINGS = 0.5, 8
-"""Fraction of the last update above which the reversal by the next one counts as an oscillation, and number of
-successive oscillations before updates are damped."""
+"""An update counts as an oscillation if it reverses more than this fraction of the last one. Updates are damped after
+this number of successive oscillations.
+"""
 SHORTER, LEAST = 0.5, 1.0 / 256.0
-"""Factor of the applied fraction of an update at each oscillation, and least such fraction."""
+"""Each oscillation multiplies the applied fraction of an update by the first number; the second is the fraction's lower
+limit.
+"""
 
 
 class Damping:
     """Damping of multiplier updates that oscillate.
 
-    Friction depends on the normal forces. If friction is strong it also lifts the body: the normal forces vanish after
-    the next update, then friction does, and the cycle repeats. Partial updates converge to the state between.
+    Friction depends on the normal forces. Strong friction also lifts the body: the normal forces vanish in the next
+    update, then friction vanishes, and the cycle repeats. Partial updates converge to the state in between.
     """
 
     def __init__(self) -> None:
@@ -78,8 +82,8 @@ class Settling:
     def way(self, positions: NDArray[np.float64], missed: float) -> float:
         """Return an estimate of the remaining distance [m], from the last displacement and the error ``missed`` [m].
 
-        Between plain updates both shrink by factors q, so that the last value times q / (1 - q) remains. An error that
-        many pairs have in common shrinks slowly, and is much smaller than the displacement that it causes.
+        Each plain update multiplies both by a factor q, so that the last value times q / (1 - q) remains. An error that
+        many pairs have in common shrinks slowly, and causes a displacement much larger than itself.
         """
         last = np.array([largest_distance(positions, self._before), missed])
         self._plain = 0 if self._hastened else self._plain + 1
@@ -92,8 +96,8 @@ class Settling:
     def mixed(self, held: NDArray[np.float64], found: NDArray[np.float64], near: float) -> NDArray[np.float64]:
         """Return the next forces and normals (k, 7), from those before (``held``) and after an update (``found``).
 
-        They are extrapolated while more than ``near`` [m] remains. If less remains, the found ones are returned, with
-        normals that rotate by `SHARE` only and so do not oscillate. Such plain updates measure the rate of convergence.
+        The result is extrapolated while more than ``near`` [m] remains. If less remains, it is ``found``, with normals
+        that rotate by `SHARE` only and so do not oscillate. Such plain updates measure the rate of convergence.
         """
         if not self._last[0] > 0.0:
             return found
@@ -112,7 +116,7 @@ def parted(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return normal forces (k,), friction in the contact planes (k, 3) [N] and unit normals (k, 3) of a mixture (k, 7).
 
-    Normals whose cosine with those ``before`` (k, 3) is below ``alike`` keep their old direction.
+    A normal keeps its direction from ``before`` (k, 3) if the cosine between old and new direction is below ``alike``.
     """
     press, shear, normal = mixed[:, 0], mixed[:, 1:4], mixed[:, NORMALS]
     length = np.linalg.norm(normal, axis=1)[:, None]

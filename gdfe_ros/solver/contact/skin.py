@@ -12,7 +12,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.surface import ContactSurface, driven_vertices
 
 HELD = 0.5
-"""Fraction of a point's weights on driven vertices from which on the point counts as driven and does not touch."""
+"""A point counts as driven, and does not touch, if at least this fraction of its weights is on driven vertices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +22,8 @@ class Skin(ContactSurface):
     Attributes:
         carriers: (k, 8) int32 corners of the cell that carries each point; for a vertex, eight times itself.
         weights: (k, 8) weights of the carriers; for a vertex, the first is one.
-        areas: (k,) [m^2] undeformed, a vertex' part of the faces; infinite for points of a skin, so that integrals over
-            faces do not act on them.
+        areas: (k,) [m^2] undeformed area of the faces that belongs to a vertex; infinite for points of a skin, on which
+            integrals over faces then have no effect.
         points: (k,) int32 index of each among the mesh's skin points; -1 for a vertex.
         driven: (n,) bool vertices that handles drive.
     """
@@ -57,7 +57,7 @@ class Skin(ContactSurface):
 
     @property
     def reach(self) -> float:
-        """Bound of a point's displacement over that of its carriers. Points outside of their cell exceed 1."""
+        """Bound of a point's displacement over that of its carriers; above 1 if a point lies outside of its cell."""
         return max(1.0, float(np.abs(self.weights).sum(axis=1).max(initial=0.0)))
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -67,8 +67,8 @@ class Skin(ContactSurface):
     def stiffness(self, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the stiffness (k,) [N/m] of the points, from the constant matrix' diagonal (n,) [N/m].
 
-        A point's compliance is the sum of its free carriers' compliances by squared weights. Points with a
-        common carrier divide its stiffness, so that together they are no stiffer than it.
+        A point's compliance is the sum of its free carriers' compliances times their squared weights. Points with a
+        common carrier divide its stiffness: together they are at most as stiff as the carrier.
         """
         squares = np.where(self.driven[self.carriers], 0.0, self.weights**2)
         alone = 1.0 / (squares / diagonal[self.carriers]).sum(axis=1)

@@ -28,10 +28,10 @@ class ContactSurface:
     Attributes:
         carriers: (k, 1) int32 vertices that are not driven, sorted.
         weights: (k, 1) ones.
-        areas: (k,) [m^2] undeformed, each vertex' part of the surface.
+        areas: (k,) [m^2] undeformed area of the surface that belongs to each vertex.
         quads: (q, 4) int32 faces.
-        gauss: (q, 4) [m^2] undeformed, the part of each Gauss point.
-        spread: (n,) [m^2] undeformed, the part of every vertex of the body.
+        gauss: (q, 4) [m^2] undeformed area that belongs to each Gauss point.
+        spread: (n,) [m^2] undeformed area that belongs to each vertex of the body.
     """
 
     carriers: NDArray[np.int32]
@@ -61,8 +61,8 @@ class ContactSurface:
     def _of_nodes(cls, body: Body, faces: NDArray[np.int32], driven: NDArray[np.bool_]) -> ContactSurface:
         """Return the surface of tetrahedra: all six nodes of each face touch.
 
-        There is no correction for faces that are nearer than their nodes: the faces are quadratic, too. In a prototype
-        the faces entered a ball between their nodes, by 4 to 9 % of its depth.
+        Gaps have no offset (see `law`), because the faces are curved themselves. In a prototype the faces entered a
+        ball between their nodes, by 4 to 9 % of its depth.
         """
         flat = flat_quads(faces)
         shares = corner_areas(body.rest, flat)

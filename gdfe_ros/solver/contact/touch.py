@@ -17,8 +17,8 @@ class Touch:
         vertices: (k,) int32; for skin points, the carrier with the largest weight.
         places: (k, 3) [m] positions.
         normals: (k, 3) unit normals out of the obstacle.
-        gaps: (k,) [m] distance from each vertex to the obstacle. Where the mean gap of the faces counts, a vertex that
-            touches a round obstacle is slightly off it.
+        gaps: (k,) [m] distance from each vertex to the obstacle. At a round obstacle they are slightly positive,
+            because contact closes the mean gap of the faces.
         presses: (k,) [N] normal forces.
         shears: (k, 3) [N] friction forces on the body.
         slips: (k,) whether a vertex slips, or is free to.

@@ -23,7 +23,7 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.settings import Skip
 
 LEAST_BLOCKS = 25
-"""Least number of element blocks per thread for which threads pay."""
+"""More threads are used only if each has at least this number of element blocks."""
 _ENDS = tuple(End)
 
 
@@ -33,7 +33,7 @@ class Movable:
 
     Attributes:
         unknowns: numbering of the unknowns.
-        frozen: int32 vertices that no handle prescribes, but that the solve leaves where they are.
+        frozen: int32 vertices without a handle that the solve does not move.
         matrix: the constant matrix of the unknowns.
     """
 
@@ -52,12 +52,12 @@ class ActiveSet(Movable):
     """Unknowns of a solve, the elements that it evaluates, and their workspace.
 
     Attributes:
-        elements: (k,) int32 evaluated elements; the forces of all others stay as they are.
-        carried: int32 those of them whose pressures are updated.
-        softening: int32 those of them whose hourglass scales are updated.
+        elements: (k,) int32 evaluated elements; the forces of all others are kept.
+        carried: int32 evaluated elements whose pressures are updated.
+        softening: int32 evaluated elements whose hourglass scales are updated.
         blocks: these elements in the layout of the kernels, without growth.
-        skipped: counts of work that is left out, by name: elements, or 1.
-        workspace: of its minimisations; a part uses the positions and forces of the whole.
+        skipped: work that is left out, by name: the number of elements, or 1 for work that is not counted by elements.
+        workspace: the arrays of its minimisations; a part uses the positions and forces of the whole.
         keeper: copies the workspace's history to and from immutable values.
     """
 
@@ -78,8 +78,8 @@ class ActiveSet(Movable):
         Args:
             body: the discretised body.
             matrix: the constant matrix.
-            memory: pairs in the history of a minimisation.
-            rigid: whether elements inside of handles keep zero force, because nothing grows.
+            memory: number of pairs in the history of a minimisation.
+            rigid: whether elements inside of handles always have zero force; they do if nothing grows.
             skip: kinds of work to leave out.
         """
         elements = np.arange(len(body.material), dtype=np.int32)
@@ -140,7 +140,7 @@ class ActiveSet(Movable):
 
         Args:
             positions: (n, 3) [m] of the free vertices, frozen ones included.
-            base: (n, 3) [m], of which the rows of handle vertices are read.
+            base: (n, 3) [m]; only the rows of handle vertices are read.
             slides: (p, 3) translations [m] of the handles with a free axis.
             turns: (p, 3) their rotation vectors [rad].
         """
@@ -166,7 +166,7 @@ class ActiveSet(Movable):
         return slides, turns
 
     def threads(self, most: int) -> int | None:
-        """Return the number of threads with which evaluating the elements pays; None for the calling thread."""
+        """Return the number of threads, at most ``most``, that is fastest; None stands for the calling thread."""
         if self.matrix.kind is Factorisation.DENSE:
             return None
         count = min(most, len(self.blocks.element) // LEAST_BLOCKS)
@@ -174,7 +174,7 @@ class ActiveSet(Movable):
 
 
 def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
-    """Return which elements (m,) have all their vertices in one handle: they only ever move rigidly."""
+    """Return whether each element (m,) has all its vertices in one handle; such elements move rigidly."""
     inside = np.zeros(len(body.material), dtype=bool)
     for handle in body.handles:
         held = np.zeros(len(body.rest), dtype=bool)
@@ -186,7 +186,7 @@ def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
 def _updated(
     body: Body, elements: NDArray[np.int32], skip: Collection[Skip]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the elements whose pressures, and those whose hourglass scales, are updated between minimisations."""
+    """Return two sets of elements that are updated between minimisations: for pressures, and for hourglass scales."""
     material = body.material[elements]
     carried = body.table.parameters[material, CARRIED] == 1.0
     softening = body.table.law[material] != Law.LINEAR
@@ -203,7 +203,7 @@ def _skipped(
     carried: NDArray[np.int32],
     softening: NDArray[np.int32],
 ) -> dict[str, int]:
-    """Return the counts of work left out if only ``elements`` of the ``movable`` ones are evaluated."""
+    """Return the counts of work left out if only ``elements`` are evaluated, instead of those of ``movable``."""
     counts = {
         Skip.HANDLES: len(body.material) - len(movable),
         Skip.DORMANT: len(movable) - len(elements),

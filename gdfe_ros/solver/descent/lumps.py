@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hard inclusions in a soft body: the moment balance that the preconditioned step does not show.
+"""Hard inclusions in a soft body: their moment balance, which the preconditioned step does not show.
 
-The constant matrix resists a rotation of an inclusion as if it strained hard material. At a stiffness ratio of 1e6 the
-preconditioned step becomes tiny long before the inclusion has rotated, while several per cent of the energy are still
-to be released. The moment on the inclusion over the rotational stiffness of its soft surroundings is its remaining
-rotation.
+The constant matrix resists a rotation of an inclusion as if the rotation strained hard material. At a stiffness ratio
+of 1e6 the preconditioned step becomes tiny long before the inclusion has rotated; several per cent of the energy are
+still to be released. The remaining rotation is the moment on the inclusion over the rotational stiffness of its soft
+surroundings.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 
 CONTRAST = 30.0
-"""Stiffness, over the least in the body, from which an element counts as hard."""
+"""An element counts as hard from this multiple of the least stiffness in the body."""
 
 
 class Lump(NamedTuple):
@@ -61,7 +61,7 @@ def find_lumps(body: Body, weight: NDArray[np.float64], bending: NDArray[np.floa
 
 
 def largest_turn(lumps: tuple[Lump, ...], x: NDArray[np.float64], gradient: NDArray[np.float64]) -> float:
-    """Return the largest displacement [m] by the remaining rotation of an inclusion.
+    """Return the largest displacement [m] that the remaining rotation of an inclusion causes.
 
     Args:
         lumps: the inclusions of the body.

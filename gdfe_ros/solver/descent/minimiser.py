@@ -26,23 +26,25 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.tangent import Tangent
 
 SAFETY = 0.1
-"""Lower bound of the quasi-Newton step over the distance to the equilibrium; slender bodies come near it."""
+"""Lower bound of the ratio of the quasi-Newton step to the distance to the equilibrium; slender bodies come near it."""
 PATIENT_ITERATIONS = 20
 """Iterations between two checks of the moments of hard inclusions."""
 LEARNED = 2
-"""Iterations, over the pairs of a history, after which an emptied history contains the softest modes again."""
+"""An emptied history contains the softest modes again after this many iterations per pair of its memory."""
 FLOOR = 1e-3
-"""Step, over the tolerance, below which iterations end even before their least number."""
+"""Iterations end even before their least number if the step, over the tolerance, is below this."""
 LEAST_FLOOR = 1e-9
-"""Step, over the body's size, below which iterations follow rounding errors and could leave an unstable equilibrium."""
+"""Smallest useful step over the body's size. Shorter steps follow rounding errors, and could leave an unstable
+equilibrium.
+"""
 FARTHEST = 3000.0
-"""Displacement of a vertex or length of a step, over the body's size, from which the body counts as running away."""
+"""A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
 CHUNK = 20
 """Iterations with an explicit inverse between two checks of the deadline."""
 _TEAM = threading.Lock()
-"""Lock for numba's threads, which serve one caller at a time: a second one could end the process."""
+"""Lock for numba's threads. They serve one caller at a time; a second one could crash the process."""
 Observer = Callable[[float, float, bool], None]
-"""Receives the energy [J] that is minimised, the size of its terms [J], and whether the minimisation just begins."""
+"""Receives the minimised energy [J], the size of its terms [J], and whether the minimisation just begins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,7 @@ class Task:
     Attributes:
         active: the unknowns, the elements and the workspace.
         problem: the constant data.
-        coupling: of the handles' rigid rows to the free vertices.
+        coupling: couples the handles' rigid rows to the free vertices.
         deadline: once it has passed, the minimisation ends; None for no deadline.
         level: the kept tangent preconditioner; None for the constant matrix.
     """
@@ -112,7 +114,7 @@ class Minimiser:
         lumps: hard inclusions, whose rotation the constant matrix makes too stiff.
         certified: whether conjugate gradients bound the distance to the equilibrium.
         lost: whether the solve was abandoned.
-        remembers: whether the pairs of a solve serve the next one.
+        remembers: whether the next solve starts with the history of this one.
     """
 
     certified, lost, remembers = False, False, True
@@ -124,7 +126,7 @@ class Minimiser:
         self.observer: Observer | None = None
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
-        """Begin a solve from ``start``; unless ``warm``, it ends only after its steps have shrunk."""
+        """Begin a solve from ``start``. If not ``warm``, the solve ends only after its steps have shrunk."""
         work, status = active.workspace, active.status
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["seen"], work.recent[...] = -1 if warm else 0, 0.0
@@ -134,12 +136,13 @@ class Minimiser:
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
         """Minimise until the step is short enough and the remaining rotations of hard inclusions are small.
 
-        At least one iteration is made, whatever the deadline, unless none is needed.
+        If the start is not accurate enough, at least one iteration is made, even after the deadline.
 
         Args:
             task: the problem; its terms are evaluated at the present unknowns.
             tolerance: estimated largest distance to the equilibrium over the body's size.
-            final: tolerance of the whole solve; a step below a small fraction of it ends even the first iterations.
+            final: tolerance of the whole solve; a step below a small fraction of it ends also the first ``least``
+                iterations.
             least: least number of iterations.
             limit: most iterations.
         """
@@ -179,14 +182,14 @@ class Minimiser:
         return far or active.ended is End.RUNAWAY
 
     def _misled(self, task: Task, target: float) -> bool:
-        """Return whether a minimisation ended above its target [m] with a history that may consist of rounding."""
+        """Return whether a minimisation ended above its ``target`` [m] because its history may consist of rounding."""
         short = task.active.ended is End.EXHAUSTED and float(task.active.status["distance"]) > target
         return short and not self._unlearned
 
     def _iterate(
         self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool = False
     ) -> Descended:
-        """Iterate with the constant matrix until the distance is below ``target`` [m].
+        """Iterate with the constant matrix until the estimated distance to the equilibrium is below ``target`` [m].
 
         The first ``least`` iterations end only below the smaller distance ``floor`` [m]. With ``evaluate``, the terms
         are evaluated at the start first.
@@ -260,7 +263,7 @@ class Minimiser:
             self.observer(float(status["energy"]), size, begins)
 
     def _lag(self, active: ActiveSet) -> float:
-        """Return the largest displacement, over the body's size, by the remaining rotation of a hard inclusion."""
+        """Return the largest displacement by the remaining rotation of a hard inclusion, over the body's size."""
         if not self.lumps:
             return 0.0
         work, free = active.workspace, active.unknowns.free

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled Newton iterations: K d = -g by conjugate gradients, preconditioned by a kept factor M of an earlier tangent.
 
-A product K p is a difference of gradients, so that every term takes part without a tangent of its own. Conjugate
-gradients leave a part e of the Newton step, with M^-1 K e = M^-1 r for the residual r: |e| is at most |M^-1 r| over the
-least eigenvalue of M^-1 K. The least Ritz value theta estimates that eigenvalue. The least theta since M was taken is
-kept, because a single right-hand side may have no component along a soft mode.
+A product K p is a difference of gradients, so that no term needs a tangent of its own. Conjugate gradients leave a part
+e of the Newton step, with M^-1 K e = M^-1 r for the residual r: |e| is at most |M^-1 r| over the least eigenvalue of
+M^-1 K. The least Ritz value theta estimates this eigenvalue. A single right-hand side may have no component along a
+soft mode; therefore the least theta since the factorisation of M is used.
 
 After a full step the same bound, with the new gradient as the residual, bounds the distance to the equilibrium.
 """
@@ -26,30 +26,37 @@ from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.tangent.substitution import solve_kept
 
 MOST_PRODUCTS = 60
-"""Limit of products for one Newton step. More are needed near buckling, or if the factor is of a different shape."""
+"""Limit of products K p for one Newton step. Many are needed near buckling, or if the body's shape has changed much
+since the factor was made.
+"""
 FORCING, INEXACT = 0.01, 0.15
-"""Remainder at which conjugate gradients end, over the Newton step and over the target; the larger limit counts."""
+"""Conjugate gradients end when the remainder is below the first number times the Newton step, or below the second times
+the target.
+"""
 STEADY = 0.5
-"""Least ratio of the last two values of theta at the end: while it falls faster, softer modes are still being found."""
+"""Least ratio of the last two values of theta at the end of conjugate gradients. While theta falls faster, softer modes
+are still being found.
+"""
 HALVINGS = 40
-"""Bisections for a least Ritz value."""
+"""Number of bisections that find a least Ritz value."""
 ROUNDING = 1e-20
 """Fraction of the first residual's square that is rounding."""
 HALF = 0.5
-"""Largest distance after a step, over the target and over the step, at which the iterations end."""
+"""The iterations end if the distance after a step is at most this fraction of the target and of the step."""
 CLOSE = 0.02
-"""Distance, over the target, up to which no step is made. The errors of such solves add up along the softest mode,
-which a few products hardly resolve."""
+"""No step is made up to this distance over the target. The errors of such solves add up along the softest mode, which a
+few products hardly resolve.
+"""
 ENERGY = 1e-5
-"""Largest energy that another step may release, over that of all terms: stiff parts store much in small errors."""
+"""Largest energy that another step may release, over that of all terms. Small errors of stiff parts store much."""
 NOTHING = 1e-6
-"""Length of M^-1 g, over the target, that is rounding."""
+"""M^-1 g counts as rounding if its length, over the target, is below this."""
 LONGEST = 10.0
 """Longest Newton step over the body's size; an almost singular tangent would give longer ones."""
 AWAY = 0.02
-"""Step along a direction of negative curvature, over the body's size, if no other direction is known."""
+"""Length, over the body's size, of a step along a direction of negative curvature if no other direction is known."""
 FREE = 4
-"""Products of a Newton step that do not count towards the cost at which the tangent is renewed."""
+"""Number of products of each Newton step that do not count towards the renewal of the tangent."""
 
 
 class Why(IntEnum):
@@ -60,20 +67,20 @@ class Why(IntEnum):
     LIMIT = 1
     """The number of iterations is spent."""
     STALE = 2
-    """The products with this factor have cost as much as a new tangent."""
+    """The products with this factor have cost as much as a new tangent does."""
     ENDED = 3
     """No step is possible: see `End`."""
     ASTRAY = 4
     """Steps are far too long: the factor is almost singular."""
     HARD = 5
-    """The last step was cut, or not found by conjugate gradients: the energy is far from a parabola."""
+    """The last step was cut, or conjugate gradients did not find it: the energy is far from a parabola."""
 
 
 class StepKind(IntEnum):
     """How conjugate gradients ended."""
 
     FOUND = 0
-    """The remainder is small."""
+    """The remainder is small enough."""
     CURVED = 1
     """A direction of negative curvature was met."""
     UNKNOWN = 2
@@ -99,8 +106,8 @@ class Krylov(NamedTuple):
         direction, image, residual, z: (3 r,) p, K p, r, M^-1 r.
         step: (3 r,) the Newton step d [m].
         motion: (3 r,) the motion v since the last equilibrium [m]; zero if there is none.
-        diagonal, beside: of Lanczos' tridiagonal matrix.
-        course: (1,) of `COURSE`.
+        diagonal, beside: entries of Lanczos' tridiagonal matrix, on and beside the diagonal.
+        course: (1,) record with the fields of `COURSE`.
     """
 
     direction: NDArray[np.float64]
@@ -152,7 +159,7 @@ def follow(krylov, length):
 def begin_along(problem, work, beside, kept, krylov, spacing):
     """Begin the Newton step with its part along the motion v, where v^T (K d - r) = 0; return the number of products.
 
-    A body moves along its softest mode. Forces along it are small, so that conjugate gradients hardly resolve it.
+    A body moves along its softest mode. Forces along this mode are small, and conjugate gradients hardly resolve them.
     """
     v, r = krylov.motion, krylov.residual
     krylov.step[:] = 0.0
@@ -171,9 +178,9 @@ def begin_along(problem, work, beside, kept, krylov, spacing):
 def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left):
     """Solve K d = r for the given residual and z = M^-1 r; return a `StepKind` and the number of products.
 
-    Conjugate gradients start from the part of d along ``krylov.motion``. They end when the remainder is small against
-    d or the ``target`` [m], and r M^-1 r is at most ``most_left`` of its first value. If the first direction has
-    negative curvature, d is that direction.
+    Conjugate gradients start from the part of d along ``krylov.motion``. They end when two conditions hold: the
+    remainder is small against d or the ``target`` [m], and r M^-1 r is at most the fraction ``most_left`` of its first
+    value. If the first direction has negative curvature, d is that direction.
     """
     course = krylov.course[0]
     p, r, z, d = krylov.direction, krylov.residual, krylov.z, krylov.step
@@ -214,7 +221,7 @@ def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left
 
 @internal
 def aim(work, krylov, share):
-    """Write ``share`` times the Newton step to the direction, with the sign of a descent."""
+    """Write the Newton step times ``share`` to the direction; its sign is chosen so that the energy falls along it."""
     status = work.status[0]
     slope = share * inner(work.gradient, krylov.step)
     if slope > 0.0:
@@ -237,8 +244,8 @@ def reached(work, course, far, target):
 def iterate(problem, work, beside, kept, krylov, size, spacing, target, worth, limit):
     """Make Newton steps until the distance to the equilibrium is within the ``target`` [m].
 
-    Return `Why` they ended, and their number. ``work`` holds the gradient, and M^-1 times it as ``step``; both are
-    up to date again at the end.
+    Return `Why` the steps ended, and their number. ``work`` must hold the gradient, and as ``step`` the product of M^-1
+    and the gradient. Both are up to date again at the end.
     """
     course, first = krylov.course[0], limit < 0
     for iteration in range(limit):

@@ -15,12 +15,13 @@ from gdfe_ros.compiled import internal, kernel, parallel_kernel, vector_kernel
 from gdfe_ros.solver.distance import largest
 
 CURVATURE = 1e-10
-"""Least cosine between a step and the change of the gradient for the pair to enter the history."""
+"""A pair enters the history if the cosine between the step and the change of the gradient is at least this."""
 LARGE = 50_000
-"""Number of unknowns from which dividing the history among threads pays."""
+"""Threads divide the history from this number of unknowns on."""
 MOST_SHORTENED = 1e-4
 """Least length of the quasi-Newton direction over the plain preconditioned step. The last pairs of a very accurate
-solve consist of rounding; with them a body would seem to be at rest after its command has changed."""
+solve consist of rounding. With them a body would seem to be at rest after its command has changed.
+"""
 
 
 @vector_kernel
@@ -50,8 +51,7 @@ def drop_oldest(work, count):
 def remember(work):
     """Add the pair of the last accepted step; skip it if its curvature is not positive.
 
-    Its products with the older pairs are computed with the next direction, which needs products with the gradient
-    anyway.
+    Its products with the older pairs are computed later, together with the next direction.
     """
     status = work.status[0]
     count = status.count
@@ -90,14 +90,14 @@ def multiply_history(work, first, last):
 
 @parallel_kernel
 def multiply_in_threads(threads, work, count):
-    """Distribute the pairs to threads."""
+    """Do `multiply_history` with the pairs divided among threads."""
     for part in prange(threads):
         multiply_history(work, part * count // threads, (part + 1) * count // threads)
 
 
 @kernel
 def take_products(work, threads):
-    """Compute the history's products with the gradient, and from them those of the newest pair with the older ones."""
+    """Compute the history's products with the gradient; derive the newest pair's products with the older pairs."""
     status = work.status[0]
     count = status.count
     if threads is None or len(work.direction) < LARGE:
@@ -130,7 +130,7 @@ def combine(work, scale, first, last):
 
 @parallel_kernel
 def combine_in_threads(threads, work, scale):
-    """Distribute the unknowns to threads."""
+    """Do `combine` with the unknowns divided among threads."""
     count = len(work.direction)
     for part in prange(threads):
         combine(work, scale, part * count // threads, (part + 1) * count // threads)

@@ -14,16 +14,17 @@ from gdfe_ros.solver.descent.workspace import allocate, numbers
 from gdfe_ros.solver.distance import largest
 
 SPACING = 1e-7
-"""Largest displacement of a finite difference, over the body's size. The truncation error is a millionth of the product
-if a body's stiffness changes by its own magnitude over a tenth of the body's size; rounding is smaller."""
+"""Largest displacement of a finite difference, over the body's size. If a displacement of a tenth of the body's size
+changes its stiffness by 100 %, the truncation error is a millionth of the product; rounding is smaller.
+"""
 
 
 @kernel
 def multiply(problem, u, gradient, beside, direction, spacing, image):
     """Write the product K d (3 r,) [N] of the tangent and ``direction`` to ``image``.
 
-    The product is a finite difference of gradients: ``gradient`` is the one at the unknowns ``u``. The largest
-    displacement of the difference is ``spacing`` [m]. The second gradient is evaluated in the workspace ``beside``.
+    The product is a finite difference of two gradients: ``gradient`` at the unknowns ``u``, and a second one that is
+    evaluated in the workspace ``beside``. The largest displacement between the two points is ``spacing`` [m].
     """
     step, first = spacing / largest(direction), len(u) > 0
     for n in range(len(u)):
@@ -45,7 +46,7 @@ class TangentProducts:
         self._spacing = SPACING * body.size
 
     def begin(self, task: Task) -> None:
-        """Set the unknowns of ``task`` as the point of the products; its workspace is not modified."""
+        """Set the point at which products are taken to the unknowns of ``task``, whose workspace is not modified."""
         work = task.active.workspace
         self._problem, self._u, self._gradient = task.problem, work.u.copy(), work.gradient.copy()
         self._beside.x[...] = work.x

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled L-BFGS with the constant global matrix as its initial Hessian (Liu, Bouaziz and Kavan 2017).
 
-The inverse Hessian is kept in the compact form of Byrd, Nocedal and Schnabel (1994). With s the steps, y the changes
-of the gradient g and v = A^-1 y, an iteration needs the products s_i . g and v_i . g, one pass over the history to
-form the direction, and one solve z = A^-1 g, which is also the stopping measure.
+The inverse Hessian is kept in the compact form of Byrd, Nocedal and Schnabel (1994). Let s be the steps, y the changes
+of the gradient g, and v = A^-1 y. An iteration needs the products s_i . g and v_i . g, one pass over the history to
+form the direction, and one solve z = A^-1 g. The length of z also decides when to stop.
 """
 
 from __future__ import annotations
@@ -24,24 +24,26 @@ from gdfe_ros.solver.terms.term import terms_energy
 ARMIJO = 1e-4
 """Fraction of the decrease predicted by the slope that a step must achieve: the usual value."""
 MAX_CUTS = 30
-"""Number of halvings of a step after which the descent counts as stalled: 2^-30 is below any rounding."""
+"""The descent counts as stalled after this number of halvings of a step; 2^-30 is below any rounding."""
 MOST_BLOCKED = 4
-"""Successive full steps into infinite energy after which the body counts as running away."""
+"""The body counts as running away after this number of successive full steps into infinite energy."""
 ROUNDING = 1e-13
-"""Fraction of the sum of the energy's terms; smaller changes are rounding errors in double precision."""
+"""Changes of the energy below this fraction of the sum of its terms are rounding errors in double precision."""
 SHIFT_AND_TURN = 2.0
-"""Bound of a vertex' displacement over the largest of a step: translation and rotation of a handle add up at its
-vertices."""
+"""A vertex may move by this multiple of the largest displacement in a step: translation and rotation of a handle add up
+at its vertices.
+"""
 MOST_FLAT = 60
-"""Iterations after which the minimisation ends if the energy has not fallen by more than rounding and no step has
-halved."""
+"""The minimisation ends after this number of iterations in which the energy fell by no more than rounding and no step
+halved.
+"""
 
 
 @merged
 def energy_and_gradient(u, problem, work, moved):
     """Evaluate all terms at unknowns ``u``; return the energy [J] and write the gradient to ``work``.
 
-    No vertex is more than ``moved`` [m] away from the last accepted positions of the minimisation.
+    The caller guarantees that no vertex is more than ``moved`` [m] away from the last accepted positions.
     """
     place(u, problem.frame, problem.unknowns, work.x)
     watch = problem.watch
@@ -78,7 +80,7 @@ def search(problem, work, first):
     """Search along the quasi-Newton direction until the energy falls enough; write the step to ``direction``.
 
     The condition is Armijo's, or its approximate form (Hager and Zhang 2005) if the energy cannot resolve the step. If
-    no length satisfies it, or with ``first``, energy and gradient are evaluated at the unchanged ``u``.
+    no length satisfies it, or if ``first`` is set, ``u`` stays unchanged, and energy and gradient are evaluated there.
     """
     status = work.status[0]
     slope, energy = status.slope, status.energy
@@ -130,8 +132,8 @@ def advance(problem, work, target, first):
     """Make one iteration from a new preconditioned gradient; return whether none was needed or none is possible.
 
     The quasi-Newton step estimates the distance to the equilibrium; the minimisation ends when its largest vertex
-    displacement is at most ``target`` [m]. With ``first`` the elements are evaluated at ``work.u`` and nothing
-    moves; the history of earlier minimisations stays. One function does both: each copy takes seconds to compile.
+    displacement is at most ``target`` [m]. With ``first`` the terms are only evaluated at ``work.u``: nothing moves,
+    and the history stays. One function does both, because each compiled copy takes seconds to compile.
     """
     status = work.status[0]
     if first:
@@ -166,8 +168,8 @@ def advance(problem, work, target, first):
 def descend(problem, work, coupling, floor, least, target, limit, evaluate):
     """Iterate with the constant matrix until the quasi-Newton step is at most ``target`` [m]; return the count.
 
-    During the first ``least`` iterations the limit is the ``floor`` [m]. With ``evaluate`` the terms at the start are
-    evaluated first.
+    During the first ``least`` iterations ``floor`` [m] replaces the target. With ``evaluate``, the terms are evaluated
+    at the start first.
     """
     if evaluate:
         advance(problem, work, target, evaluate)

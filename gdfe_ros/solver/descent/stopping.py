@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Remaining distance of a minimisation, estimated from the rate at which its steps shrink.
 
-One short step proves nothing: where the constant matrix makes a soft mode too stiff, steps are short and many.
+One short step proves nothing: if the constant matrix makes a soft mode too stiff, steps are short and many.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from gdfe_ros.solver.descent.workspace import WINDOW
 LONGEST_WAY = 10.0
 """Largest estimated remaining distance at which a minimisation may end, as a multiple of its target for a step."""
 SLOWEST = 0.95
-"""Largest ratio of successive windows' steps that the estimate uses."""
+"""Largest ratio of the steps of two successive windows that the estimate uses."""
 
 
 @internal
@@ -28,9 +28,9 @@ def note_step(work):
 def way_left(work):
     """Estimate the displacement [m] of all remaining steps from their rate of decrease; 0 while too few were recorded.
 
-    The steps may all have one direction, so they are summed in full: with a third of the sum, cold solves ended up to
-    3.4 tolerances away. The estimate is also 0 if a window has not lowered the energy by more than its rounding: such
-    motion is noise.
+    The lengths of the steps are summed, because all steps may have one direction. (With a third of the sum, cold solves
+    ended up to 3.4 tolerances away.) The estimate is also 0 if a window has lowered the energy by no more than
+    rounding: such motion is noise.
     """
     status = work.status[0]
     if status.seen < 2 * WINDOW or status.plateau >= WINDOW:

@@ -2,8 +2,8 @@
 """Minimisation with a kept tangent, renewed when that pays: Newton steps in statics, L-BFGS in motion.
 
 In statics conjugate gradients find the Newton step, and with it the distance to the equilibrium. The older the tangent
-is, the more products they need. If a step is cut, or conjugate gradients meet negative curvature, iterations of L-BFGS
-follow, which learn how the tangent changes. In motion, tolerances are far finer and inertia keeps bodies from buckling:
+is, the more products they need. If a step is cut, or conjugate gradients meet negative curvature, L-BFGS continues; its
+history contains the change of the tangent. In motion, tolerances are far finer and inertia keeps bodies from buckling:
 L-BFGS alone takes the fewest evaluations.
 """
 
@@ -32,22 +32,29 @@ TRUST = 5.0
 slender body buckles. An axial strain that is wrong by this amount doubles or removes the bending stiffness, so that a
 small Newton step proves nothing."""
 WORTH = 12
-"""Products, beyond the free ones of each Newton step, that justify a new tangent."""
+"""A new tangent pays after this number of products, not counting the free ones of each Newton step."""
 MOST_TANGENTS = 60
 """Limit of tangents in a solve. More are needed only if the potential is not smooth, e.g. where cable points meet."""
 MOST_UNKNOWN = 6
-"""Limit of Newton steps in a solve for which conjugate gradients do not converge: the body is about to buckle."""
+"""Limit of Newton steps in a solve without convergence of conjugate gradients; such a body is about to buckle."""
 MOVING = 0.2
-"""Length of an L-BFGS step in motion, over the tolerance, that ends the solve; the distance counts as five times it."""
+"""In motion, an L-BFGS step of this length over the tolerance ends the solve. The distance counts as five times the
+step.
+"""
 FLYING = 0.02
-"""The same for a body that no handle holds: nothing else keeps its angular momentum."""
+"""As `MOVING`, for a body without handles: only the accuracy of the solve then conserves its angular momentum."""
 PATIENT = 12
-"""Successive iterations of L-BFGS after which the tangent is renewed; more if a new tangent costs more solves."""
+"""The tangent is renewed after this number of successive L-BFGS iterations; after more if a new tangent costs more
+solves.
+"""
 DAMPING = 10.0
-"""Growth factor of the constant matrix's weight in the tangent if steps in motion do not shrink; the first weight is
-the body's softness. An almost singular tangent causes steps that are far too long."""
+"""If steps in motion do not shrink, the weight of the constant matrix in the tangent grows by this factor; the first
+weight is the body's softness. An almost singular tangent causes steps that are far too long.
+"""
 HIDDEN = 0.01
-"""Remainder of a random right-hand side, over its average component along one mode, at which every mode is resolved."""
+"""Every mode counts as resolved if the remainder of a random right-hand side is at most this, over its average
+component along one mode.
+"""
 
 
 class TangentMinimiser(Minimiser):
@@ -89,7 +96,8 @@ class TangentMinimiser(Minimiser):
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
         """Begin a solve with the tangent of ``start``.
 
-        A tangent that is due is evaluated at the last equilibrium if the solve is ``warm``, otherwise at its start.
+        If the tangent is due for renewal, it is evaluated at the last equilibrium in a ``warm`` solve, else at the
+        start.
         """
         super().begin(active, start, warm=True)
         active.status["count"], active.status["pending"] = 0, 0
@@ -149,7 +157,7 @@ class TangentMinimiser(Minimiser):
 
     @property
     def _hard(self) -> int:
-        """Number of Newton steps of this solve that conjugate gradients did not find: they do not prove a minimum."""
+        """Number of Newton steps of this solve that conjugate gradients did not find; these do not prove a minimum."""
         return int(self._course["curved"] + self._course["unknown"])
 
     @property
@@ -158,7 +166,7 @@ class TangentMinimiser(Minimiser):
         return self.certified and (not self.tangent.softest or self._hard > self._cleared)
 
     def _iterate_to(self, task: Task, target: float, limit: int, *, last: bool) -> Descended:
-        """Iterate to within ``target`` [m]; if it is the ``last``, test whether a doubtful equilibrium is a saddle."""
+        """Iterate to within ``target`` [m]; with ``last``, test a doubtful equilibrium for being a saddle."""
         used, course, status, self._known, self._since = 0, self._course, task.active.status, False, 0
         damping, before = 0.0, np.inf
         while True:
@@ -200,7 +208,7 @@ class TangentMinimiser(Minimiser):
         return Why(why), used
 
     def _quasi_newton(self, task: Task, target: float, most: int) -> tuple[Why, int]:
-        """Iterate by L-BFGS, which learns how the tangent changes; in statics Newton steps follow."""
+        """Iterate by L-BFGS, whose history contains the change of the tangent; in statics Newton steps follow."""
         course, status = self._course, task.active.status
         most = min(most, self._patient - self._since)
         used = quasi_newton.descend_kept(task.problem, task.active.workspace, self._level.kept, target, most)
@@ -217,9 +225,9 @@ class TangentMinimiser(Minimiser):
         return Why.NEAR if task.active.ended is End.NONE else Why.ENDED, used
 
     def _asked(self, task: Task) -> bool:
-        """Return whether a random right-hand side, which contains all modes, shows none of negative curvature.
+        """Return whether a random right-hand side finds no direction of negative curvature; it contains all modes.
 
-        If it meets negative curvature, the body is moved along it.
+        If there is one, the body is moved along it.
         """
         work, krylov = task.active.workspace, self._krylov
         distance = float(self._course["distance"])
@@ -250,7 +258,7 @@ class TangentMinimiser(Minimiser):
         task.advance(0.0)
 
     def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
-        """Take the tangent at positions ``x`` (n, 3) [m], turned to the present ones; None stands for these."""
+        """Take the tangent at positions ``x`` (n, 3) [m], turned to the present ones; None: the present positions."""
         work, course = task.active.workspace, self._course
         self.tangent = self._level.take(task.problem, work.u, work.x if x is None else x, damping=damping)
         if x is not None:

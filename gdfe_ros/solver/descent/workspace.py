@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 MEMORY, LONG_MEMORY = 14, 30
-"""Pairs that the history keeps. The second number is for bodies with external forces. Forces excite the softest modes
-most; the constant matrix makes these too stiff, and only the history resolves them."""
+"""Pairs that the history keeps, without and with external forces. Forces excite the softest modes most. The constant
+matrix makes these modes too stiff, and only the history resolves them.
+"""
 WINDOW = 10
 """Iterations of a window. The longest steps of the last two windows give the rate at which steps shrink."""
 
@@ -62,7 +63,7 @@ class Problem(NamedTuple):
         pressure: (m,) [Pa] multipliers of the volumes.
         scale: (m,) hourglass stiffness over the initial one.
         table: the materials.
-        watch: list of elements near folding, on which fold barriers act; minimisations extend it.
+        watch: elements near folding, on which fold barriers act; minimisations add to them.
         unknowns: the numbering.
         frame: commanded positions of the handles.
         terms: all terms other than the elements.
@@ -91,14 +92,14 @@ class Workspace(NamedTuple):
         x: (n, 3) positions of all vertices [m].
         force, energies: (m, c, 3) [N] and (m,) [J] of the elements at ``x``.
         outside: (n, 3) dE/dx [N] of the other terms.
-        size: (1,) size of their energies [J].
+        size: (1,) sum of the magnitudes of their energies [J].
         steps, images: (memory, 3 r) histories s and v = H_0 y; pair i lies in row ``row[i]``.
         row: (memory,) int32, a permutation.
         serial: (memory,) int64 number of the pair in each row.
         triangle, gram: (memory, memory) s_i . y_j and y_i . v_j.
         products: (4, memory) s_i . g and v_i . g at the last iteration, and work.
         recent: (2 WINDOW,) displacements [m] of the last steps, as a ring buffer.
-        status: (1,) of `STATUS`.
+        status: (1,) record with the fields of `STATUS`.
     """
 
     u: NDArray[np.float64]
@@ -124,14 +125,14 @@ class Workspace(NamedTuple):
 
 
 def numbers(work: Workspace) -> np.void:
-    """Return the fields of `STATUS` for reading and writing, faster than through the record array."""
+    """Return a view of the fields of `STATUS`; it is faster to read and write than the record array."""
     return work.status.view(STATUS, np.ndarray)[0]
 
 
 def allocate(rows: int, x: NDArray[np.float64], cells: tuple[int, int], memory: int = MEMORY) -> Workspace:
     """Return a workspace for ``rows`` rows of unknowns, a body at ``x`` (n, 3) [m] and ``memory`` pairs of history.
 
-    ``cells`` is the number of elements m and that of their corners c.
+    ``cells`` is (m, c): the number of elements, and of the corners of each.
     """
     return _with_history(rows, memory, x.copy(), np.zeros((*cells, 3)), np.zeros(cells[0]), np.zeros_like(x))
 

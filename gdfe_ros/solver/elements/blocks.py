@@ -13,10 +13,11 @@ from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.torsion import couplings
 
 LANES = 8
-"""Elements of a block, over which the innermost loops run."""
+"""Number of elements in a block; the innermost loops run over these."""
 REFERENCE, AXES, EDGES, VOLUME, COUPLING, GEOMETRY_ROWS = 0, 9, 18, 21, 22, 23
-"""First rows in ``Blocks.geometry`` of the inverse of dX/dxi (9), edge directions (9), 2 / edge length (3), volume (1)
-and coupling of shear strains in torsion (1); and the number of rows."""
+"""First rows in ``Blocks.geometry`` of five fields: the inverse of dX/dxi (9), edge directions (9), 2 / edge length
+(3), volume (1), and coupling of shear strains in torsion (1). The last number counts all rows.
+"""
 
 
 class Blocks(NamedTuple):
@@ -53,7 +54,10 @@ def make_blocks(
 
 
 def lanes_of(kind: NDArray[np.int32], elements: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the ``elements`` (k,) of each ``kind`` (k,) in lanes (b, LANES), and the number in use (b,)."""
+    """Return the ``elements`` (k,) of each kind in lanes (b, LANES), and the number in use of each block (b,).
+
+    ``kind`` (k,) is the kind of each element.
+    """
     rows, used = [], []
     for value in np.unique(kind):
         members = elements[kind == value]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compiled functions that a cell type has to implement, and the choice among them by the type of its operators.
 
-A kernel that calls one of the functions below is compiled once for each cell type: numba sees the type of ``shape``,
-and the function of that cell type takes the place of the call. Hexahedra therefore run the same code as without
-other cell types. A third type needs an entry in `KERNELS`, and one in `gdfe_ros.solver.cell_type`.
+A kernel that calls one of the functions below is compiled once for each cell type. Numba sees the type of ``shape``,
+and replaces the call by the function of that cell type, without a cost at run time. A third type needs an entry in
+`KERNELS`, and one in `gdfe_ros.solver.cell_type`.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ class CellKernels(NamedTuple):
     Attributes:
         evaluate_blocks: writes node forces (m, c, 3) [N] and energies (m,) [J] of a range of blocks.
         add_walls: adds the fold barriers of watched elements to both.
-        room: distance [m] that vertices may move before the barrier of ``e`` can act; 0 if it is nearly folded. It gets
-            scratch (8, 3).
+        room: distance [m] that vertices may move before the barrier of ``e`` can act; 0 if ``e`` is nearly folded. Its
+            last argument is scratch (8, 3).
         mean_gradient: volume average of the deformation gradient of ``e``.
-        volume_ratio: current over rest volume of ``e``, the ratio that a pressure of the element keeps.
+        volume_ratio: current over rest volume of ``e``; a pressure of the element keeps this ratio.
         least_corner: least det F over the corners of ``e``; NaN if one of them is NaN.
     """
 
@@ -43,7 +43,7 @@ class CellKernels(NamedTuple):
 
 
 def _of(*modules) -> CellKernels:
-    """Return the functions by name, each from the first of ``modules`` that has it."""
+    """Return the functions by name; each is taken from the first of ``modules`` that has it."""
     found = (next(getattr(module, name) for module in modules if hasattr(module, name)) for name in CellKernels._fields)
     return CellKernels(*found)
 
@@ -53,34 +53,34 @@ KERNELS = {ShapeOperators: _of(hex_response, folding, hexahedra), TetOperators: 
 
 
 def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
-    """Stand for `CellKernels.evaluate_blocks` in a kernel; if the compiler is off, call it."""
+    """Stand for `CellKernels.evaluate_blocks` in a kernel; call it directly if the compiler is off."""
     return KERNELS[type(shape)].evaluate_blocks(
         first, last, x, shape, blocks, material, pressure, scale, table, force, energy
     )
 
 
 def add_walls(x, watched, shape, material, table, force, energy):
-    """Stand for `CellKernels.add_walls` in a kernel; if the compiler is off, call it."""
+    """Stand for `CellKernels.add_walls` in a kernel; call it directly if the compiler is off."""
     return KERNELS[type(shape)].add_walls(x, watched, shape, material, table, force, energy)
 
 
 def room(x, shape, e, scratch):
-    """Stand for `CellKernels.room` in a kernel; if the compiler is off, call it."""
+    """Stand for `CellKernels.room` in a kernel; call it directly if the compiler is off."""
     return KERNELS[type(shape)].room(x, shape, e, scratch)
 
 
 def mean_gradient(x, shape, e):
-    """Stand for `CellKernels.mean_gradient` in a kernel; if the compiler is off, call it."""
+    """Stand for `CellKernels.mean_gradient` in a kernel; call it directly if the compiler is off."""
     return KERNELS[type(shape)].mean_gradient(x, shape, e)
 
 
 def volume_ratio(x, shape, e):
-    """Stand for `CellKernels.volume_ratio` in a kernel; if the compiler is off, call it."""
+    """Stand for `CellKernels.volume_ratio` in a kernel; call it directly if the compiler is off."""
     return KERNELS[type(shape)].volume_ratio(x, shape, e)
 
 
 def least_corner(x, shape, e):
-    """Stand for `CellKernels.least_corner` in a kernel; if the compiler is off, call it."""
+    """Stand for `CellKernels.least_corner` in a kernel; call it directly if the compiler is off."""
     return KERNELS[type(shape)].least_corner(x, shape, e)
 
 
@@ -109,7 +109,7 @@ def _add_walls(x, watched, shape, material, table, force, energy):
 
 
 def _measure(stub: Callable, name: str) -> None:
-    """Make a stub with the arguments ``x``, ``shape`` and ``e`` stand for the function of that name in kernels."""
+    """Make a stub with arguments ``x``, ``shape``, ``e`` stand for the function ``name`` of each cell type."""
 
     @overload(stub, jit_options=_INLINED)
     def _chosen(x, shape, e):

@@ -31,12 +31,12 @@ class ElementFields:
 
     Attributes:
         centroids: (m, 3) current centroids [m].
-        eps_eq: equivalent strain, Eq. 5 (nu = 0.5, but the element's own nu for the linear law).
+        eps_eq: equivalent strain of Eq. 5 with nu = 0.5; the linear law uses the element's own nu.
         J: determinant of the mean deformation gradient.
         secant: secant modulus Phi'/eps_eq of the material's uniaxial curve [Pa].
         tangent: tangent modulus of the same curve [Pa].
         energy_density: strain energy over rest volume, hourglass part included [J/m^3].
-        omega: shape factor; the secant modulus over the largest in the body for the ``energy`` policy.
+        omega: shape factor; for the ``energy`` policy, the secant modulus over the largest one in the body.
     """
 
     centroids: NDArray[np.float64]
@@ -61,8 +61,8 @@ def element_fields(
     Args:
         body: the discretised body.
         positions: (n, 3) [m], relative to ``origin``.
-        omega: (m,) shape factors of a policy that has its own; None for those of ``energy``.
-        operators: of the present growth; None without growth, as everywhere in this module.
+        omega: (m,) shape factors of the ``relative`` policy; None to compute those of ``energy``.
+        operators: operators of the present growth; None without growth, as everywhere in this module.
         origin: (3,) [m] of the positions; centroids of the result are in world coordinates.
     """
     count, shape = len(body.material), (operators or body).shape
@@ -114,9 +114,9 @@ def corner_forces(
 def uncounted(j, pressure, volume, table, k, solved):
     """Return U(J) minus the volume energy [J] that the kernels include for an element with a pressure.
 
-    With ``solved``, U(J) is replaced by its tangent at J*, U(J*) + p (J - J*), with the pressure p of the solve and
-    U'(J*) = p. With a large bulk modulus, U(J) itself would multiply the error that the tolerance leaves in J - J*. For
-    an incompressible element 0 is returned: J is 1 to the tolerance, and the kernels include the augmented Lagrangian.
+    With ``solved``, U(J) is replaced by its tangent U(J*) + p (J - J*). Here p is the pressure of the solve, and U'(J*)
+    = p. With a large bulk modulus, U(J) itself would magnify the remaining error of J. For an incompressible element
+    the result is 0: J is 1 to the tolerance, and the kernels include the augmented Lagrangian.
     """
     bulk, change = table.parameters[k, BULK], j - 1.0
     if bulk == np.inf:
@@ -162,9 +162,9 @@ def strain_states(x, shape, material, table, values):
 def store_energies(x, elements, shape, material, table, pressure, energies, stored, least, solved):
     """Write the energies [J] of ``elements``, with U(J) as their volume part, to ``stored`` (m,).
 
-    Their least volume ratio at a corner is written to ``least`` (m,). For elements with a pressure, the kernels'
-    ``energies`` (m,) contain p_e (J - 1) + kappa/2 (J - 1)^2. With ``solved`` the pressures are those of a solve, see
-    `uncounted`.
+    The least volume ratio at a corner of each element is written to ``least`` (m,). For elements with a pressure, the
+    kernels' ``energies`` (m,) contain p_e (J - 1) + kappa/2 (J - 1)^2. ``solved`` states that the pressures are those
+    of a solve (see `uncounted`).
     """
     for e in elements:
         k = material[e]
@@ -178,10 +178,10 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
 def volume_pressures(
     body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
 ) -> NDArray[np.float64]:
-    """Return p_e (m,) [Pa] for which the kernels' volume term has the slope U'(J) of the full volume energy.
+    """Return p_e (m,) [Pa] such that the kernels' volume term has the slope U'(J) of the full volume energy.
 
-    An incompressible element, whose pressure does not follow from its shape, has 0: its volume term is that of nu =
-    0.45.
+    For an incompressible element it is 0, because the shape does not determine the pressure; the volume term is then
+    that of nu = 0.45.
     """
     pressure = np.zeros(len(body.material))
     _full_pressures(positions, (operators or body).shape, body.material, body.table, pressure)

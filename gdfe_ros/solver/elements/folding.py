@@ -65,7 +65,7 @@ def edge_at(corners, c, axis):
 
 @inlined
 def add_edge(slopes, c, axis, share, derivative):
-    """Add ``share`` times the derivative with respect to an edge to the derivatives with respect to its ends."""
+    """Add ``share`` times the derivative with respect to an edge to the derivatives at the edge's two corners."""
     first, last = EDGES[c, axis, 0], EDGES[c, axis, 1]
     for i in range(3):
         slopes[last, i] += share * derivative[i]
@@ -87,7 +87,7 @@ def load_corners(x, shape, e, corners):
 
 @inlined
 def add_slopes(slopes, shape, e, force):
-    """Add the derivatives (8, 3) [N] with respect to the corners of `load_corners` to the corner forces (m, 8, 3)."""
+    """Add derivatives with respect to the corners of `load_corners`, (8, 3) [N], to the corner forces (m, 8, 3) [N]."""
     for c in range(8):
         for i in range(3):
             if not shape.cut[e]:
@@ -109,7 +109,7 @@ def box_weight(box, c, cell_corner):
 
 @inlined
 def room(x, shape, e, corners):
-    """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 if nearly folded."""
+    """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 near folding."""
     load_corners(x, shape, e, corners)
     return element_room(corners, shape.corner_ratio[e])
 

@@ -79,7 +79,7 @@ def hourglass_rows(b):
 
 @internal
 def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
-    """Evaluate the blocks from ``first`` up to ``last`` as `evaluate` does, without the sum."""
+    """Evaluate the blocks from ``first`` up to ``last`` as `evaluate` does, but do not sum the energies."""
     b = np.empty(ROWS * LANES)
     for block in range(first, last):
         elements = blocks.element[block]

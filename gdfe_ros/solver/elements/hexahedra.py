@@ -75,8 +75,8 @@ def box_corners(x0, x1, x2, x3, x4, x5, x6, x7, box):
 def least_corner(x, shape, e):
     """Return the least volume ratio det F over the corners of element ``e``; NaN if one of them is NaN.
 
-    A folded corner does not show in the mean gradient, to which an hourglass pattern contributes nothing. The corners
-    of a cut cell are those of the box that its material fills: nothing keeps its empty part from folding.
+    The mean gradient does not show a folded corner, because hourglass patterns do not contribute to it. The corners of
+    a cut cell are those of the box that its material fills; its empty part may fold.
     """
     c, r = shape.cells[e], shape.corner_ratio[e]
     x0, x1, x2, x3 = corner(x, c[0]), corner(x, c[1]), corner(x, c[2]), corner(x, c[3])

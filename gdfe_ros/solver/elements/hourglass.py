@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled hourglass energy of one element: assumed strains per mode type, in the element's current edge directions.
 
-The four vectors q_k = sum_b gamma_kb x_b contain the deformation that the mean gradient does not. They are projected
-on the current directions e_i = F d_i / |F d_i| of the three edges. Mode k < 3 (which lacks axis k) with i != k is
-bending: a normal strain 2 a / h_i along i that varies linearly over the third axis; i = k is torsion: shear strains;
-mode 3 varies trilinearly. In bending, parasitic shear and thickness strains are left out (enhanced assumed strain:
-Belytschko and Bindeman 1993, Puso 2000). The moduli are the initial ones times the element's scale, which is constant
-during a minimisation.
+The four vectors q_k = sum_b gamma_kb x_b contain the deformation that the mean gradient does not. They are projected on
+the current directions e_i = F d_i / |F d_i| of the three edges. A mode k < 3 lacks axis k. Its projection on an edge i
+!= k is bending: a normal strain 2 a / h_i along i that varies linearly over the third axis. Its projection on edge k is
+torsion, with shear strains. Mode 3 varies trilinearly. In bending, parasitic shear and thickness strains are left out
+(enhanced assumed strain: Belytschko and Bindeman 1993, Puso 2000). The moduli are the initial ones times the element's
+scale, which is constant during a minimisation.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.tensor import dot, scaled, times
 
 AMPLITUDE = 8.0**-0.5
-"""Corner amplitude of a mode of unit projection on its unit hourglass vector."""
+"""Amplitude at the corners of a mode whose projection on its unit hourglass vector is 1."""
 LEAST_EDGE = 1e-3
-"""Stretch |F d_i| below which it is regularised, so that a collapsed edge keeps a finite direction."""
+"""Smaller stretches |F d_i| are regularised, so that a collapsed edge keeps a finite direction."""
 
 
 @inlined
 def hourglass(f, q, axes, rates, coupling, young, shear, poisson):
     """Return energy [J], forces dE/dq (4 x 3) [N] and dE/dF (9) [N m] of the hourglass vectors q (4 x 3) [m] at F.
 
-    ``axes`` are the rest directions of the edges (9), ``rates`` two over their lengths (3) [1/m]; ``coupling`` is that
-    of the shear strains in torsion; ``young`` and ``shear`` are moduli [Pa] times the element's volume.
+    ``axes`` (9) are the undeformed directions of the edges; ``rates`` (3) [1/m] are 2 / edge length. ``coupling`` is
+    the coupling of shear strains in torsion. ``young`` and ``shear`` are moduli [Pa] times the element's volume.
     """
     d0, l0 = edge_direction(f, (axes[0], axes[1], axes[2]))
     d1, l1 = edge_direction(f, (axes[3], axes[4], axes[5]))
@@ -99,7 +99,7 @@ def edge_direction(f, axis):
 
 @inlined
 def turning(t, q, d, inverse):
-    """Return dE / d(F d_i) by the rotation of the direction ``d`` on which the vectors are projected."""
+    """Return dE / d(F d_i) by the rotation of the direction ``d``, on which the vectors are projected."""
     m = (
         t[0] * q[0][0] + t[1] * q[1][0] + t[2] * q[2][0] + t[3] * q[3][0],
         t[0] * q[0][1] + t[1] * q[1][1] + t[2] * q[2][1] + t[3] * q[3][1],

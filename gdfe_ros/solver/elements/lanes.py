@@ -2,7 +2,7 @@
 """Rows of a block's scratch array, and loads and stores of tuples.
 
 Row r of lane l lies at ``r * LANES + l`` of a flat array. The constant strides let LLVM prove that the lanes are
-independent, so that it uses SIMD for every loop over them that accesses no second array.
+independent. It then uses SIMD for every loop over lanes that accesses no second array.
 """
 
 from __future__ import annotations

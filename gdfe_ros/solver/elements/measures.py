@@ -13,12 +13,14 @@ from gdfe_ros.solver.elements.cell_kernels import least_corner, mean_gradient, v
 
 LINEAR, NEO_HOOKEAN, CURVE = 0, 1, 2
 LEAST_SCALE, MOST_SCALE = 0.25, 4.0
-"""Bounds of the hourglass stiffness over the initial one. The lower one prevents hourglassing of elements that soften
-much, the upper one keeps the constant matrix a good preconditioner of elements that stiffen much."""
+"""Bounds of the hourglass stiffness over the initial one. The lower bound prevents hourglassing of elements that soften
+much. With the upper bound the constant matrix stays a good preconditioner of elements that stiffen much.
+"""
 LEAST_CURVE_SCALE = 0.8
-"""The lower bound for measured curves, whose tangent falls most. In the scene tensile_curve at 100 % elongation corners
-fold with 0.25 (least volume ratio -1.56 after 999 iterations) and with 0.5 (-1.05), and none does with 0.8 (0.26
-after 211)."""
+"""Lower bound for measured curves, whose tangent falls most. In the scene tensile_curve at 100 % elongation, corners
+fold with 0.25 (least volume ratio -1.56 after 999 iterations) and with 0.5 (-1.05). With 0.8 none folds (0.26 after
+211).
+"""
 NEWTON_STEPS = 20
 """Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps."""
 
@@ -56,7 +58,10 @@ def volume_at(total, table, k):
 
 @kernel
 def update_pressures(x, elements, shape, material, table, pressure):
-    """Replace p_e of ``elements`` by p - kappa (J* - 1), p = p_e + kappa (J - 1); return largest and mean |J - J*|."""
+    """Replace the pressures p_e of ``elements`` by p - kappa (J* - 1); return the largest and the mean |J - J*|.
+
+    Here p = p_e + kappa (J - 1), and J* is the volume ratio with U'(J*) = p.
+    """
     worst, mean, volume = 0.0, 0.0, 0.0
     for e in elements:
         k = material[e]
@@ -75,7 +80,7 @@ def update_pressures(x, elements, shape, material, table, pressure):
 
 @inlined
 def equivalent_strain(f, c, j, table, k):
-    """Return eps_eq of Eq. 5 (nu = 0.5, but the element's own for the linear law)."""
+    """Return eps_eq of Eq. 5 with nu = 0.5; the linear law uses the element's own nu."""
     first = squared_norm(f)
     s = stretch_sum(first, squared_norm(c), j)
     nu = table.parameters[k, POISSON] if table.law[k] == LINEAR else 0.5

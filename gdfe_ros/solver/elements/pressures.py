@@ -14,15 +14,17 @@ from gdfe_ros.solver.elements.measures import update_pressures
 from gdfe_ros.solver.state import ElementState
 
 STILL_UPDATES, PLAIN_UPDATES = 3, 20
-"""Successive updates without any iteration, and updates in all, after which pressures are accelerated."""
+"""Pressures are accelerated after so many successive updates without any iteration, or after so many updates in all."""
 LOCAL_SLACK = 10.0
-"""Volume error of a single element over the mean one that moves the positions by the same amount."""
+"""A single element's volume error may exceed the mean one by this factor, because it moves positions by the same
+amount.
+"""
 SWINGING = 0.3
-"""Fraction of the last update above which the reversal by the next one counts as an oscillation."""
+"""An update counts as an oscillation if it reverses more than this fraction of the last one."""
 MOST_SWINGS = 2
-"""Number of oscillations in a row after which the bulk modulus beside the pressures is raised."""
+"""The penalty bulk modulus is raised after this number of successive oscillations."""
 STIFFENING, MOST_STIFFENING = 3.0, 30.0
-"""Factor by which the penalty bulk modulus is raised if the pressures oscillate, and the limit of the total factor."""
+"""Oscillating pressures raise the penalty bulk modulus by the first factor; the second limits the total factor."""
 
 
 class Pressures:
@@ -32,7 +34,7 @@ class Pressures:
         body: the discretised body.
         state: the elements' stored state.
         elements: (k,) elements whose pressures are extrapolated.
-        ratio: multiple of the last step's change of pressure that is added at the start.
+        ratio: at the start, this multiple of the last step's change of pressure is added.
 
     Attributes:
         values: (m,) p_e [Pa].
@@ -60,8 +62,8 @@ class Pressures:
         """Update the pressures of ``elements``; return the error of their volumes: the mean, or a tenth of the largest.
 
         In confined bodies plain updates converge slowly, and Anderson acceleration is used. Beyond a buckling load the
-        body is softer than the penalty bulk modulus, and the updates would oscillate for ever. The modulus is then
-        raised until the next reset.
+        body is softer than the penalty bulk modulus, and the updates would oscillate without end. The modulus is then
+        raised until the next call of `begin`.
         """
         before = self.values.copy()
         worst, mean = update_pressures(x, elements, shape, self._body.material, self.table, self.values)

@@ -22,10 +22,10 @@ def evaluate_in_threads(threads, x, shape, blocks, material, pressure, scale, ta
 def evaluate(x, shape, blocks, material, pressure, scale, table, watched, force, energy, threads):
     """Write the corner forces (m, c, 3) [N] and energies (m,) [J] of all elements; return the sum of the energies.
 
-    ``x`` (n, 3) [m] are the positions, ``pressure`` (m,) [Pa] the multipliers of the volumes, ``scale`` (m,) multiplies
-    the initial hourglass stiffness, ``watched`` (k,) int32 are the elements with fold barriers. Any number of
-    ``threads`` writes the same bits, and the sum is taken in one thread. With None, for one thread, the parallel
-    version is not compiled.
+    ``x`` (n, 3) [m] are the positions, and ``pressure`` (m,) [Pa] the multipliers of the volumes. ``scale`` (m,)
+    multiplies the initial hourglass stiffness. ``watched`` (k,) int32 are the elements with fold barriers. The result
+    does not depend on the number of ``threads``, bit by bit. None means one thread, without compiling the parallel
+    version.
     """
     if threads is None:
         evaluate_blocks(0, len(blocks.element), x, shape, blocks, material, pressure, scale, table, force, energy)

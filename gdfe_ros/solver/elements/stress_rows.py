@@ -2,7 +2,7 @@
 """Compiled stresses of a block of elements of one law, in several passes.
 
 A pass over the lanes without calls and branches is compiled to SIMD. Logarithms, powers and table look-ups of a law
-therefore have a pass of their own, and iterations are loops around passes: a converged lane keeps its value until all
+therefore have a pass of their own. An iteration is a loop around a pass; a converged lane keeps its value until all
 lanes have converged.
 """
 
@@ -55,10 +55,11 @@ from gdfe_ros.solver.elements.lanes import (
 
 LINEAR, NEO_HOOKEAN, CURVE, OGDEN_LAW = 0, 1, 2, 3
 UNIQUE = 1e-6
-"""Margin of the rotation's uniqueness below which its closed form loses digits, and the energy is computed from the
-invariants of F."""
+"""Below this margin of the rotation's uniqueness, its closed form loses digits. The energy is then computed from the
+invariants of F.
+"""
 SWEEPS = 12
-"""Limit of Jacobi sweeps: three to five are enough for finite numbers, and NaN needs none."""
+"""Limit of Jacobi sweeps. Three to five are enough for finite numbers; NaN ends the sweeps at once."""
 FIRST, SECOND, DETERMINANT, STRETCH_SUM, SIZE, FACTOR, STORED = range(COORDINATES, COORDINATES + 7)
 """Scratch of the corotated laws: invariants of F, tr(R^T F), |F - lam R|^2, the factor of F - lam R, and its energy."""
 TENSOR, LEFT, RIGHT = COORDINATES, COORDINATES + 6, FORCES

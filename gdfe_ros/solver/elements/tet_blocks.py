@@ -17,13 +17,14 @@ INVERSE, WEIGHT, TET_GEOMETRY_ROWS = 0, 36, 40
 """First rows in ``TetBlocks.geometry`` of the inverses of dX/dxi (4 x 9) and the weights (4) of the integration points;
 and the number of rows."""
 NODES, TOTAL, GRADIENTS = ROWS, ROWS + 30, ROWS + 60
-"""First rows of the node coordinates (10 x 3), of the node forces (10 x 3), and of F at the points (4 x 9); those of
-hexahedra lie before them, because the laws are evaluated there."""
+"""First rows of the node coordinates (10 x 3), of the node forces (10 x 3), and of F at the points (4 x 9). The rows of
+hexahedra come first, because the laws are evaluated there.
+"""
 SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENTS + 38
 """Rows of the pressure on the mean volume, of the energy, and the first of the geometry (40)."""
 TET_ROWS = GEOMETRY_OF_TET + TET_GEOMETRY_ROWS
 STRAIGHT = 1e-9
-"""Relative difference of dxi/dX between the points of an element up to which its edges count as straight."""
+"""Edges count as straight if dxi/dX differs by at most this fraction between the element's points."""
 
 
 class TetBlocks(NamedTuple):
@@ -33,10 +34,11 @@ class TetBlocks(NamedTuple):
         element: (b, LANES) int32 element of each lane.
         used: (b,) int32 number of lanes in use; the others repeat the first.
         law: (b,) int32 law of the block's elements.
-        straight: (b,) bool, whether all its edges are straight: one inverse and one weight serve all points.
+        straight: (b,) bool, whether all edges of the block are straight; one inverse and one weight then serve all
+            points.
         start: (b,) int64 index in ``geometry`` at which each block begins.
-        geometry: float64, rows as named above, lane by lane; of straight blocks one inverse (9) and one weight. The
-            kernels are limited by memory, and these are a quarter of the numbers.
+        geometry: float64, rows as named above, lane by lane. Straight blocks have one inverse (9) and one weight only:
+            a quarter of the numbers, because memory limits the kernels.
     """
 
     element: NDArray[np.int32]

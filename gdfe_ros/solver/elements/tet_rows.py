@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled response of a block of quadratic tetrahedra: P2 with a split volume term (docs/theory/tetrahedra.md).
 
-A material's volume stiffness is divided into a local part, which acts at the four integration points, and the rest,
-which acts on the element's mean volume ratio. The table of materials has the local parts (`local_share`).
+A material's volume stiffness has two parts: a local one acts at the four integration points, and the rest acts on the
+element's mean volume ratio. The table of materials has the local parts (`local_share`).
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def axis_slopes(b, place, lane, axis):
 
 @inlined
 def gather_point(b, place, inverse, row):
-    """Write F at one integration point to the rows from ``row`` on; ``inverse`` is the first row of its dxi/dX."""
+    """Write F at an integration point to the rows from ``row`` on; ``inverse`` is the first row of dxi/dX there."""
     for lane in range(LANES):
         m = load9(b, inverse, lane)
         for axis in range(3):
@@ -115,7 +115,7 @@ def add(b, row, lane, value):
 
 @inlined
 def scatter_point(b, place, inverse):
-    """Add the node forces of one integration point, whose weight times P is in the rows of the stress."""
+    """Add the node forces of one integration point; the rows of the stress hold its weight times P."""
     l0, l1, l2, l3 = place
     for lane in range(LANES):
         m = load9(b, inverse, lane)
@@ -139,7 +139,7 @@ def scatter_point(b, place, inverse):
 
 @inlined
 def mean_volume_rows(b, elements, material, pressure, table):
-    """Write the slope and the energy [J] of the volume term of the mean volume ratio."""
+    """Write slope and energy [J] of the volume term, which acts on the mean volume ratio."""
     for lane in range(LANES):
         b[SLOPE * LANES + lane], b[STORED_ENERGY * LANES + lane] = 0.0, 0.0
     for g in range(4):

@@ -21,18 +21,18 @@ CORNER_NODES = np.array(
 )
 """Each corner, and the nodes on the edges that meet there."""
 OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]], dtype=np.int32)
-"""The other ends of these edges."""
+"""Other ends of the edges of `CORNER_NODES`."""
 ORDER = np.array([1.0, -1.0, 1.0, -1.0])
-"""Sign of the triple product of the edges in this order."""
+"""Sign of the triple product of the edges in the order of `CORNER_NODES`."""
 SPACING = 1e-5
-"""Displacement of a difference over the cube root of an element's volume."""
+"""Displacement in a finite difference, over the cube root of an element's volume."""
 
 
 @internal
 def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
     """Write node forces (m, 10, 3) [N] and energies (m,) [J] of the blocks from ``first`` up to ``last``.
 
-    ``scale`` is not read: it belongs to hourglass stiffness.
+    ``scale`` is not read, because tetrahedra have no hourglass stiffness.
     """
     b = np.empty(TET_ROWS * LANES)
     for block in range(first, last):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Coupling of the shear strains of a twisted element: as a separate bar, or as part of a section of several cells."""
+"""Coupling of the shear strains of a twisted element; it depends on the number of cells in the section."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 OWN_SHEAR = (6.0 * 0.14057702, 0.37384848, 0.22901768, 0.15517115)
 """Weight 1 - chi of the uncoupled shear strains in a twisted element, by the number of cells across a square bar. With
-1, 2, 3 and 4 cells the bar has Saint-Venant's constant 0.14057702 h^4 to the last digit. For more cells the weight of
-4 is used, at an error of at most 0.2 %: a smaller one would resist hourglassing too little."""
+1, 2, 3 and 4 cells the bar has Saint-Venant's constant 0.14057702 h^4 to the last digit. For more cells the weight of 4
+is used; the error is at most 0.2 %, and smaller weights would resist hourglassing too little.
+"""
 
 
 def couplings(across: NDArray[np.int32]) -> NDArray[np.float64]:

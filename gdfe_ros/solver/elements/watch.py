@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled list of elements near folding: those whose fold barriers a minimisation has to evaluate.
+"""Compiled list of elements near folding; a minimisation evaluates fold barriers only for these.
 
 Barriers act below a volume ratio J_0, which sound bodies never reach. A minimisation therefore keeps a list of watched
 elements, and evaluates barriers for these alone. At its beginning it examines all elements, and watches those with a
@@ -8,9 +8,9 @@ most d = t/2,
 
     |J' - J| <= r ((A + t)(B + t)(C + t) - A B C) <= 3 r t (A B + B C + C A)    for t <= A, B, C
 
-with r, one over the undeformed triple product. While no vertex has moved farther than the least of these d, no corner
-outside of the list can be below J_0. Beyond it, all elements are examined again. The minimised energy thus always
-contains the barriers of all elements, and sound bodies pay for one examination per solve.
+where 1 / r is the undeformed triple product. While no vertex has moved farther than the least of these d, every corner
+outside of the list is above J_0. Then all elements are examined again. The minimised energy thus always contains all
+barriers that act, and sound bodies need one examination per solve.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Watch(NamedTuple):
     """The watched elements of a solve; minimisations add to them.
 
     Attributes:
-        elements: (m,) int32, of which the first ``count`` are watched.
+        elements: (m,) int32; the first ``count`` are watched.
         count: (1,) int64.
         member: (m,) bool, whether each element is watched.
         room: (2,) distance [m] that vertices may move until the next examination: from the accepted positions of the

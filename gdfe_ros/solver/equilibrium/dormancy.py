@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dormancy: freezes the part of a body that the commands do not reach, and wakes it when its forces change.
 
-The frozen elements keep the forces of their last evaluation. At the border the forces change with the moving
-neighbours. The constant matrix gives an estimate of the displacement that these changes would cause in the frozen
-vertices. This estimate bounds the error, as it does for any step. If it exceeds the tolerance, the whole body is solved
-once more. This is the outlook of the paper: "discount elements which are not relevant to the actuation".
+The frozen elements keep the forces of their last evaluation. At their border, moving neighbours change the forces. The
+constant matrix estimates the displacement that these changes would cause in the frozen vertices. If this estimate of
+the error exceeds the tolerance, the whole body is solved once more. This is the outlook of the paper: "discount
+elements which are not relevant to the actuation".
 """
 
 from __future__ import annotations
@@ -23,25 +23,26 @@ from gdfe_ros.solver.state import DormancyState, Known, State
 from gdfe_ros.solver.value import changed
 
 QUIET = 0.1
-"""Displacement in a step, over the tolerance, below which a vertex counts as at rest."""
+"""A vertex counts as at rest if its displacement in a step, over the tolerance, is below this."""
 PATIENCE, MOST_PATIENCE = 4, 64
-"""Number of successive steps of the whole body for which a vertex must be at rest before it is frozen: first value and
-limit. The number is doubled after each part that was too small."""
+"""A vertex is frozen once it was at rest in this number of successive steps of the whole body: first value and limit.
+The number is doubled after each awake part that was too small.
+"""
 WORTH = 0.75
-"""Fraction of the free vertices above which solving only a part does not pay."""
+"""Largest fraction of the free vertices that an awake part may have; larger parts save no time."""
 MOST_REST = 32
 """Largest number of steps for which the search for vertices to freeze pauses. It pauses after an awake part that would
 have been too large (`WORTH`), each time twice as long."""
 LEAST_VERTICES = 1500
-"""Number of free vertices below which a separate factor does not pay."""
+"""With fewer free vertices, freezing saves no time, because the part needs a factor of its own."""
 LAYERS = 2
 """Layers of elements around the moving ones that are kept awake."""
 SHORT, LONG = 8, 32
 """A part that lasts for fewer than `SHORT` steps was too small; one that lasts for `LONG` steps was well chosen."""
 STIRRED = 0.25
-"""Displacement on waking, over the largest one, above which a frozen vertex joins the awake part."""
+"""A frozen vertex joins the awake part if its displacement on waking, over the largest one, exceeds this."""
 CERTAIN = 0.5
-"""Estimated displacement, over the tolerance, up to which the cheap estimate from the border's forces is trusted."""
+"""Up to this estimated displacement over the tolerance, the cheap estimate from the border's forces is trusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +50,10 @@ class AwakePart:
     """An awake part of a body.
 
     Attributes:
-        awake: (n,) vertices that the part was made to contain.
+        awake: (n,) bool, vertices that the part must contain.
         active: its unknowns and elements.
         watched: int32 frozen vertices whose forces may change.
-        rows: rows of these among the body's free vertices.
+        rows: indices of the watched vertices among the body's free vertices.
         handles: int32 vertices of handles next to frozen elements.
     """
 
@@ -121,9 +122,9 @@ class Dormancy:
         return active is not self._whole
 
     def disturbance(self, sleep: DormancyState, target: float) -> tuple[float, float]:
-        """Return the displacement [m] that the frozen vertices would have if they were free, and its value per 1 N.
+        """Return an estimate [m] of the frozen vertices' displacement if they were free, and its value per 1 N.
 
-        The first value is computed by a solve, unless the cheap estimate is far below ``target`` [m].
+        The estimate is computed by a solve, unless the cheap one is far below ``target`` [m].
         """
         part = self._made(sleep.awake)
         change = self._forces(part) - sleep.border
@@ -142,7 +143,10 @@ class Dormancy:
     def accepted(
         self, sleep: DormancyState | None, active: ActiveSet, positions: NDArray[np.float64], tolerance: float
     ) -> DormancyState | None:
-        """Return the dormancy state after a step of ``active`` to ``positions`` (n, 3) [m]; `learned` adds forces."""
+        """Return the dormancy state after a step of ``active`` to ``positions`` (n, 3) [m].
+
+        It has no forces of frozen elements yet; `learned` adds them.
+        """
         if sleep is None:
             return None
         if self.is_part(active):

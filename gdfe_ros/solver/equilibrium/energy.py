@@ -39,9 +39,11 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
 
 LEAP = 100.0
-"""Distance of the start from the last equilibrium, over the tolerance, above which the solve does not count as warm."""
+"""A solve counts as warm only if its start is nearer to the last equilibrium than this multiple of the tolerance."""
 REORIENT = 0.3
-"""Rotation [rad] of a handle beyond which its coupling to the constant matrix is recomputed and the history emptied."""
+"""A handle's coupling to the constant matrix is recomputed, and the history emptied, after a rotation by this angle
+[rad].
+"""
 RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 
@@ -52,15 +54,15 @@ class EquilibriumSolver:
         body: the discretised body.
         actuation: the external terms; None for none.
         library: library that factors the constant matrix; None chooses.
-        skip: kinds of work that may be left out.
+        skip: kinds of work that are left out where possible.
         threads: most threads among which the elements are divided.
-        predictor: makes the predictor of a solve's start; None for the one of equilibria.
+        predictor: function that makes the predictor of a solve's start; None for the predictor of equilibria.
         softening: whether hourglass scales follow the strain.
 
     Attributes:
         matrix: the constant matrix.
         handles: the kinematics of the handles.
-        patience: iterations after which a shorter increment is tried instead.
+        patience: number of iterations after which a solve is given up and a shorter increment is tried.
     """
 
     patience = 2000
@@ -155,7 +157,7 @@ class EquilibriumSolver:
         return self._whole
 
     def evaluated(self, solve: Solve) -> Task:
-        """Evaluate all terms at the start of a solve, and return the minimisation's task there."""
+        """Evaluate all terms at the start of a solve; return the minimisation's task at that start."""
         self._loaded = None
         return solve.evaluate(self._whole, self.matrix.coupling, threads=None)
 
@@ -211,7 +213,7 @@ class EquilibriumSolver:
         """Return the state that follows ``previous`` with the last solution.
 
         Raises:
-            RuntimeError: the solution is not that of the last solve, whose workspace is needed.
+            RuntimeError: the solution is not that of the last solve; the workspace of that solve is needed.
         """
         if solution.run != self._run:
             raise RuntimeError("only the solution of the last solve can be accepted")

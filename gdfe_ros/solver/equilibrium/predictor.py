@@ -19,7 +19,7 @@ LARGEST_RATIO = 2.0
 STILL = 1e-12
 """Motion of handles, over the body's size, that is rounding and needs no harmonic predictor."""
 SMOOTH = 0.5
-"""Largest fraction of a motion that may deviate from the last one for extrapolation."""
+"""The last motion is extrapolated if the present motion differs from it by at most this fraction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Prediction:
         positions: (n, 3) [m].
         slides, turns: (p, 3) free motions of handles [m], [rad].
         ratio: multiple of the last step that was extrapolated.
-        sure: whether the prediction is near the end of the step, even if the step is long.
+        sure: whether the prediction counts as near the end of the step, even if the step is long.
     """
 
     positions: NDArray[np.float64]

@@ -20,9 +20,10 @@ from gdfe_ros.solver.value import changed
 MOST_SADDLES = 8
 """Most saddles that one solve leaves in succession."""
 STEP, ASK, LOOK = 4, 40, 500
-"""Numbers of iterations: cost of a step besides its own iterations, interval between evaluations of the curvature along
-the softest direction (one product), and interval between computations of that direction. Each evaluation or
-computation costs about a fortieth of the work of a stream."""
+"""Three numbers of iterations: the cost of a step besides its own iterations; the interval between evaluations of the
+curvature along the softest direction (one product each); the interval between computations of that direction. Each
+evaluation or computation costs about a fortieth of the work of a stream.
+"""
 UNSTABLE = (
     "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
 )
@@ -59,8 +60,8 @@ class Saddles:
     def judged(self, descents: Descents, solve: Solve, found: Solution, *, part: bool) -> Solution:
         """Return a converged solution with its stability, which is checked when due.
 
-        A solution of only a ``part`` of the body is not checked, because it does not prove stability of the whole.
-        ``descents`` minimises again from a point of lower energy beside a saddle.
+        A solution of a ``part`` of the body is not checked, because it does not prove the stability of the whole. From
+        a saddle, ``descents`` minimises again, beginning at a point of lower energy beside it.
         """
         start, soft = solve.start, solve.start.soft
         if soft is not None:

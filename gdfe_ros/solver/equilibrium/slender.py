@@ -21,15 +21,17 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.smooth_field import smooth_field
 
 PRODUCTS = 40
-"""Lanczos steps. From a smooth start they determine the softness of a slender body within a factor of ten, which is
-enough to distinguish it from a stocky one; docs/theory/solve.md has the figures."""
+"""Number of Lanczos steps. From a smooth start they give the softness of a slender body within a factor of ten, enough
+to distinguish it from a stocky body; docs/theory/solve.md has the figures.
+"""
 SLENDER = 1.5e-3
-"""Softness after 40 Lanczos steps below which the steps of the constant matrix alone fall too short. Stocky
-scenes have 3.9e-3 to 6.9e-3, a bar of six times its thickness 8e-4, the robots 2e-4 to 1e-3."""
+"""A body counts as slender if its softness after 40 Lanczos steps is below this; steps of the constant matrix alone are
+then too short. Stocky scenes have 3.9e-3 to 6.9e-3, a bar of six times its thickness 8e-4, the robots 2e-4 to 1e-3.
+"""
 SLENDER_IN_MOTION = 2e-2
-"""The same limit with inertia: no distance has to be certified, and a tangent pays sooner."""
+"""The same limit for bodies with inertia: no distance has to be certified, and a tangent pays sooner."""
 MECHANISM = 1e-10
-"""Softness below which a mode has no stiffness beyond rounding: the handles let the body turn or move as a whole."""
+"""A mode with a smaller softness has no stiffness, only rounding: the handles let the body turn or move as a whole."""
 INVERSE_ITERATIONS = 6
 """Inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
 

@@ -23,25 +23,32 @@ from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
-"""Tolerance of the first minimisation if multipliers are updated, and factor from each tolerance to the next."""
+"""If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
 COARSER = (30.0, 3.0)
-"""Tolerances of the first minimisations, over the resolution of contact forces; later ones resolve the forces fully."""
+"""Tolerance of the first minimisations, over the resolution of contact forces; later minimisations resolve the forces
+fully.
+"""
 ROUGH = 0.3
-"""Distance to which the next minimisation converges, over the error of the self-contact pairs at the last update."""
+"""Tolerance of the next minimisation, over the error of the self-contact pairs at the last update."""
 SCALE_SLACK = 10.0
-"""Change of an hourglass scale, over the tolerance, that still leaves the positions within it."""
+"""Allowed change of an hourglass scale, over the tolerance; the positions stay within the tolerance."""
 SURE = 0.3
-"""Largest change by an update, over the allowed one, up to which a certified solve ends without a new minimisation."""
+"""A certified solve ends without a new minimisation if an update's largest change, over the allowed one, is at most
+this.
+"""
 WARM_SLACK = 10.0
-"""Volume error of an element, over the tolerance, that a step of a motion may leave to the next step's pressures."""
+"""Allowed volume error of an element, over the tolerance, in a step that continues a motion; the next step's pressures
+remove it.
+"""
 WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
-"""Least iterations of a step that continues a motion, of a step that does not, and of a driven body whose history is
-not full. With small successive commands, the first evens out the work of the steps and keeps the error far below the
-tolerance; otherwise errors would accumulate. The third is needed because the history does not contain the softest
-modes yet, which forces excite most."""
+"""Least numbers of iterations of three kinds of steps: one that continues a motion, one that does not, and one of a
+driven body whose history is not full. The first spreads the work evenly over many small commands, and keeps errors from
+accumulating. The third is needed because the history does not yet contain the softest modes, which forces excite most.
+"""
 COLD_AIM = 0.2
-"""Fraction of the tolerance at which a solve that continues no motion stops. Its history does not contain the softest
-modes yet, and its steps become short before the distance becomes small."""
+"""A solve that continues no motion stops at this fraction of the tolerance. Its history does not contain the softest
+modes yet, so its steps become short before the distance becomes small.
+"""
 MOST_UPDATES = 60
 """Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
 TOO_DEEP = "surfaces that were apart entered each other so deeply that contact could not separate them"
@@ -54,14 +61,14 @@ class Solve:
         model: data common to all solves.
         problem: the requested increment.
         start: state at the beginning.
-        base: (n, 3) [m], positions whose rows of handle vertices are the commanded ones.
+        base: (n, 3) [m]; rows of handle vertices are their commanded positions.
         prediction: positions at the beginning.
         elements: (k,) int32, the elements that move.
         warm: whether the motion continues smoothly and the start is near the equilibrium.
 
     Attributes:
         problem, start: as given.
-        warm: as given, until a saddle is left.
+        warm: as given; False once a saddle was left.
         anew: whether the solve continues no motion.
         turns: (p, 3) rotation vectors [rad] of the handles at the beginning.
         pressures: multipliers of the volumes.
@@ -296,7 +303,7 @@ class Solve:
         return self._softening and len(active.softening) > 0
 
     def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
-        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and a message."""
+        """Return whether the solution is an equilibrium, the error estimate, and a message."""
         if self._actuation.hopeless:
             return False, np.inf, TOO_DEEP
         tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active) / self._aim

@@ -18,8 +18,9 @@ FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
 """First length of a step along a direction of negative curvature, over the body's size, and the largest numbers of
 doublings and of divisions by four."""
 RANDOM = 1.0
-"""Norm of a random load over that of the softest mode's load; the search starts with their sum, because buckling may be
-local. With a tenth, the search may converge to the softest mode before it finds one of negative curvature."""
+"""Norm of a random load over that of the softest mode's load. The search starts with the sum of both loads, because
+buckling may be local. With 0.1, the search may converge to the softest mode before it finds one of negative curvature.
+"""
 FALL = 1e-9
 """Least relative decrease of the energy along a descent direction; less is rounding."""
 
@@ -52,8 +53,8 @@ class Stability:
     def look(self, task: Task) -> Lowest:
         """Return the softest direction at the unknowns of ``task``, whose terms are evaluated there.
 
-        The start vector contains all modes, from a fixed seed: a perfectly symmetric body has no force, and no
-        rounding, along its buckling mode.
+        The start vector is random with a fixed seed, and contains all modes. A load of a perfectly symmetric body, even
+        its rounding, would contain no part of the buckling mode.
         """
         with task.turn:
             self._product.begin(task)
@@ -66,9 +67,9 @@ class Stability:
             return float(direction @ self._product(direction)) < -FLAT
 
     def leave(self, task: Task, direction: NDArray[np.float64]) -> Downhill | None:
-        """Return the lowest of the points along a direction (3 r,) at lengths doubled while the energy falls.
+        """Return the lowest point along a direction (3 r,); the length is doubled while the energy falls.
 
-        None if the energy does not fall.
+        The result is None if the energy does not fall.
         """
         work = task.active.workspace
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0

@@ -21,7 +21,9 @@ from gdfe_ros.solver.matrix.unknowns import HandlePositions, Unknowns, gather_ri
 def assemble(
     shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64], count: int | None = None
 ) -> sparse.csc_matrix:
-    """Return the matrix sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T, (n, n); of tetrahedra sum_e w_e int g g^T.
+    """Return the matrix (n, n): sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T.
+
+    For tetrahedra it is sum_e w_e int g g^T.
 
     Args:
         shape: the elements.
@@ -47,8 +49,8 @@ def _scatter(blocks: NDArray[np.float64], shape: ShapeOperators, count: int | No
 class ConstantMatrix:
     """The constant matrix restricted to the unknowns, factored; x, y and z have one factor.
 
-    Handles with a free axis are eliminated by their Schur complement, so that one factor of the free vertices serves
-    all three axes, whether they are free or not.
+    Handles with a free axis are eliminated by their Schur complement. One factor of the free vertices therefore serves
+    all three axes, free or not.
 
     Args:
         matrix: the assembled matrix (n, n), symmetric.
@@ -58,7 +60,7 @@ class ConstantMatrix:
 
     Attributes:
         kind: the library in use.
-        coupling: of the handles in their rest poses.
+        coupling: coupling of the handles in their rest poses.
         assembled: the matrix of all vertices (n, n).
     """
 
@@ -104,10 +106,7 @@ class ConstantMatrix:
         return (self.assembled @ whole)[free]
 
     def compliance(self, force: NDArray[np.float64]) -> float:
-        """Return the compliance f . A^-1 f [m/N times the squared unit of f] of vertex forces f (n, 3).
-
-        Handles with a free axis are included, in their rest poses.
-        """
+        """Return the compliance f . A^-1 f of vertex forces f (n, 3); its unit is m/N times the squared unit of f."""
         unknowns, count = self._unknowns, len(self._unknowns.free)
         right = np.zeros((unknowns.rows, 3))
         right[:count] = force[unknowns.free]
@@ -130,6 +129,6 @@ class ConstantMatrix:
 
 @vector_kernel
 def apply_inverse(gradient, coupling, out, threads):
-    """Write A^-1 gradient (3 r,) to ``out``, rigid rows included; ``threads`` as in `apply_free`."""
+    """Write A^-1 gradient (3 r,) to ``out``, including the rigid rows; ``threads`` as in `apply_free`."""
     apply_free(coupling.inverse, gradient, out, threads)
     close_coupling(gradient, coupling, out)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coupling of the rigid rows to the free vertices: block elimination with one factor for x, y and z.
 
-The constant matrix couples no axes, but a rotation does. Each handle moves its vertices by scalar fields: 1, and for a
-rotating handle the three components of the undeformed arms. A motion of the handle, rotated by Q and with the rotation
-vector theta, is a combination of these fields for each axis, dx = dt + (J_l(theta) dtheta) x (Q r). The harmonic
-extensions of the fields are computed once, and the Schur complement of the rigid rows follows from them for any Q.
+The constant matrix does not couple x, y and z, but a rotation does. Each handle moves its vertices by scalar fields:
+the constant 1 and, for a rotating handle, the three components of r, the undeformed position relative to the centre.
+For a handle at the rotation Q with the rotation vector theta, dx = dt + (J_l(theta) dtheta) x (Q r). Each axis of this
+motion is a combination of the fields. The harmonic extensions of the fields are computed once; they give the Schur
+complement of the rigid rows for any Q.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from gdfe_ros.solver.matrix.inverse import Inverse
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 
 SINGULAR = 1e-10
-"""Eigenvalues of the Schur complement, over its largest, below which the motion moves nothing."""
+"""A motion counts as moving nothing if its eigenvalue of the Schur complement is below this fraction of the largest
+one.
+"""
 
 Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
 
@@ -33,7 +36,7 @@ class Coupling(NamedTuple):
     Attributes:
         columns: (f, k) float64, A_fp b of each scalar field b [N/m times the field's unit].
         harmonic: (f, k) float64, A_ff^-1 columns.
-        motion: (3, k, 3 q) float64, by axis: coefficient of each field in each component of the rigid rows.
+        motion: (3, k, 3 q) float64, for each axis the coefficient of each field in each component of the rigid rows.
         inverse_schur: (3 q, 3 q) float64, inverse of the rigid rows' Schur complement, zero for prescribed components.
         inverse: of the free block, for the kernels.
     """

@@ -18,9 +18,9 @@ from gdfe_ros.compiled import kernel
 SLACK = 0.05
 """Largest fraction of zeros in a supernode: fewer and broader supernodes are faster if the matrix is factored often."""
 SMALL = 1.0
-"""Work of a subtree, over an even division among groups, up to which it is not divided."""
+"""A subtree is not divided further if its work is at most this fraction of an even division among groups."""
 NARROW = 2
-"""Width in vertices up to which a supernode is always merged with its parent."""
+"""A supernode of at most this width in vertices is always merged with its parent."""
 
 
 class Elimination(NamedTuple):
@@ -66,7 +66,7 @@ class Elimination(NamedTuple):
         return np.repeat(np.arange(len(self.parent)), self.heights)
 
     def stand(self, nodes: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the index of each of ``rows`` (k,) among the rows of the supernode ``nodes`` (k,)."""
+        """Return the index of each of ``rows`` (k,) among the rows of its supernode in ``nodes`` (k,)."""
         size = len(self.order)
         return np.searchsorted(self.owner * size + self.rows, nodes * size + rows) - self.row_start[nodes]
 
@@ -87,7 +87,7 @@ class Elimination(NamedTuple):
         return taken, row[taken] - self.first[owner], self.stand(owner, column[taken]), begin
 
     def inside(self) -> NDArray[np.int64]:
-        """Return the index of each row (r,) beyond a supernode's own among its parent's rows; -1 for other rows."""
+        """Return the index of each row (r,) among its parent's rows; -1 for a supernode's own rows."""
         owner = self.owner
         upper = self.parent[owner]
         beyond = (self.rows >= self.first[owner + 1]) & (upper >= 0)
@@ -192,7 +192,7 @@ def merge(parent, height, slack, narrow):
 
 @kernel
 def structure(indptr, indices, order, rank, first, row_start, parent):
-    """Return the rows (r,) of each supernode, unsorted, and its parent (s,)."""
+    """Return the rows (r,) of each supernode, unsorted, and each supernode's parent (s,)."""
     count = len(first) - 1
     owner, rows = np.empty(len(order), np.int64), np.full(row_start[count], -1)
     above, seen = np.full(count, -1), np.full(len(order), -1)
@@ -231,7 +231,7 @@ def structure(indptr, indices, order, rank, first, row_start, parent):
 def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64], *, slack: float = SLACK) -> Elimination:
     """Return the elimination of the vertices of a symmetric graph (f, f) in an order (f,).
 
-    Supernodes are merged if at most a fraction ``slack`` of the result is zeros.
+    Supernodes are merged if zeros are at most the fraction ``slack`` of the result.
     """
     indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
     order = order[postorder(elimination_tree(indptr, indices, order, np.argsort(order)))]
@@ -247,7 +247,7 @@ def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64], *, slack: flo
 def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int64]]:
     """Return an elimination with ``count`` groups of subtrees first, and the index at which each begins (count + 1,).
 
-    Large subtrees are divided until all are small compared with a group; the divided supernodes come last.
+    Large subtrees are divided until all are small compared with a group. The supernodes above these subtrees come last.
     """
     if count == 0:
         return found, np.zeros(1, np.int64)

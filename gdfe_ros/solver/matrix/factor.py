@@ -16,12 +16,15 @@ from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
 from gdfe_ros.solver.matrix.supernodes import NotDefiniteError, supernodal
 
 DENSE_UP_TO = 200
-"""Free vertices up to which an explicit inverse, applied in compiled code, is fastest."""
+"""Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
 SOUND = 1e-3
-"""Largest relative correction of a solution for which a factor is kept in single precision. Such a factor preconditions
-minimisations and estimates the distance to the equilibrium."""
+"""A factor is kept in single precision if the relative correction of a solution is at most this. Such a factor serves
+as preconditioner, and to estimate the distance to the equilibrium.
+"""
 REFINED = 3
-"""Corrections of a solution with a single-precision factor; each reduces the error to at most `SOUND`."""
+"""Number of corrections of a solution with a single-precision factor; each reduces the error to at most the fraction
+`SOUND`.
+"""
 
 
 class Factorisation(str, Enum):
@@ -67,7 +70,7 @@ class Factor:
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64], *, exact: bool = False) -> None:
         """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``.
 
-        A single-precision factor gives a relative error of `SOUND`, unless ``exact`` is set.
+        The relative error of a single-precision factor is up to `SOUND`; with ``exact`` the solution is corrected.
         """
         if self._library is not None:
             out[...] = self._library.solve(right)
@@ -97,7 +100,7 @@ _MADE: WeakValueDictionary[bytes, Factor] = WeakValueDictionary()
 
 
 def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> Factor:
-    """Return the factor of a matrix (f, f): that of an equal matrix in the process, or a new one."""
+    """Return the factor of a matrix (f, f); an equal matrix in the process provides its existing factor."""
     digest = hashlib.blake2b(f"{kind.value} {matrix.shape}".encode())
     for part in (matrix.indptr, matrix.indices, matrix.data, points):
         digest.update(np.ascontiguousarray(part).data)

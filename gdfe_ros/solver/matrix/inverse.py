@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel, parallel_kernel, vector_kernel
 
 TAKEN, LINE = 4, 8
-"""Rows that are processed at a time, and the divisor of each row's length."""
+"""Number of rows that are processed at a time, and divisor of each row's length."""
 
 
 class Inverse(NamedTuple):
@@ -30,10 +30,10 @@ class Inverse(NamedTuple):
         order, first, row_start, rows: of the `Elimination` of the factor; empty without one.
         group_start: (g + 1,) first supernode of each group. Groups are independent of each other; the supernodes after
             them depend on several groups.
-        length: (s,) of the rows of each supernode.
+        length: (s,) length of the rows of each supernode.
         value_start: (s + 1,) offset of their values.
-        values: of all rows, with one over the diagonal in its place, and a row of zeros at the end; empty if ``coarse``
-            is used.
+        values: values of all rows, and a row of zeros at the end; each diagonal entry is replaced by its inverse. Empty
+            if ``coarse`` is used.
         coarse: the values in single precision; empty if they are in double precision.
     """
 
@@ -60,7 +60,8 @@ class Inverse(NamedTuple):
 def apply_free(inverse, right, out, threads):
     """Write A_ff^-1 right to the first rows of ``out``, for three right-hand sides (f, 3), flat.
 
-    Any number of ``threads`` writes the same bits; with None, for one thread, the parallel version is not compiled.
+    The result does not depend on the number of ``threads``, bit by bit. None means one thread, without compiling the
+    parallel version.
     """
     if len(inverse.order) == 0:
         apply_explicit(inverse.explicit, right, out)
@@ -93,7 +94,7 @@ def apply_explicit(explicit, right, out):
 
 @vector_kernel
 def solve_rows(inverse, values, x, threads):
-    """Solve U^T U x = x (f, 3), flat, in the order of elimination; independent groups first and last."""
+    """Solve U^T U x = x (f, 3), flat, in the order of elimination; the independent groups come first and last."""
     groups = len(inverse.group_start) - 1
     begin, end = inverse.group_start[groups], len(inverse.length)
     above = x[3 * inverse.first[begin] :]
@@ -198,7 +199,7 @@ def forward(u, first, a, b, c, d):
 
 @vector_kernel
 def backward(taken, first, a, b, c, d):
-    """Solve four rows of U for one axis, from the right-hand sides ``taken`` less the other rows."""
+    """Solve four rows of U for one axis, from the right-hand sides ``taken`` minus the other rows' products."""
     p, q, r, s = taken
     s *= d[first + 3]
     r = (r - c[first + 3] * s) * c[first + 2]

@@ -10,17 +10,18 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
 LEAF = 60
-"""Vertices of a part that is not divided further."""
+"""A part with at most this number of vertices is not divided further."""
 DIGITS = 6
-"""Decimal digits to which coordinates over the body's size are rounded, so that a cross-section's vertices count as
-level."""
+"""Coordinates over the body's size are rounded to this number of decimal digits, so that a cross-section's vertices
+count as level.
+"""
 
 
 def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return an order (f,) of the vertices in which neighbours are close to each other.
 
-    For straight bodies, the order by cross-sections along a principal axis has half the bandwidth of reverse
-    Cuthill-McKee; for others the latter is better. The narrowest is returned.
+    Two orders are compared, and the narrower one is returned: by cross-sections along a principal axis, and reverse
+    Cuthill-McKee. The first has half the bandwidth for straight bodies.
 
     Args:
         graph: (f, f), an entry for every two vertices that share an element.
@@ -48,8 +49,7 @@ def dissected(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[
     """Return an order (f,) by nested dissection (George 1973): both halves first, then their separator.
 
     A body is halved across its longest axis; the separator consists of the vertices of the upper half with neighbours
-    in the lower one. For bodies with thousands of vertices per cross-section the fill is far less than in a narrow
-    order.
+    in the lower one. If a cross-section has thousands of vertices, this order causes far less fill than a narrow order.
 
     Args:
         graph: (f, f), an entry for every two vertices that share an element.

@@ -13,7 +13,7 @@ import math
 from gdfe_ros.compiled import inlined
 
 SMALL = 1e-4
-"""Angle [rad] below which the coefficients' series are exact to double precision with two terms."""
+"""Up to this angle [rad], two terms of the coefficients' series are exact to double precision."""
 
 
 @inlined
@@ -52,7 +52,7 @@ def rotated(r, x, y, z):
 
 @inlined
 def left_jacobian_transposed(turn, moment):
-    """Return J_l(theta)^T m: the derivative with respect to the rotation vector for a moment m about world axes."""
+    """Return J_l(theta)^T m, the derivative of energy with respect to the rotation vector, for a moment m."""
     _, b, c = coefficients(turn)
     x, y, z = turn
     m0, m1, m2 = moment

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sparse Cholesky factor A = U^T U of the constant matrix by the multifrontal method (Liu 1992), with LAPACK.
 
-Each supernode assembles its entries of the matrix and its children's update matrices in a dense front, eliminates its
-own vertices there, and passes the remaining update matrix to its parent.
+Each supernode assembles its entries of the matrix and its children's update matrices in a dense front. It eliminates
+its own vertices there, and passes the remaining update matrix to its parent.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from gdfe_ros.solver.matrix.inverse import LINE, Inverse
 from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
 
 COARSE_FROM = 4_000_000
-"""Number of entries from which a factor is kept in single precision: it no longer fits into any cache, and reading it
-dominates the time of a solve."""
+"""A factor with at least this number of entries is kept in single precision. It does not fit into any cache, and
+reading it dominates the time of a solve.
+"""
 
 GROUPS = 4
-"""Groups of supernodes of a large factor that may be divided among threads."""
+"""Number of groups of supernodes in a large factor; threads divide the groups."""
 ZEROS = 0.15
-"""Largest fraction of zeros in a supernode: a matrix that is factored once and solved with often is fastest with few
-zeros."""
+"""Largest fraction of zeros in a supernode. This matrix is factored once and used often; few zeros are then fastest."""
 
 
 class NotDefiniteError(ArithmeticError):
-    """A matrix without a Cholesky factor in double precision."""
+    """The matrix has no Cholesky factor in double precision."""
 
 
 @kernel

@@ -17,8 +17,8 @@ from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed, rotated, r
 class Unknowns(NamedTuple):
     """Rows of unknowns (r, 3) in metres: the free vertices, then the rigid rows.
 
-    A handle with a free axis has a row for its translation, and one for its rotation if it rotates freely: the
-    rotation vector from its commanded orientation, times a radius. Components that are not free stay zero.
+    A handle with a free axis has a row for its translation. If it rotates freely, it has a second row: the rotation
+    vector from its commanded orientation, times a radius. Components that are not free stay zero.
 
     Attributes:
         free: (f,) int32 vertex of each of the first f rows.
@@ -28,11 +28,11 @@ class Unknowns(NamedTuple):
         slides: (p, 3) float64, 1 for a free translation, 0 for a prescribed one.
         turns: (p, 3) float64, the same for rotations.
         turn_row: (p,) int32, row of the rotation; -1 for a handle that does not rotate.
-        radius: (p,) float64, largest distance of any undeformed vertex of the body from the handle's centre [m],
-            because the body follows a rotation of the handle.
+        radius: (p,) float64 [m], largest distance of any undeformed vertex of the body from the handle's centre: the
+            whole body follows a rotation of the handle.
         corner_start: (n + 1,) int32, index in ``corner`` at which each vertex's list of element corners begins.
-        corner: (c m,) int32, element times 8 (16 with more than 8 corners) plus corner; each vertex sums its forces
-            in this order.
+        corner: (c m,) int32, element times 8 plus corner (element times 16 for more than 8 corners). Each vertex sums
+            its forces in this order.
     """
 
     free: NDArray[np.int32]
@@ -80,7 +80,7 @@ class HandlePositions(NamedTuple):
 
 
 def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles: Sequence[Handle]) -> Unknowns:
-    """Return the numbering for vertices ``rest`` (n, 3) [m] and ``cells`` (m, c) held by ``handles``."""
+    """Return the numbering for vertices ``rest`` (n, 3) [m] and ``cells`` (m, c), with the given ``handles``."""
     prescribed = np.concatenate([np.zeros(0, np.int32), *(handle.vertices for handle in handles)])
     free = np.setdiff1d(np.arange(len(rest)), prescribed)
     loose = [handle for handle in handles if handle.free or handle.turning]
@@ -109,13 +109,13 @@ def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles
 
 
 def _numbered(places: NDArray[np.int64], count: int) -> NDArray[np.int32]:
-    """Return element and corner of ``places`` in an array (m, count), as one number each; see `Unknowns.corner`."""
+    """Return the element and corner of ``places`` in an array (m, count), packed as in `Unknowns.corner`."""
     element, corner = np.divmod(places, count)
     return ((element << shift_of(count)) + corner).astype(np.int32)
 
 
 def shift_of(count: int) -> int:
-    """Return the bits that hold the number of one of ``count`` corners."""
+    """Return the number of bits that hold the index of one of ``count`` corners."""
     return 3 if count <= 8 else 4
 
 

@@ -14,12 +14,14 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 
 ABOVE_START = 0.01
-"""Allowed excess over the initial energy, over the largest energy so far: at sixty steps a turn, the energy of a
-spinning body oscillates by this much."""
+"""Allowed excess over the initial energy, as fraction of the largest energy so far. At sixty steps a turn, the energy
+of a spinning body oscillates by this much.
+"""
 ABOVE_LEAST = {Scheme.BDF2: 0.25, Scheme.NEWMARK: 0.03, Scheme.GENERALISED_ALPHA: 0.03}
-"""Allowed excess over the least energy so far, over the largest so far. In resolved motions the energy oscillates by a
-hundredth, because hourglass stiffness follows strains. With `bdf2` it drops too far when the body is stopped, and rises
-again."""
+"""Allowed excess over the least energy so far, as fraction of the largest so far. In resolved motions the energy
+oscillates by a hundredth, because hourglass stiffness follows strains. With `bdf2` it drops too far when the body is
+stopped, and rises again.
+"""
 ROUNDING = 1e-9
 """Fraction of the energies in an account that is rounding."""
 
@@ -27,9 +29,9 @@ ROUNDING = 1e-9
 class Ceiling:
     """Detects steps that create energy.
 
-    The balance kinetic + elastic + potential energy - work is constant or falls by the dissipated energy. It may exceed
-    its initial and its least value by fractions of the largest kinetic and elastic energy so far, and by the energy of
-    a strain of the size of the tolerance.
+    The balance kinetic + elastic + potential energy - work is constant or falls by the dissipated energy. Two excesses
+    over its initial and its least value are allowed: a fraction of the largest kinetic + elastic energy so far, and the
+    energy of a strain as large as the tolerance.
 
     Args:
         body: the discretised body.
@@ -44,7 +46,7 @@ class Ceiling:
         self._above_least, self._accounts = ABOVE_LEAST[scheme], accounts
 
     def checked(self, now: State) -> tuple[Ledger, float]:
-        """Return the ledger of a state after a step, and its energy above the ceiling [J], 0 if it is below."""
+        """Return a state's ledger after a step, and the energy [J] above the ceiling; 0 below it."""
         velocity, bound = kinematics_of(now.terms[inertia.NAME]).velocity, now.ledger.bound
         energies = self._accounts.energies(now, velocity)
         stirred = energies["kinetic"] + energies["elastic"]
@@ -61,7 +63,7 @@ class Ceiling:
 def told(state: State, excess: float, h: float) -> State:
     """Return a state with a message that its last step of length ``h`` [s] created the energy ``excess`` [J].
 
-    The bound is raised by the excess, so that the message is given once.
+    The bound is raised by the excess, so that the message appears only once.
     """
     bound, summary = state.ledger.bound, state.summary
     text = (

@@ -10,7 +10,9 @@ from enum import Enum
 SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
 """Bounds of the internal step [s]."""
 THICKEST = 1e8
-"""Largest viscosity [Pa s]. Beyond it the rounding of strains causes larger forces than soft bodies have."""
+"""Largest viscosity [Pa s]. With a larger one, rounding errors of strains cause larger forces than those of soft
+bodies.
+"""
 
 
 class Scheme(str, Enum):
@@ -45,7 +47,8 @@ class Dynamics:
         step: longest internal step [s]; a step of a simulation is divided into equal ones no longer than it.
         mass_damping: damping force over mass and velocity, relative to the world [1/s].
         viscosity: second Piola-Kirchhoff stress over the rate of the Green strain [Pa s].
-        prony: branches of a generalised Maxwell body, parallel to the material, whose law is that of slow motion.
+        prony: branches of a generalised Maxwell body, parallel to the material. The material's law is that of slow
+            motion.
         velocity: (3,) initial velocity of every vertex [m/s].
         spin: (3,) initial angular velocity about the centre of mass [rad/s].
 
@@ -83,7 +86,7 @@ class Dynamics:
 
     @property
     def swing(self) -> float:
-        """Energy that the first step may add, over h^2 a^T M a at the start; numerical damping removes it later."""
+        """Energy, over h^2 a^T M a at the start, that the first step may add; numerical damping removes it later."""
         damped = (1.0 - self.rho_inf) / (1.0 + self.rho_inf) if self.scheme is Scheme.GENERALISED_ALPHA else 0.0
         return 0.125 * damped**2
 
@@ -98,5 +101,5 @@ class Dynamics:
 
     @property
     def slow_share(self) -> float:
-        """Fraction of the instantaneous modulus that remains in slow motion, which is the material's law."""
+        """Fraction of the instantaneous modulus that remains in slow motion, for which the material's law holds."""
         return 1.0 - sum(branch.share for branch in self.prony)

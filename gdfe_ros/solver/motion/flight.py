@@ -17,9 +17,9 @@ from gdfe_ros.solver.value import changed
 HALVINGS = 4
 """How often a failing internal step may be halved."""
 WHOLE = 2**HALVINGS
-"""Units into which an internal step is divided."""
+"""An internal step is divided into this number of units."""
 DEEPEST_FOLD = -0.5
-"""Least volume ratio of a corner with which an undriven motion continues: fold barriers open such folds again."""
+"""An undriven motion continues if every corner's volume ratio is at least this; fold barriers open such folds again."""
 ROUNDING = 1e-9
 """Fraction of an internal step that counts as zero."""
 
@@ -61,7 +61,7 @@ class Flight:
         return cls(state=state, began=state, poses=poses, commands=commands, duration=duration, total=WHOLE * count)
 
     def repeats(self, failure: Failure) -> bool:
-        """Return whether this step would only repeat ``failure``; a driven body may succeed in more time."""
+        """Return whether this step would only repeat ``failure``. A driven body with more time may succeed."""
         if (self.poses, self.commands) != (failure.poses, failure.commands):
             return False
         if (self.state.poses, self.state.commands) == (self.poses, self.commands):
@@ -107,8 +107,8 @@ class Flight:
     def endures(self, solution: Solution) -> bool:
         """Return whether the simulation continues after a solution with folded elements, which counts as not converged.
 
-        It does if no shorter step is left, no command drives the body, and corners are folded only slightly. Fold
-        barriers open them in the following steps.
+        It continues if no shorter step is left, no command drives the body, and corners are folded only slightly. Fold
+        barriers then open these corners in the following steps.
         """
         return not (self.can_halve or self.driven or solution.diverged) and solution.min_det > DEEPEST_FOLD
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impacts of rigid bodies: contact forces that stop a body within one step act once, as impulses.
 
-A scheme of second order assumes that the force of a step acted before it and continues after it. A contact force that
-stops a rigid body in one step would therefore throw it back, with BDF2 at up to 1.25 times its speed. The fraction of
-each contact force that cancels the speed of approach is thus treated as an impulse: it moves the body by d in that
-step, changes its velocity by d / h, and does not enter the next step. The rest, such as the weight of a resting body,
-is an ordinary force. The fraction is the same on both sides, so momentum is conserved.
+A scheme of second order assumes that the force of a step acted before the step and continues after it. A contact force
+that stops a rigid body in one step would therefore throw the body back, with BDF2 at up to 1.25 times its speed. The
+fraction of each contact force that cancels the speed of approach is thus treated as an impulse: it moves the body by d
+in that step, changes its velocity by d / h, and does not enter the next step. The rest, such as the weight of a resting
+body, is an ordinary force. The fraction is the same on both sides, so momentum is conserved.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Impacts:
     Args:
         body: the discretised body.
         dynamics: of the steps.
-        scheme: scheme of the next step, which uses the remaining forces. With ``newmark`` there are no impacts:
-            `Pushes` treats all contacts.
+        scheme: scheme of the next step, which uses the forces without impacts. With ``newmark``, `Pushes` treats all
+            contacts and there are no impacts.
     """
 
     def __init__(self, body: Body, dynamics: Dynamics, scheme: Scheme) -> None:

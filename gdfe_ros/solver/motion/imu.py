@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings of an inertial measurement unit embedded in a body.
 
-It sits at a material point with the orientation of its cell: R of the mean deformation gradient F = R U. With F' the
-mean gradient of the velocities, R^T F' = W U + U', and U' is symmetric: the axial vector w of W = R^T R' follows from
+The unit sits at a material point and has the orientation R of its cell, from the mean deformation gradient F = R U. Let
+F' be the mean gradient of the velocities. Then R^T F' = W U + U', where U' is symmetric, and the axial vector w of W =
+R^T R' follows from
 
     (tr(U) 1 - U) w = axial(R^T F' - F'^T R),   axial(A) = (A_32, A_13, A_21).
 
-The unit measures R^T (a - g): zero in free fall, and at rest the acceleration that balances gravity.
+The unit measures R^T (a - g). This is zero in free fall; at rest it is the acceleration that balances gravity.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class ImuReading:
     Attributes:
         orientation: from the unit's axes to the world's; initially the identity.
         angular_velocity: (3,) [rad/s] in the unit's axes.
-        linear_acceleration: (3,) [m/s^2] in the unit's axes, without that of gravity: 9.81 upward at rest.
+        linear_acceleration: (3,) [m/s^2] in the unit's axes, minus the acceleration of gravity: 9.81 upward at rest.
     """
 
     orientation: Rotation
@@ -53,7 +54,7 @@ def later_readings(
 ) -> Callable[[], dict[str, ImuReading]]:
     """Return a function that evaluates the readings at points by name, once and in any thread.
 
-    Before the first step of a run nothing is accelerated yet: a unit reads what it reads at rest.
+    Before the first step of a run, a unit has the readings that it has at rest.
 
     Args:
         points: one material point each.

@@ -92,7 +92,7 @@ class Inertia(Term):
         return self._rigid
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return zeros (r, 12, 12): all of it is in the stiffness."""
+        """Return zeros (r, 12, 12); the whole tangent is in `stiffness`."""
         return np.zeros((len(self._rigid), 12, 12))
 
     def neutral(self) -> Saved:
@@ -103,8 +103,8 @@ class Inertia(Term):
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Prepare a step; ``positions`` (n, 3) [m] have the handles at their targets.
 
-        Before the first step there is no inertia. Vertices that handles drive get the velocity of their displacement;
-        otherwise a jump of their velocity would oscillate for ever.
+        Without a previous step there is no inertia. Driven vertices of handles get the velocity of their displacement;
+        a jump of their velocity would otherwise oscillate without end.
         """
         if not saved["h"][0]:
             self.reals[0] = 0.0
@@ -152,8 +152,8 @@ class Inertia(Term):
 def rule_of(dynamics: Dynamics, h: float, saved: Saved) -> Rule:
     """Return the rule of a step of length ``h`` [s] from a stored state.
 
-    If the length changes, `bdf2` restarts, and one step of the trapezoidal rule, which has no memory, replaces
-    `generalised_alpha`: an assumed previous step would create energy when two lengths alternate.
+    If the step length changes, `bdf2` restarts. `generalised_alpha` is replaced by the trapezoidal rule for one step,
+    because this rule has no memory. An assumed previous step would create energy when two lengths alternate.
     """
     now, x = kinematics_of(saved), saved["positions"]
     if saved["h"][0] == h:

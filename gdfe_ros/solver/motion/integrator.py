@@ -29,9 +29,9 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 
 ACCURACY = 3.0
-"""Requested distance of an internal step's solve, over h^2 |a| and the tolerance."""
+"""Tolerated distance to the solution of an internal step, over h^2 |a| and the solver's tolerance."""
 FINEST = 1e-4
-"""Smallest requested distance, over the tolerance."""
+"""Smallest distance that an internal step requests, over the solver's tolerance."""
 KEPT = 4
 """Number of step lengths whose factors are kept."""
 
@@ -45,8 +45,8 @@ class Integrator:
         dynamics: scheme and damping.
         mass: (n, n) mass matrix [kg].
         free_mass: mass of the free vertices.
-        acting: function that returns the actuation with additional terms.
-        euler: whether to step by backward Euler, which needs only the last state, instead of the scheme.
+        acting: function that returns the actuation with given additional terms.
+        euler: whether backward Euler, which needs only the last state, replaces the scheme.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Integrator:
         return equilibrium.solve(problem, state)
 
     def accepted(self, state: State, solution: Solution, h: float) -> State:
-        """Return the state after an internal step of length ``h`` [s] from ``state``, whose ledger it keeps."""
+        """Return the state after an internal step of length ``h`` [s] from ``state``, with the ledger of ``state``."""
         first, equilibrium = bool(state.terms[inertia.NAME]["first"][0]), self.equilibrium(h)
         state = self.begun(state)
         now = equilibrium.accept(solution, state)
@@ -98,7 +98,7 @@ class Integrator:
         return self.followed(state, now, h, first=first)
 
     def followed(self, before: State, now: State, h: float, *, first: bool) -> State:
-        """Return the state at the end of a step, without the pushes and impacts that the next step must not use."""
+        """Return the state at the end of a step without its pushes and impacts, which the next step must not use."""
         contacts = self.equilibrium(h).actuation.contacts
         now = self._impacts.stopped(before, now, h, contacts, first=first)
         return self._pushes.forgotten(before, now, h, contacts)
@@ -133,7 +133,7 @@ class Integrator:
         return self._made[h]
 
     def begun(self, state: State) -> State:
-        """Return the state at the beginning of a step; for backward Euler without the step before it."""
+        """Return the state at the beginning of a step; backward Euler drops the step before it."""
         if not self._euler:
             return state
         saved = {**state.terms[inertia.NAME], "first": np.ones(1)}

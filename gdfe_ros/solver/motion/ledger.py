@@ -53,8 +53,8 @@ class Accounts:
     def after(self, before: State, now: State, h: float) -> Ledger:
         """Return the ledger after an internal step of length ``h`` [s]: work by the trapezoidal rule.
 
-        The uncertainty is the change of each handle's and command's work if the force of one end of the step acted
-        throughout; it is added to the bound. If growth changes, whose work is not accounted for, the bound restarts.
+        The uncertainty is added to the bound. For each handle and command, it is the change of the work if the force of
+        one end of the step acted throughout. The work of growth is unknown: if growth changes, the bound restarts.
         """
         ledger, first, last = before.ledger, before.summary.reactions, now.summary.reactions
         # Most links of an arm touch nothing; without a force there is no work.
@@ -96,7 +96,7 @@ def _raised(bound: Bound | None, energy: float) -> Bound | None:
 
 
 def _work(first: Array | float, last: Array | float, change: Array | float) -> float:
-    """Return the mean of the forces at the beginning and at the end of a step times their displacement."""
+    """Return the work of a step: the mean force of its beginning and its end, times the displacement."""
     return float(np.dot(0.5 * (first + last), change))
 
 

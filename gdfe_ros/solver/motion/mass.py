@@ -26,7 +26,7 @@ def mass_matrix(
 ) -> sparse.csr_matrix:
     """Return M_ab = sum_e rho_e int N_a N_b dV (n, n) [kg], plus N_a N_b of each attached mass.
 
-    A lumped matrix would give a section two cells across 1.5 times its polar moment.
+    A lumped matrix would give a section of two cells across a polar moment that is 1.5 times too large.
 
     Args:
         rest: (n, 3) rest vertices [m].

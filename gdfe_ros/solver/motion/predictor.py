@@ -16,9 +16,10 @@ from gdfe_ros.solver.state import State
 
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
 """Fractions of the free flight that are tried in turn until no element is folded. A force at one light vertex could
-carry it many cells far in a step, and a start with folds ends in another equilibrium. The centre of mass of a body that
-nothing holds always flies in full: the minimisation would correct it only to within the tolerance, and lose
-momentum."""
+carry it across many cells in a step, and a start with folds ends in another equilibrium. If nothing holds the body, its
+centre of mass always flies in full: the minimisation corrects it only to within the tolerance, and momentum would
+change.
+"""
 
 
 class FlightPredictor(Predictor):

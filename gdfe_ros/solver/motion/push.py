@@ -2,8 +2,8 @@
 """Pushes of contacts: forces that are constant over a step, and do not enter the next one.
 
 A scheme of second order continues the forces of a step into the next one. If the body has left the contact by then,
-this creates energy. A contact therefore pushes with one force F throughout the step. A solve finds the multiplier, the
-force at the end of the step that causes the same displacement; their ratio is the rule's `share`.
+this creates energy. A contact therefore pushes with one force F throughout the step. A solve finds the multiplier: the
+force at the end of the step that causes the same displacement. The ratio of F to the multiplier is the rule's `share`.
 """
 
 from __future__ import annotations

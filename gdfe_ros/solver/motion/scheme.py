@@ -35,8 +35,8 @@ class Kinematics:
         velocity_before: [m/s] at the end of the previous step.
         first: whether there is no previous step, or none of the present length.
         pushed: part of the acceleration [m/s^2] by contacts; None if contact is impossible.
-        shadow: minus the acceleration [m/s^2] that a vertex on an unyielding obstacle has after these pushes; None as
-            for ``pushed``.
+        shadow: minus the acceleration [m/s^2] of a vertex on an unyielding obstacle after these pushes; None if contact
+            is impossible.
     """
 
     velocity: Vectors
@@ -52,7 +52,7 @@ class Kinematics:
     def started(
         cls, positions: Vectors, velocity: Vectors, acceleration: Vectors, h: float, *, first: bool = False
     ) -> Kinematics:
-        """Return kinematics at positions (n, 3) [m] whose previous step follows from this velocity and acceleration."""
+        """Return kinematics at positions (n, 3) [m]; the previous step follows from velocity and acceleration."""
         return cls(
             first=first,
             velocity=velocity,
@@ -65,8 +65,8 @@ class Kinematics:
     def restarted(self, positions: Vectors, h: float) -> Kinematics:
         """Return the kinematics restarted at positions (n, 3) [m] with a new step length ``h`` [s].
 
-        The acceleration is that of the forces. The scheme's own may oscillate from step to step, and a step of many
-        times the length would turn that into energy.
+        The acceleration is that of the forces. The scheme's own acceleration may oscillate from step to step, and a
+        much longer step would turn this oscillation into energy.
         """
         acceleration = self.balanced if self.pushed is None else self.balanced + self.pushed
         fresh = self.started(positions, self.velocity, acceleration, h, first=True)
@@ -173,10 +173,10 @@ def _generalised_alpha(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics
 
 
 def _way(beta: float, gamma: float) -> float:
-    """Return the displacement by a push within its step, over h^2 times the push; it would be 1/2 without dissipation.
+    """Return the displacement that a push causes within its step, over h^2 times the push.
 
-    With this value a rigid body leaves an obstacle at most as fast as it came, and one on an unyielding obstacle does
-    not move later.
+    Without dissipation it would be 1/2. With this value a rigid body leaves an obstacle at most as fast as it came. A
+    rigid body on an unyielding obstacle does not move later.
     """
     swing = (1.0 - 0.5 * gamma / beta) * (0.5 / beta - 1.0)
     return max(beta, 0.5 * (1.0 + swing))

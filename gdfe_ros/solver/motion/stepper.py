@@ -34,12 +34,15 @@ from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.solver.value import changed
 
 CALM = 0.5
-"""Time [s] within which no vertex of a body at rest would leave the tolerance, at its velocity or acceleration."""
+"""A body counts as at rest if no vertex, at its present velocity or acceleration, leaves the tolerance within this time
+[s].
+"""
 RELAXED = 3.0
-"""The same time over the longest relaxation time of the body."""
+"""The same time, over the longest relaxation time of the body."""
 SHORTEST = 1e-2
-"""Duration, over the longest internal step, below which time is only accumulated: an acceleration over so short a time
-is noise."""
+"""Durations below this fraction of the longest internal step are only accumulated: an acceleration over so short a time
+is noise.
+"""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,9 +52,9 @@ class InternalStep:
     Attributes:
         before, after: states.
         h: its length [s].
-        share: completed fraction of the whole step's change of commands after it.
-        integrator: the integrator that made it; None for the start of a motion, which only gives ``after`` its
-            accelerations.
+        share: fraction of the whole step's change of commands that is completed after it.
+        integrator: the integrator that made it; None for the start of a motion, which only computes the accelerations
+            of ``after``.
         first: whether the previous step was not made by this scheme.
     """
 
@@ -111,7 +114,7 @@ class MotionStepper:
         return self.equilibrium.at_rest().with_(ledger=self._accounts.opened())
 
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
-        """Return whether nothing happens at these commands: the body is at rest, and held by handles."""
+        """Return whether nothing would happen at these commands: the body is at rest, and held by handles."""
         same = state.poses == targets and state.commands == commands and state.summary.converged
         if not (same and Skip.SOLVE in self._settings.skip and self.body.handles and self._began(state)):
             return False
@@ -243,7 +246,7 @@ class MotionStepper:
         return bool(state.terms[inertia.NAME]["h"][0])
 
     def _started(self, state: State, commands: Mapping[str, float]) -> State:
-        """Return a state with the acceleration by its forces; loads act from the start."""
+        """Return a state with the acceleration by its forces, with loads acting from the start."""
         loads = {name: commands[name] for name in self.actuation.loaded}
         before, state = state.commands, state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
@@ -256,7 +259,7 @@ class MotionStepper:
         return state.with_(terms=terms, balance=balance, ledger=self._accounts.begun(ledger, acceleration, h))
 
     def _raised(self, state: State, before: Mapping[str, float]) -> float:
-        """Return the change of potential [J] of loads, which act from now on, by displacements before the start."""
+        """Return the change [J] of the loads' potential by displacements before the start; loads act from now on."""
         rest = self.at_rest().positions
         if np.array_equal(rest, state.positions):
             return 0.0
@@ -282,13 +285,13 @@ def _noted(state: State, duration: float) -> March:
 
 
 def _told(march: March, owed: float) -> March:
-    """Return an outcome without the time ``owed`` [s] from before the step, which was reported as simulated already."""
+    """Return an outcome without the time ``owed`` [s], which an earlier step already reported as simulated."""
     ledger = changed(march.state.ledger, owed=max(0.0, owed - march.simulated))
     return changed(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
 
 
 def _sound(solution: Solution) -> bool:
-    """Return whether no element is folded or inverted."""
+    """Return whether every element is free of folds and inversion."""
     return not solution.diverged and solution.min_det > 0.0
 
 

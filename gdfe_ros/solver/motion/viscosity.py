@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Viscosity and relaxation as one term of Green strains: rigid motions at any rate are not resisted.
 
-An element's strains are E = (F^T F - 1)/2 of its mean deformation gradient and w_k = F^T q_k of its hourglass vectors
-q_k, which measure its bending; both are invariant to rotations of the body. A tetrahedron has the strains E of its four
-integration points instead, each with its part of the volume. A dashpot and the branches of a Prony
-series each contribute k/2 |E - E_hat|^2 V with a strain E_hat that follows from the previous steps; they add up to one
-such energy.
+An element has the strains E = (F^T F - 1)/2, with its mean deformation gradient F, and w_k = F^T q_k, with its
+hourglass vectors q_k. The w_k measure its bending. Both are invariant to rotations of the body. A tetrahedron has the
+strains E of its four integration points instead, each with its part of the volume. A dashpot, and each branch of a
+Prony series, contributes k/2 |E - E_hat|^2 V with a strain E_hat that follows from the previous steps. The sum of these
+energies has the same form.
 """
 
 from __future__ import annotations
@@ -28,13 +28,15 @@ from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 NAME = "(viscosity)"
 """Name of the term; no actuator or load of a scene can have it."""
 STRAINS = 18
-"""Strains of an element: the six of E, and three of each hourglass vector."""
+"""Number of strains of an element: the six of E, and three of each hourglass vector."""
 BEND = 0.25
-"""Hourglass stiffness over modulus and length of an element, from a cube of incompressible material in bending."""
+"""Hourglass stiffness over modulus and length of an element, from the bending of a cube of incompressible material."""
 _WIDTH = 2 + STRAINS + 24 + 32
-"""Numbers of an element for the kernel: two stiffnesses, strains E_hat, gradient and hourglass operators."""
+"""Count of an element's numbers for the kernel: two stiffnesses, strains E_hat, gradient and hourglass operators."""
 _GREEN, _POINT_WIDTH = 6, 1 + 6 + 30
-"""Strains of an integration point, and its numbers for the kernel: stiffness, strains E_hat, gradients."""
+"""Number of strains of an integration point, and count of its numbers for the kernel: stiffness, strains E_hat,
+gradients.
+"""
 
 
 @kernel
@@ -268,7 +270,7 @@ class Viscosity(Term):
         }
 
     def energy(self, positions: NDArray[np.float64]) -> float:
-        """Return 0: the energy that branches store is reported apart."""
+        """Return 0; the energy stored in branches is reported separately."""
         return 0.0
 
     def _before(self, saved: Saved) -> NDArray[np.float64]:

@@ -34,7 +34,7 @@ from gdfe_ros.solver.state import ShapeState, State, Summary
 from gdfe_ros.solver.terms.actuation import Actuation
 
 SAFETY = 0.01
-"""Lower bound of the length of a fixed-point step over the distance to the fixed point."""
+"""Lower bound of the ratio of a fixed-point step's length to the distance to the fixed point."""
 
 
 class RelativeEquilibrium:
@@ -42,13 +42,13 @@ class RelativeEquilibrium:
 
     Args:
         body: the discretised body.
-        actuation: growth only, which enters the desired shapes, because this policy has no forces; None for none.
+        actuation: growths only, because this policy has no forces; they change the desired shapes. None for none.
         library: library that factors the constant matrix; None chooses.
 
     Attributes:
         matrix: the constant matrix.
         handles: the kinematics of the handles.
-        patience: iterations after which a shorter increment is tried instead.
+        patience: number of iterations after which a solve is given up and a shorter increment is tried.
     """
 
     patience = 120
@@ -141,7 +141,7 @@ class RelativeEquilibrium:
         return found.with_(motion=self._predictor.motion(previous, found, previous.change_to(found.commands)))
 
     def skipped(self, solution: Solution) -> dict[str, int]:
-        """Return no counts: every element is compared with its desired shape in every iteration."""
+        """Return no counts: every iteration compares every element with its desired shape."""
         return {}
 
     def _iterate(
@@ -191,7 +191,7 @@ class RelativeEquilibrium:
         error_estimate: float,
         message: str,
     ) -> Summary:
-        """Return a summary with the forces of the ``energy`` policy at these positions; this policy has none."""
+        """Return a summary with the forces of the ``energy`` policy at these positions; this policy has no forces."""
         body = self._body
         pressure = volume_pressures(body, x, operators=operators)
         force, energies = corner_forces(body, x, pressure, operators=operators)

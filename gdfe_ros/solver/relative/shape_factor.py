@@ -22,8 +22,8 @@ def geometric_ratio(mechanical_ratio: ArrayLike) -> NDArray[np.float64]:
 def shape_factors(modulus: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return omega (m,) of elements with tangent moduli (m,) [Pa] (Eqs. 7 and 8).
 
-    omega_i = h / R_G(E_max / E_i), h = r / (r + 1), r = E_max / E_min. A modulus below E_max / ``LARGEST_RATIO``, such
-    as the negative tangent of a falling curve, is raised to that.
+    omega_i = h / R_G(E_max / E_i), h = r / (r + 1), r = E_max / E_min. A modulus below E_max / ``LARGEST_RATIO`` is
+    raised to this value; an example is the negative tangent of a falling curve.
     """
     stiffest = modulus.max()
     modulus = np.maximum(modulus, stiffest / LARGEST_RATIO)

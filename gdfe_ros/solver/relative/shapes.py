@@ -14,15 +14,16 @@ from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 LEAST_VOLUME = 1e-3
-"""Volume ratio below which V^V is not scaled up further, because it would grow without bound. For an inverted element
-the absolute value counts."""
+"""Volume ratio below which V^V is not scaled up further; otherwise it would grow without bound. For an inverted element
+the absolute value counts.
+"""
 
 
 def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return alpha = eps_p / eps_c of Eq. 9, or its inverse for a strain that has decreased.
 
-    The paper considers loading, where the ratio is at most 1. On unloading, alpha must vanish with the strain, so that
-    the captured shape does not remain the desired one and the element returns to rest.
+    The paper considers loading, where the ratio is at most 1. On unloading, alpha must vanish with the strain.
+    Otherwise the captured shape would remain the desired one, and the element would not return to its rest shape.
     """
     most = np.maximum(before, now)
     return np.minimum(before, now) / np.maximum(most, 1e-12)

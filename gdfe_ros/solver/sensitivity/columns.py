@@ -80,7 +80,7 @@ class EquilibriumColumns:
         *,
         interrupted: Callable[[], bool] | None = None,
     ) -> Sensitivities:
-        """Return d(output)/d(parameter) at an equilibrium.
+        """Return d(output)/d(parameter) at an equilibrium, for the named outputs and parameters.
 
         Raises:
             GdfeError: the state is no equilibrium, has no derivative, or the computation was interrupted.
@@ -98,7 +98,7 @@ class EquilibriumColumns:
 
 
 def own_side(body: Body, state: State, end: State | None = None) -> VariedInputs:
-    """Return the inputs of the solve that is linearised, from ``state`` to ``end`` (None: the same state)."""
+    """Return the inputs of the solve from ``state`` to ``end``, to be linearised; None stands for the same state."""
     end = end or state
     return VariedInputs(start=state, commands=end.commands, poses=end.poses, table=body.table)
 
@@ -113,8 +113,8 @@ def pair_of(
 ) -> Pair:
     """Return the inputs of two solves with a parameter varied up and down.
 
-    In motion, steps have the length ``h`` [s] and use ``scheme``. Commands and poses change linearly over a step, so
-    that only the fraction ``share`` of their variation is reached at this solve.
+    In motion, steps have the length ``h`` [s] and use ``scheme``. Commands and poses change linearly over a step; at
+    this solve the fraction ``share`` of their variation is reached.
     """
     sides, step = [], parameter.step(own.commands)
     for change in (step, -step):

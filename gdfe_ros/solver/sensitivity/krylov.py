@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import GdfeError
 
 ENOUGH = 1e-5
-"""Relative residual that is accepted if the tolerance cannot be reached because the products are differences."""
+"""Relative residual that is accepted if the tolerance cannot be reached, because products are finite differences."""
 EXHAUSTED = 1e-13
-"""Norm of the orthogonal part of a product with a unit vector, below which it is rounding."""
+"""A product with a unit vector counts as rounding if the norm of its orthogonal part is below this."""
 ROUNDING = 1e-6
-"""Least size of the solution, over the right-hand side, that the relative residual assumes."""
+"""Least norm of the solution, over that of the right-hand side, that the relative residual assumes."""
 STALLED = 0.99
-"""Residual after a direction over that before, above which the next direction is the last image, as in Arnoldi's
-method: a residual that does not shrink would be tried again."""
+"""If the residual after a direction, over that before, is above this, the next direction is the last image, as in
+Arnoldi's method. The residual would otherwise give the same direction again.
+"""
 MOST = 150
-"""Limit of products for one right-hand side, and of kept directions."""
+"""Limit of the number of products for one right-hand side, and of the number of kept directions."""
 
 Array = NDArray[np.float64]
 Map = Callable[[Array], Array]
@@ -29,12 +30,14 @@ Map = Callable[[Array], Array]
 class ConjugateResiduals:
     """Solves A x = b for several b, one after another.
 
-    Directions of earlier right-hand sides are kept with their images, so that only what they leave needs new products.
+    Directions of earlier right-hand sides are kept with their images. New products are needed only for the remaining
+    residual.
 
     Args:
         product: returns A times a vector (k,).
         precondition: returns M^-1 times a vector (k,); the closer M is to A, the fewer products are needed.
-        tolerance: norm of the preconditioned residual over the smaller one of the norms of M^-1 b and x.
+        tolerance: relative tolerance: norm of the preconditioned residual over the smaller of the norms of M^-1 b and
+            x.
     """
 
     def __init__(self, product: Map, precondition: Map, *, tolerance: float) -> None:
@@ -87,7 +90,7 @@ class ConjugateResiduals:
 
 
 def _reduce(residual: Array, answer: Array, direction: Array, image: Array) -> None:
-    """Take the part of an image out of the residual."""
+    """Subtract from the residual its part along an image, and add the direction to the answer accordingly."""
     share = float(image @ residual)
     residual -= share * image
     answer += share * direction

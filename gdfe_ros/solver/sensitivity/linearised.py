@@ -38,10 +38,11 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.term import terms_energy
 
 SOFT, STIFF = 1e-6, 1e-8
-"""Relative tolerance of the linear solve without multipliers, and with them, because constraints make forces stiff."""
+"""Relative tolerances of the linear solve: without multipliers, and with them. Constraints make forces stiff."""
 SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
-"""Displacements of differences over the body's size: of terms in general, of terms with friction, whose slip is tiny,
-and of rotations of handles."""
+"""Displacements of finite differences over the body's size: of terms in general; of terms with friction, whose slip is
+tiny; of rotations of handles.
+"""
 
 
 class StateDerivative(NamedTuple):
@@ -64,7 +65,7 @@ class Linearised:
     Args:
         equilibrium: the equilibrium solver.
         level: evaluates tangents of the body; an instance that no minimisation uses.
-        start: state at the beginning of the solve; equal to ``end`` if only later solves are of interest.
+        start: state at the beginning of the solve; equal to ``end`` if only derivatives of later solves are needed.
         end: state at the end of the solve.
 
     Attributes:
@@ -114,7 +115,7 @@ class Linearised:
         self._turning = self._turned_stiffness()
 
     def resume(self) -> None:
-        """Restore all terms' commands and states at the end of the step, after other solves have changed them."""
+        """Restore the commands and states of all terms at the end of the step; other solves may have changed them."""
         self.interrupted, self._system = None, None  # the same question has the same answer, whatever was asked before
         self._resume_terms()
         self.restore()
@@ -135,7 +136,7 @@ class Linearised:
     def element_forces(
         self, table: MaterialTable, *, operators: Operators | None = None, scale: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Return dE/dx (n, 3) [N] of elements with the materials of ``table``, at the corresponding pressures."""
+        """Return dE/dx (n, 3) [N] of the elements with the materials of ``table``, at their pressures."""
         body, found = self.body, operators or self.end.operators
         force, energies = np.zeros((len(body.material), 8, 3)), np.zeros(len(body.material))
         if found is self.end.operators:
@@ -267,7 +268,7 @@ class Linearised:
 
     @cached_property
     def _eliminated(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-        """The preconditioner: the factor, combined with block elimination of the multipliers if these are few."""
+        """The preconditioner: the factor; if the multipliers are few, with their block elimination."""
         if not 0 < len(self.multipliers) <= MOST:
             return self._preconditioned
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives along a motion: each internal step propagates those of positions, velocities and the terms' states."""
+"""Derivatives along a motion: each internal step propagates those of positions, velocities and stored states."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Carried:
 
     Attributes:
         positions: (n, 3) [m].
-        terms: of the terms' stored states.
+        terms: derivatives of the terms' stored states.
         share: fraction of the parameter's change that the present command or pose has completed.
-        reactions: (6,) by handle and obstacle.
+        reactions: derivatives (6,) of the reactions, by handle and obstacle.
     """
 
     positions: NDArray[np.float64]
@@ -71,7 +71,7 @@ class Trail:
         self._began = [column.share for column in self.columns]
 
     def observe(self, stage: InternalStep) -> None:
-        """Propagate the derivatives through an internal step; if it has none, `flaw` gives the reason from then on."""
+        """Propagate the derivatives through an internal step. If a step has none, `flaw` gives the reason."""
         self.state = stage.after
         if self.flaw:
             return
@@ -112,7 +112,7 @@ class Trail:
         return found
 
     def _history(self, own: VariedInputs, parameter: Parameter, column: Carried) -> Pair | None:
-        """Return the inputs of two solves with a varied initial state; None if it does not depend on the parameter."""
+        """Return the inputs of two solves with a varied initial state; None if the parameter does not change it."""
         kept = column.terms[inertia.NAME]
         h, size = own.start.terms[inertia.NAME]["h"][0] or 1.0, self._stepper.body.size
         ways = (np.abs(kept["velocity"]).max(initial=0.0) * h, np.abs(kept["acceleration"]).max(initial=0.0) * h * h)
@@ -183,7 +183,7 @@ def _beside(state: State, parameter: Parameter, column: Carried, step: float) ->
 
 
 def _difference(above: Kept, below: Kept, twice: float) -> Kept:
-    """Return the difference of two stored states over ``twice`` a step; NaN in both counts as zero."""
+    """Return the difference of two stored states divided by ``twice``; NaN in both states counts as zero."""
     return {
         name: {key: np.nan_to_num((array - below[name][key]) / twice) for key, array in kept.items()}
         for name, kept in above.items()

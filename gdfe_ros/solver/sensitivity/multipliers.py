@@ -20,7 +20,7 @@ class Multipliers:
         terms: of a converged solve.
 
     Attributes:
-        per_metre: (k,) order of magnitude of each one's change per metre of displacement.
+        per_metre: (k,) order of magnitude of each multiplier's change per metre of displacement.
     """
 
     def __init__(self, terms: Sequence[Term]) -> None:
@@ -29,20 +29,20 @@ class Multipliers:
         self.per_metre = self._joined(lambda term: term.per_metre)
 
     def held(self) -> Array:
-        """Return the present ones."""
+        """Return the present multipliers (k,)."""
         return self._joined(lambda term: term.multipliers)
 
     def hold(self, values: Array) -> None:
-        """Set them."""
+        """Set the multipliers (k,)."""
         for term, part in zip(self._terms, np.split(values, self._ends) if self._terms else [], strict=True):
             term.hold(part)
 
     def updated(self, positions: Array) -> Array:
-        """Return them after an update at positions (n, 3) [m]; the present ones stay."""
+        """Return the multipliers (k,) after an update at positions (n, 3) [m]; the present ones are kept."""
         return self._joined(lambda term: term.updated(positions))
 
     def metres(self, values: Array) -> float:
-        """Return the largest displacement [m] that corresponds to a change."""
+        """Return the largest displacement [m] that corresponds to a change ``values`` (k,) of the multipliers."""
         return float(np.abs(values / self.per_metre).max(initial=0.0))
 
     def _joined(self, part: Callable[[Term], Array]) -> Array:

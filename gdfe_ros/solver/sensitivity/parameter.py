@@ -21,9 +21,11 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.sensitivity.variant import MaterialVariant, Variant
 
 NEAR = 1e-5
-"""Relative variation of a value, over itself or its order of magnitude: forces are smooth, so the error is 1e-10."""
+"""Variation of a parameter over its value or its order of magnitude. Forces are smooth, so the error is about 1e-10."""
 FAINT = 1e-8
-"""Small tension over modulus and squared body size, and small pressure over modulus; forces are linear in both."""
+"""Two small variations: of a tension, over modulus and squared body size; of a pressure, over modulus. Forces are
+linear in both.
+"""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 """Components of a pose: translation [m] and rotation vector [rad]."""
 
@@ -35,12 +37,12 @@ class Parameter:
     Attributes:
         name: dotted, as a scene's keys name it.
         unit: of its value; empty for none.
-        value: its value in the model; zero for poses and commands, whose values are in the state.
+        value: its value in the model; zero for poses and commands, because a state has their values.
         scale: least order of magnitude of its value.
-        command: actuator or load whose command it is; empty for none.
-        handle: handle to whose pose it belongs; empty for none.
+        command: actuator or load of the command; empty if the parameter is no command.
+        handle: handle of the pose; empty if the parameter is no component of a pose.
         axis: index of the component of the pose.
-        model: returns the body with another value; None if it does not belong to the model.
+        model: returns the body with another value; None if the parameter does not belong to the model.
     """
 
     name: str

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Varied solves next to the one that is linearised: their inputs, and the resulting derivatives."""
+"""Varied solves next to the linearised one: their inputs, and the resulting derivatives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 
 NEAR = 1e-7
-"""Largest displacement, over the body's size, in differences between states near the end of a solve."""
+"""Largest displacement, over the body's size, in finite differences between states near the end of a solve."""
 
 T = TypeVar("T")
 
@@ -50,7 +50,7 @@ class Pair(NamedTuple):
     Attributes:
         above, below: varied up and down.
         middle: not varied.
-        step: half of their difference, in the unit of the varied quantity.
+        step: half of the difference between ``above`` and ``below``, in the unit of the varied quantity.
     """
 
     above: VariedInputs
@@ -111,8 +111,8 @@ class Column:
     ) -> list[T]:
         """Return the parts of the derivative of ``made(side, positions)`` at the end of the solve.
 
-        The terms are set to the end of that side before each call. ``difference`` returns the difference of two results
-        over a given step.
+        Before each call, the terms are set to the end of ``side``. ``difference(above, below, step)`` returns the
+        difference of two results over a step.
         """
         solve, change, parts = self._solve, self.change, []
         for pair in self._pairs:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivative of hourglass scales with respect to strain: the part of the tangent that minimisations keep constant."""
+"""Derivative of hourglass scales with respect to strain; minimisations keep the scales constant."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class WholeStiffness(ElementStiffness):
         self._viscosity, self._step = viscosity, SPACING * float(np.cbrt(body.shape.volume.min()))
 
     def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m]; ``values`` are those without viscosity."""
+        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m]; ``values`` holds them without viscosity."""
         own = super().at(problem, x)
         return own if self._viscosity is None else own + self._viscous(problem, x)
 

@@ -11,12 +11,14 @@ from gdfe_ros.solver.stepping.way import AttemptOutcome, Way
 from gdfe_ros.solver.terms.actuation import inflated
 
 SHORTEST_STUCK = 1.0 / 4.0
-"""Increment, as fraction of a load path, that is not halved again if its solve got stuck."""
+"""An increment whose solve got stuck is not halved again if it is at most this fraction of a load path."""
 STUCK = 1e-4
-"""Estimated distance to the equilibrium, over the body's size, above which a solve without further descent got stuck,
-e.g. at a kink of the energy where cable points meet; up to it, the precision of the energy ended the solve."""
+"""A solve without further descent got stuck if the estimated distance to the equilibrium, over the body's size, is
+above this. An example is a kink of the energy where cable points meet. Up to this distance, the precision of the energy
+ended the solve.
+"""
 SHORTEST_JUMP = 1.0 / 32.0
-"""Increment, as fraction of a load path, in which a jump is accepted: shorter increments would not prevent it."""
+"""A jump is accepted in an increment of at most this fraction of a load path; shorter ones would not prevent it."""
 FOLDS, ENTERS = "elements would fold or turn inside out", "surfaces would enter each other"
 
 
@@ -25,14 +27,14 @@ class Attempt:
     """Result of an attempted increment, and the evidence for the verdict.
 
     Attributes:
-        way: the load path with the cost and findings of the attempt; its ``done`` does not include this increment yet.
+        way: the load path with the cost and findings of the attempt; ``way.done`` does not include this increment yet.
         began: the state from which it was made.
         solution: result of the solve.
         jumps: whether the body jumped to another equilibrium.
         unstable: name of the chamber that lost its stability; empty for none.
         spent: whether no iterations or no time are left for another attempt.
-        patient: whether a cut solve may end in folded shapes, because fewer iterations than the solver's patience were
-            made for this command so far, those of earlier cut steps included.
+        patient: whether a cut solve may end in folded shapes. It may while the iterations for this command, those of
+            earlier cut steps included, are fewer than the solver's patience.
     """
 
     way: Way
@@ -50,7 +52,7 @@ class Attempt:
 
     @property
     def snapped(self) -> bool:
-        """Whether the body jumped to another equilibrium, or found none after a jump."""
+        """Whether the body jumped to another equilibrium, or jumped and found none."""
         return self.jumps or (self.way.jumped and not self.solution.converged)
 
     @property

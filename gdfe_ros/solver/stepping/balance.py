@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Energy balance of an increment: it detects jumps by energy that neither handles nor commands received.
 
-Along a stable branch the potential changes by the work of handles and commands, the integral of its slopes. For
-monotone slopes the integral lies between the values with the slopes of both ends. This always holds for loads: the
-potential of a stable branch is concave in a load. Energy released beyond these bounds was released in a jump to another
-branch.
+Along a stable branch, the potential changes by the work of handles and commands: the integral of its slopes. For
+monotone slopes the integral lies between its values with the first and with the last slopes. Loads always have monotone
+slopes, because the potential of a stable branch is concave in a load. Energy released beyond these bounds was released
+in a jump to another branch.
 """
 
 from __future__ import annotations
@@ -19,19 +19,22 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 
 LOST = 0.5
-"""Energy released in an increment, over the largest of energies and work, that alone proves a jump."""
+"""A larger release of energy in an increment, over the largest of energies and work, alone proves a jump."""
 PROVEN = 0.01
-"""Energy released beyond the uncertainty of the work, over the largest of energies and work, that proves a jump."""
+"""A jump is proven if the energy released beyond the uncertainty of the work, over the largest of energies and work,
+exceeds this.
+"""
 LEAST_MOTION = 5e-3
-"""Least distance, over the body's size, between the predicted and the actual end of a jump. A cable that becomes taut
-inside an increment violates the balance, too, but causes no large displacement."""
+"""Least distance, over the body's size, between the predicted end and the actual end of a jump. A cable that becomes
+taut inside an increment also violates the balance, but causes no large displacement.
+"""
 
 
 def work_between(old: State, new: Solution, handles: HandleMotions) -> tuple[float, float]:
     """Return the work [J] of handles and commands between two equilibria, and its uncertainty [J].
 
-    The work is that of the trapezoidal rule. The uncertainty is half of the difference between the work with the first
-    and with the last slopes.
+    The work follows from the trapezoidal rule. The uncertainty is half of the difference between the work with the
+    first slopes and with the last slopes.
     """
     work, doubt, found = 0.0, 0.0, new.state
     for name, pose in found.poses.items():

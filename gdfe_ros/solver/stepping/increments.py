@@ -10,11 +10,11 @@ from gdfe_ros.constraints import Pose
 
 LARGEST_TURN = math.radians(100.0)
 LARGEST_SHIFT = 1.0
-"""Translation of a handle, over the body's size, beyond which a command is divided."""
+"""A command is divided if it moves a handle by more than this translation over the body's size."""
 
 
 def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
-    """Return the number of increments that keeps each handle's rotation and translation per increment in bounds.
+    """Return the number of increments for a command, so that each rotates and moves every handle only within bounds.
 
     Args:
         targets: pose of every handle.

@@ -10,9 +10,9 @@ from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.state import State
 
 SAME = 1e-6
-"""Relative difference within which two energies count as equal."""
+"""Two energies count as equal if their relative difference is within this."""
 NEAR = 100.0
-"""Distance, in tolerances, within which two equilibria count as the same."""
+"""Two equilibria count as the same if their distance, in tolerances, is within this."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -25,7 +25,7 @@ class March:
         increments: number of attempted increments, failed ones included.
         reached: whether the commands were reached.
         converged: whether the state is an equilibrium at the commands.
-        message: the defect; empty if there is none.
+        message: a sentence about the defect; empty if there is none.
         skipped: counts of work that the last solve left out, by name.
         snapped: whether it ended in a jump to another equilibrium.
         restarts: 1 if the state was reached from rest, or with contact dropped, instead of along the load path.
@@ -65,12 +65,14 @@ class March:
         return not largest_distance(self.state.positions, other.state.positions) <= reach
 
     def is_better(self, other: March, reach: float, *, gain: float) -> bool:
-        """Return whether this outcome, from rest, is better than ``other``: sound if that is not, or lower in energy.
+        """Return whether this outcome, from rest, is better than ``other``.
+
+        It is better if it alone is sound, or if its energy is lower.
 
         Args:
             other: outcome of the same commands from another start.
             reach: distance [m] within which two equilibria count as the same.
-            gain: energy and potential of the other minus those of this one [J].
+            gain: energy and potential of ``other`` minus those of this outcome [J].
         """
         if self.sound != other.sound:
             return self.sound
@@ -80,5 +82,5 @@ class March:
 
 
 def crumpled(state: State) -> bool:
-    """Return whether elements are folded, or held open by fold barriers: another equilibrium may be lower in energy."""
+    """Return whether elements are folded, or kept open by fold barriers: a lower equilibrium may exist."""
     return not state.summary.min_det >= THRESHOLD

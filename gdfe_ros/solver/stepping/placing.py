@@ -21,8 +21,8 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
         body: the discretised body.
         handles: the kinematics of its handles.
         state: provides the commands and the growth.
-        positions: of all vertices; rows of vertices that handles hold are ignored.
-        afresh: the undeformed state; provides pressures, captured shapes and motion.
+        positions: of all vertices; rows of handle vertices are ignored.
+        afresh: the undeformed state; provides the initial pressures, captured shapes and motion.
     """
     moved = positions.copy()
     slides, turns = handles.fit(moved, state.base)

@@ -28,13 +28,15 @@ FIRST = 1e-3
 SMALLEST = 1e-9
 """Displacement, over the body's size, that counts as none."""
 SIZINGS = 8
-"""Number of attempts to find a change of a command that moves the body by about ``REACH``."""
+"""Number of attempts to find a change of a command that moves the body by about `REACH`."""
 KINK = 0.05
-"""Difference of the slopes on both sides, over the larger one, above which a kink is suspected and a smaller step is
-tried."""
+"""A kink is suspected, and a smaller step is tried, if the slopes on both sides differ by more than this fraction of
+the larger one.
+"""
 NEARER, REFINEMENTS = 0.1, 2
-"""Factor by which the step is reduced at a suspected kink, and number of reductions. For a smooth response the
-difference of the slopes shrinks by this factor; at a kink it stays."""
+"""At a suspected kink the step is divided by the first number, at most as often as the second says. The difference of
+the slopes falls by this factor for a smooth response, and stays at a kink.
+"""
 
 
 def jacobian(
@@ -48,8 +50,8 @@ def jacobian(
     """Return d(point)/d(command) of each actuator, (points, 3) each, at the equilibrium ``state``.
 
     These are central differences of second order. At the end of a range, or next to a command without equilibrium, they
-    are one-sided of second order; at a kink they are computed on the side on which the actuator acts. ``interrupted``
-    may end the computation.
+    are one-sided and of second order. At a kink they use the side on which the actuator acts. ``interrupted`` may end
+    the computation.
 
     Raises:
         GdfeError: no equilibrium was found on either side of an actuator's command, or it was interrupted.
@@ -131,7 +133,7 @@ class _Differences:
         return march.state.positions if march.reached and not march.inverted else None
 
     def _sized(self, side: float) -> float:
-        """Return the change of a command that moves the body by about ``REACH``; only that of a force may grow."""
+        """Return the change of a command that moves the body by about `REACH`; only the change of a force may grow."""
         actuator, width = self._actuator, self._actuator.high - self._actuator.low
         step = FIRST * (width if math.isfinite(width) else max(abs(self._command), self._scale()))
         most = 0.4 * width if math.isfinite(width) else math.inf

@@ -27,8 +27,9 @@ from gdfe_ros.solver.value import changed
 
 SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling; smaller steps do not change that"
 FINER = 1e-2
-"""Factor of the tolerance for a body with freely rotating handles: the residual forces at the full tolerance are large
-compared with the handles' moments."""
+"""Factor of the tolerance for a body with freely rotating handles. At the full tolerance, residual forces are large
+compared with the handles' moments.
+"""
 LET_GO = "contact with {} was dropped without following the load path, on which {}"
 FARTHER_FOLDS = "on the way to the command elements are pressed flat, and would fold or turn inside out"
 UNFOLD = "remedy: return to commands at which the elements were sound, or reset; finer cells fold later"
@@ -118,7 +119,7 @@ class Stepper:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay at their commanded poses.
 
         Pressures, captured shapes and the last motion are reset. If an element is folded or inverted there, the next
-        step is compared with the load path from rest, because it may end in another minimum of the energy.
+        step may end in another minimum of the energy. It is then compared with the load path from rest.
         """
         there = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return there.with_(suspect=not there.sound, tried=state.tried)
@@ -143,18 +144,18 @@ class Stepper:
         return {}
 
     def _displaced(self, state: State) -> bool:
-        """Return whether a restart from the undeformed body may help: ``state`` is deformed, none was tried yet."""
+        """Return whether a restart from the undeformed body may help: ``state`` is deformed, and none was tried yet."""
         return not (state.tried or np.array_equal(state.positions, self.body.rest))
 
     def _unreachable(self, state: State, goal: Goal) -> str:
-        """Return a message that names a command that no shape of the body can follow; empty if none is known."""
+        """Return a message about a command that no shape of the body can follow; empty if no such command is known."""
         if not self.actuation.strung:
             return ""
         base = self.equilibrium.handles.base(goal.poses, state.poses, state.base)
         return self.actuation.unreachable(base, goal.commands)
 
     def _march(self, state: State, goal: Goal) -> March:
-        """Follow a goal from ``state``, in smaller increments where attempts require it; return the outcome."""
+        """Follow a goal from ``state``, in smaller increments after failed attempts; return the outcome."""
         planned = planned_increments(goal.poses, state.poses, self.body.size)
         way, begin = Way.between(state, goal, planned, self._settings.max_iterations), state
         while True:
@@ -241,8 +242,8 @@ class Stepper:
     def _let_go(self, march: March, goal: Goal, start: State) -> March:
         """Retry with the moving obstacles at their targets and the contact forces dropped.
 
-        The body starts where it is, and then from rest. The result is accepted only if these obstacles do not touch the
-        body there, so that none passes through it to the place where it would push.
+        The body starts where it is; the second attempt starts from rest. The result is accepted only if these obstacles
+        do not touch the body there. Thus no obstacle passes through the body to the place where it would push it.
         """
         flaw, touched = march.message, [contact.name for contact in self.actuation.contacts if contact.on_body]
         touched = [name for name in touched if march.state.terms[name]["press"].any()]
@@ -264,7 +265,7 @@ class Stepper:
         return there.with_(poses=poses, terms={**there.terms, **lost})
 
     def _better_from_rest(self, march: March, goal: Goal) -> March:
-        """Follow the goal again from rest; return the better of both outcomes, with a message if it is the new one."""
+        """Follow the goal again from rest; return the better outcome, with a message if it is the new one."""
         again = self._march(self.at_rest(), goal)
         gain = self._energy(march.state) - self._energy(again.state)
         if not again.is_better(march, NEAR * goal.tolerance * self.body.size, gain=gain):

@@ -15,7 +15,7 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 
 SHORTEST_SUBSTEP = 1.0 / 256.0
-"""Increment, as fraction of a load path, that is not halved again."""
+"""An increment of at most this fraction of a load path is not halved again."""
 ROUNDING = 1e-9
 """Fraction of a load path that counts as zero."""
 
@@ -60,8 +60,8 @@ class Way:
         iterations, attempts: made on it so far.
         jumped: whether the body has jumped on it.
         folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
-        leap: length of the first attempt from here that jumped to a sound equilibrium; 0 for none.
-        leaping: whether shorter attempts failed, so that this jump is accepted.
+        leap: length of the first attempt from the present state that jumped to a sound equilibrium; 0 for none.
+        leaping: whether this jump is accepted, because shorter attempts failed.
     """
 
     poses: Mapping[str, Pose]

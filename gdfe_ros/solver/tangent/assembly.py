@@ -87,6 +87,6 @@ class Assembly:
 
 
 def _names(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Return a number that identifies each pair of rows in a group (m, c), as (m c c,); -1 if one of them is fixed."""
+    """Return a number (m c c,) for each pair of rows in a group (m, c), equal for equal pairs; -1 for fixed rows."""
     first, second = rows[:, :, None], rows[:, None, :]
     return np.where((first >= 0) & (second >= 0), first * count + second, -1).ravel()

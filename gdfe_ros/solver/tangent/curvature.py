@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Softest direction of a tangent, by the Lanczos method with a preconditioner.
+"""Softest direction of a tangent, by the preconditioned Lanczos method.
 
-With a tangent K and a positive definite M, whose inverse is applied, the least eigenvalue of M^-1 K has the sign of the
-least eigenvalue of K. The closer M is to K, the fewer products are needed.
+K is a tangent, and M is a positive definite preconditioner that is given by its inverse. The least eigenvalue of M^-1 K
+has the sign of the least eigenvalue of K. The closer M is to K, the fewer products are needed.
 """
 
 from __future__ import annotations
@@ -15,15 +15,18 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
 MOST_PRODUCTS = 80
-"""Products after which the least eigenvalue counts as unknown."""
+"""The least eigenvalue counts as unknown after this number of products."""
 LEAST_PRODUCTS = 10
-"""Products before which no Ritz value counts as converged."""
+"""Least number of products before a Ritz value can count as converged."""
 LOOK_BACK, STEADY, FLAT = 4, 0.05, 1e-4
-"""The least Ritz value counts as converged if it changed over `LOOK_BACK` products by at most `STEADY` of itself, or at
-most `FLAT`, which counts as no curvature at all."""
+"""The least Ritz value counts as converged if it changed over `LOOK_BACK` products by at most the fraction `STEADY`, or
+by at most `FLAT`. A value below `FLAT` counts as no curvature.
+"""
 
 NOISE = 1e-4
-"""Relative remainder of a product below which it is noise, because products are differences of gradients."""
+"""A product's remainder counts as noise if it is relatively smaller than this, because products are differences of
+gradients.
+"""
 
 Apply = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -55,7 +58,7 @@ def lowest(
 ) -> Lowest:
     """Return the least Ritz value of M^-1 K and its vector.
 
-    Vectors are not reorthogonalised, because this only repeats converged values.
+    Vectors are not reorthogonalised; the loss of orthogonality only repeats converged values.
 
     Args:
         product: multiplies the tangent K by a direction (3 r,).

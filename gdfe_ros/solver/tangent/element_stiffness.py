@@ -12,8 +12,9 @@ from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.cell_kernels import add_walls
 
 SPACING = 1e-5
-"""Displacement of a difference over the cube root of an element's volume, at which truncation and rounding errors are
-both about 1e-10."""
+"""Displacement in a finite difference, over the cube root of an element's volume. Truncation and rounding errors are
+then both about 1e-10.
+"""
 
 
 @kernel

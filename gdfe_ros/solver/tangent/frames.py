@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rotations of a body's vertices since its tangent was taken.
 
-A slender body that bends turns its stiff directions into its soft ones: after a few degrees a kept tangent K0 is far
-too soft there. R K0 R^T with the rotation R of each vertex follows such a motion, as the local rotation fit of the
-paper does for the elements.
+Bending turns the stiff directions of a slender body into its soft ones. After a few degrees of rotation, a kept tangent
+K0 is therefore far too soft. With the rotation R of each vertex, R K0 R^T follows such a motion, like the paper's local
+rotation fit of the elements.
 """
 
 from __future__ import annotations
@@ -15,19 +15,21 @@ from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 UNIQUE = 0.05
-"""Margin of the rotation's uniqueness below which an element, or a vertex, counts as not rotated; it is 8 / 27^(1/2)
-without deformation."""
+"""An element, or a vertex, counts as not rotated if the margin of its rotation's uniqueness is below this. Without
+deformation the margin is 8 / 27^(1/2).
+"""
 LEAST_TURN = 3e-3
-"""Largest rotation [rad] of a vertex below which none counts as rotated: where stiffnesses differ by ten decades, small
-differences of rotations would do more harm than good."""
+"""If no vertex is rotated by more than this angle [rad], all count as not rotated. If stiffnesses differ by ten
+decades, small differences of rotations do more harm than good.
+"""
 
 
 @kernel
 def vertex_rotations(x, before, shape, free, held, sums, out):
     """Write the rotations (f, 9) of the ``free`` vertices from ``before`` to ``x`` (n, 3) [m].
 
-    They are means of the elements' rotations. A body that is not ``held`` has one rotation: with several, R K0 R^T
-    would not keep its momentum. ``sums`` (n, 9) is scratch.
+    Each is the mean of the elements' rotations at the vertex. A body that is not ``held`` has one rotation for all
+    vertices; otherwise R K0 R^T would not conserve its momentum. ``sums`` (n, 9) is scratch.
     """
     sums[...] = 0.0
     for e in range(len(shape.cells)):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled sparse Cholesky factors A = U^T U of symmetric matrices of one pattern: multifrontal (Liu 1992).
 
-Each supernode assembles its entries of the matrix and its children's update matrices in a dense front, eliminates its
-own vertices there, and passes the remaining update matrix to its parent. Six columns (two vertices) are eliminated at a
-time, always in the same order, so that a matrix has the same factor bit by bit on any number of threads. Inner loops
-count in unsigned numbers: a possibly negative index would cost a test in each iteration and prevent SIMD.
+Each supernode assembles its entries of the matrix and its children's update matrices in a dense front. It eliminates
+its own vertices there, and passes the remaining update matrix to its parent. Six columns (two vertices) are eliminated
+at a time, always in the same order. A matrix thus has the same factor, bit by bit, with any number of threads. Inner
+loops count in unsigned numbers: a possibly negative index would cost a test in each iteration and prevent SIMD.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from gdfe_ros.solver.tangent.substitution import Kept, Plan, solve_kept
 PANEL = 6
 """Columns that are eliminated together: two vertices. The rest of the front is updated once for all of them."""
 TILE = 256
-"""Columns of a row that are updated at a time: six such pieces fit into the fastest cache."""
+"""Number of columns of a row that are updated at a time; six such pieces fit into the fastest cache."""
 
 
 @internal
@@ -77,7 +77,7 @@ def eliminate(front, width, own, panel):
 
 @vector_kernel
 def subtract(front, width, first, last, panel):
-    """Subtract the products of the factor's rows ``first`` to ``last`` from the rows below, some columns at a time."""
+    """Subtract the products of the factor's rows ``first`` to ``last`` from the rows below, tile by tile."""
     next_row = uint64(TILE)
     for begin in range(last, width, TILE):
         end = min(begin + TILE, width)

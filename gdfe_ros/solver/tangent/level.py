@@ -26,7 +26,7 @@ from gdfe_ros.solver.tangent.tangent import Tangent
 from gdfe_ros.solver.terms.term import Term
 
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
-"""First multiple of the constant matrix that is added to a tangent without a factor, and its growth per attempt."""
+"""If a tangent has no factor, a multiple of the constant matrix is added: first multiple, and growth per attempt."""
 MOST_SHIFT = 1e12
 """Largest such multiple; if it is not enough, the constant matrix replaces the tangent."""
 TURN = 1e-6
@@ -40,7 +40,7 @@ class TangentLevel:
         body: the discretised body.
         matrix: (n, n) the assembled constant matrix.
         terms: the external terms.
-        elements: evaluates the tangents of the elements; None for those of their laws.
+        elements: evaluates the tangents of the elements; None for the tangents of their laws.
 
     Attributes:
         price: cost of a tangent, in solutions with it.
@@ -74,9 +74,9 @@ class TangentLevel:
     ) -> Tangent:
         """Evaluate and factor the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m].
 
-        If it is indefinite, as beyond a buckling load, the elements' tangents are projected to positive semi-definite
-        ones, and a growing multiple of the constant matrix is added until a factor exists. If no multiple is enough,
-        for example because the tangent is not finite, the constant matrix is used.
+        Beyond a buckling load, for example, the tangent is indefinite. The elements' tangents are then projected to
+        positive semi-definite ones, and a growing multiple of the constant matrix is added until a factor exists. If no
+        multiple is enough, because the tangent is not finite, for example, the constant matrix replaces it.
 
         Args:
             problem: present data of elements and handles.
@@ -112,7 +112,7 @@ class TangentLevel:
         return self._elements.values
 
     def load(self, tangent: Tangent) -> None:
-        """Factor a tangent that `take` returned, here or in another run, unless it is loaded already."""
+        """Factor a tangent that `take` returned, in this run or another one, unless it is loaded already."""
         if self._loaded is None or self._loaded.blocks is not tangent.blocks:
             self._load(tangent)
 

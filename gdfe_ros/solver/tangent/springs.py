@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Springs between touching parts of a body in a kept tangent: few, and between any vertices.
 
-A spring of stiffness k whose length is linear in the positions, d = a . x, adds k a a^T to the tangent. Its entries can
-couple any vertices, and would fill the factor. The rows sqrt(k) a of all springs are the matrix G, with which
-`substitution` corrects solutions without springs.
+The length of a spring is linear in the positions: d = a . x. A spring of stiffness k adds k a a^T to the tangent. These
+entries may couple any vertices, and would fill the factor. The rows sqrt(k) a of all springs therefore form a matrix G,
+by which `substitution` corrects solutions without springs.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Springs(NamedTuple):
 
     Attributes:
         ends: (m, c) int32 vertices.
-        ways: (m, c, 3) [(N/m)^(1/2)] the root of its stiffness times d(length)/d(position of each end).
+        ways: (m, c, 3) [(N/m)^(1/2)] square root of each spring's stiffness times d(length)/d(position of each end).
     """
 
     ends: NDArray[np.int32]

@@ -53,7 +53,7 @@ class Kept(NamedTuple):
         springs: (m, 3 f + q) rows G.
         reach: (m, 3 f + q) rows of W^T.
         inner: (m, m) inverse of 1 + G W.
-        frames: (f, 9) rotations of the vertices since the factor was taken, which the factor follows.
+        frames: (f, 9) rotations of the vertices since the factor was taken; the factor follows them.
         turned: (3 f + q,) scratch.
     """
 
@@ -90,7 +90,7 @@ def solve_kept(kept, right, out):
 
 @vector_kernel
 def solve_unturned(kept, right, out):
-    """Solve as `solve_kept` does, with the factor where it was taken."""
+    """Solve as `solve_kept` does, but with the factor as it was taken, without rotations."""
     solve_free(kept, right, out)
     if len(kept.schur):
         solve_rigid(kept.harmonic, kept.schur, right, out)
@@ -118,7 +118,7 @@ def solve_rigid(harmonic, schur, right, out):
 
 @vector_kernel
 def connect(springs, reach, inner, out):
-    """Correct a solution without the springs between touching parts to the one with them."""
+    """Correct a solution without springs between touching parts: add the effect of the springs."""
     count = len(springs)
     lengths = np.empty(count)
     for k in range(count):

@@ -20,10 +20,10 @@ class Tangent:
         motion: (3 b, 3 q) d(vertices of handles with a free axis)/d(rigid rows).
         positions: (n, 3) [m] where it was taken; None for the constant matrix, which does not follow rotations.
         shift: multiple of the constant matrix that was added for definiteness.
-        softest: upper bound of the least ratio, over all modes, of the stiffness to that of this tangent. It is 1 if
-            nothing was added and no softer mode has been found yet, 0 if it is unknown.
+        softest: the ratio of a mode's stiffness to its stiffness in this tangent has a least value over all modes; this
+            is an upper bound of it. It is 1 if nothing was added and no softer mode was found yet, 0 if it is unknown.
         ends, ways: of the springs between touching parts, as in `Springs`.
-        spent: iterations and products since it was evaluated, beyond the free ones of each solve.
+        spent: iterations and products since the tangent was evaluated, without the free ones of each solve.
     """
 
     blocks: NDArray[np.float64]

@@ -25,7 +25,7 @@ from gdfe_ros.solver.terms.term import Term, TermTable
 LOAD_FACTOR = 1.0
 """Default command of a load."""
 FINEST = 1e-9
-"""Least distance, over the body's size, to which contact forces may require a minimisation to converge."""
+"""Least distance, over the body's size, that contact forces may require as tolerance of a minimisation."""
 ROUNDING = 1e-9
 """Fraction of a cable's length that counts as zero."""
 
@@ -42,11 +42,11 @@ class Actuation:
     Attributes:
         terms: all terms, loads first.
         table: the same for the kernels.
-        strung: cables between handles, which have a least length.
+        strung: cables between handles; these have a least length.
         growths: the growths, which change the elements' rest shape.
-        neutral: command of every actuator and load at which it has no effect.
+        neutral: for every actuator and load, the command without effect.
         loaded: names of the loads.
-        contacts: one for each obstacle, and that of the body with itself.
+        contacts: contact terms: one for each obstacle, and that of the body with itself.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class Actuation:
 
     @property
     def resolution(self) -> float:
-        """Displacement over the body's size to which minimisations must converge so that contact forces are known.
+        """Displacement, over the body's size, that minimisations must resolve so that contact forces are known.
 
         Infinite without contacts.
         """
@@ -170,8 +170,9 @@ class Actuation:
     ) -> str:
         """Return the name of the chamber that inflated without bound since an equilibrium; empty if none did.
 
-        Both positions (n, 3) are in m; the solves in between failed. If the body ran away, its volumes carry no
-        information: a chamber whose pressure has risen since the commands ``before`` is returned.
+        ``since`` (n, 3) [m] are the positions of the equilibrium, ``positions`` (n, 3) [m] those of failed solves after
+        it. If the body ran away, its volumes have no meaning; the name is then that of a chamber with a pressure that
+        has risen since the commands ``before``.
         """
         for term in self._chambers:
             pressed = term.actuator.mode is Mode.PRESSURE
@@ -182,9 +183,9 @@ class Actuation:
         return ""
 
     def unreachable(self, base: NDArray[np.float64], commands: Mapping[str, float]) -> str:
-        """Return a message about a cable commanded shorter than the distance of its handles at ``base`` (n, 3) [m].
+        """Return a message about a cable that is commanded shorter than the distance of its handles; empty for none.
 
-        It is empty if there is no such cable.
+        ``base`` (n, 3) [m] has the commanded positions of the handles.
         """
         for term in self.strung:
             least, wanted = term.shortest(base), term.wanted(commands[term.name])
@@ -213,8 +214,8 @@ class Actuation:
     def balance(self, positions: NDArray[np.float64], commands: Mapping[str, float]) -> Balance:
         """Return the potential [J] of the terms at ``positions`` (n, 3) [m], and its slope along every command.
 
-        It is zero while the body is undeformed. A commanded length or volume has no potential, and its slope is the
-        multiplier.
+        The potential is zero while the body is undeformed. A commanded length or volume has no potential; its slope is
+        the multiplier.
         """
         found = {
             term.name: term.potential(positions, commands[term.name])
@@ -236,7 +237,7 @@ def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]
 
 
 def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], commands: Mapping[str, float]) -> str:
-    """Return the remedy for a jump: command lengths and volumes instead of changed forces; empty if none changed."""
+    """Return the remedy for a jump: commands of lengths and volumes instead of forces; empty if no force changed."""
     other = {Mode.TENSION: Mode.LENGTH, Mode.PRESSURE: Mode.VOLUME}
     found = [
         f"`command: {other[each.mode].value}` for {each.name!r}"

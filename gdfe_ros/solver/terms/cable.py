@@ -29,10 +29,11 @@ of its points."""
 BALANCED = 1e-9
 """Force on movable vertices, over the tension, that counts as zero."""
 NO_WEIGHT = 1e-9
-"""Weight of a corner below which a cable's point does not follow it."""
+"""A cable's point does not follow a corner if the corner's weight is below this."""
 FAINT, NEARLY = 1e-12, 3e-6
-"""Small tension over modulus and squared body size, and small lengthening over the body's size. In finite differences
-a cable that is just not taut gets the sum of both tensions, so that it counts as taut; both are negligible."""
+"""Two negligible amounts: tension over modulus and squared body size, and lengthening over the body's size. In finite
+differences, a cable that is just not taut gets the sum of both tensions, so that it counts as taut.
+"""
 ROUNDING = 1e-9
 """Fraction of a cable's length that counts as zero."""
 
@@ -170,7 +171,10 @@ class CableTerm(Term):
         return np.concatenate([corners[:-1], corners[1:]], axis=1)
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return t / l (I - d d^T) of each segment of length l and direction d: a taut cable resists bending."""
+        """Return the tangent t / l (I - d d^T) [N/m] of each segment, by which a taut cable resists bending.
+
+        t is the tension, l the segment's length and d its direction.
+        """
         weights, corners = self._points()
         points = np.einsum("ia,iak->ik", weights, positions[corners])
         stretch = np.diff(points, axis=0)
@@ -196,7 +200,7 @@ class CableTerm(Term):
         numbers[TARGET] = self.wanted(self._command)
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Set the tension that was found. A cable that is just not taut counts as taut."""
+        """Set the tension that was found; a cable that is just not taut counts as taut."""
         self.begin(commands, saved, positions, 0.0)
         numbers, size = self.reals, self._body.size
         least = FAINT * float(self._body.table.parameters[:, YOUNG].min()) * size**2
@@ -235,12 +239,12 @@ class CableTerm(Term):
         return np.array([cable_tension(cable_length(positions, self.reals, self.integers), self.reals)])
 
     def wanted(self, command: float) -> float:
-        """Return the length [m] that a command of length or shortening demands."""
+        """Return the length [m] that a command, which is a length or a shortening, demands."""
         return command if self.actuator.mode is Mode.LENGTH else self._rest_length - command
 
     @property
     def strung(self) -> bool:
-        """Whether handles impose a least length, below which no command may go."""
+        """Whether handles impose a least length; commands below it are refused."""
         return self.updates and int(self._anchored.sum()) > 1
 
     def shortest(self, base: NDArray[np.float64]) -> float:

@@ -24,22 +24,23 @@ from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembere
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 EFFORT, TARGET, STIFFNESS, LIMIT = range(4)
-"""Offsets in the term's reals of p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] beyond which it counts as
-unstable."""
+"""Layout of the term's reals: p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] above which the chamber counts as
+unstable.
+"""
 LARGEST_INFLATION = 8.0
-"""Largest ratio by which one solve may inflate a chamber of given pressure; beyond it the chamber counts as
-unstable."""
+"""A chamber of given pressure counts as unstable if one solve inflates it by more than this ratio."""
 RUNNING_AWAY = 0.25
-"""Fraction of the volume limit at which a failed solve counts as running away."""
+"""A failed solve counts as running away if it ends above this fraction of the volume limit."""
 _PLACES, FACE_SHARES = triangle_rule(3)
 FACE_SHAPES, FACE_SLOPES = face_weights(_PLACES), face_slopes(_PLACES)
-"""Shape functions (9, 6) and their slopes (9, 6, 2) at the integration points of a six-node face; the points of weights
-`FACE_SHARES` integrate the volume, of degree 4, exactly."""
+"""Shape functions (9, 6) and their slopes (9, 6, 2) at the integration points of a six-node face. With the weights
+`FACE_SHARES` these points integrate the volume, of degree 4, exactly.
+"""
 
 
 @inlined
 def corners_of(x, integers, q):
-    """Return the corners of a quad relative to one vertex of the chamber, to keep digits far from the origin."""
+    """Return the corners of a quad relative to one vertex of the chamber, which avoids rounding far from the origin."""
     o, i = integers[0], 4 * q
     a, b, c, d = integers[i], integers[i + 1], integers[i + 2], integers[i + 3]
     return (
@@ -113,7 +114,7 @@ def face_volume(x, integers):
 
 @inlined
 def face_point(x, integers, o, q, p):
-    """Return place, dx/dxi and dx/deta [m] at an integration point of a six-node face, from vertex ``o`` on."""
+    """Return place, dx/dxi and dx/deta [m] at an integration point of a six-node face, relative to vertex ``o``."""
     p0, p1, p2, a0, a1, a2, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(6):
         v, n = integers[6 * q + a], FACE_SHAPES[p, a]
@@ -129,7 +130,7 @@ def face_point(x, integers, o, q, p):
 def push_faces(x, integers, pressure, force):
     """Subtract pressure times the derivative dV/dx of `face_volume` from ``force`` (n, 3).
 
-    On a closed surface it is the integral of the shape functions times the normal.
+    On a closed surface dV/dx is the integral of the shape functions times the normal.
     """
     o = integers[0]
     for q in range(len(integers) // 6):

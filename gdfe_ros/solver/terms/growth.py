@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Growth of cells: it has no energy of its own, but replaces the operators of the cells' rest shape.
 
-With F_e = F G^-1 the gradients of a cell become G^-T g_a, its volume det G V and its edges G d, while its hourglass
-vectors stay unchanged (linear maps do not affect them). The element kernels then receive the elastic part of F alone.
+Let F_e = F G^-1 be the elastic part of F. The gradients of a cell become G^-T g_a, its volume det G V, and its edges G
+d. Its hourglass vectors stay unchanged, because linear maps do not affect them. The element kernels then compute F_e in
+place of F.
 """
 
 from __future__ import annotations

@@ -10,15 +10,17 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 
 PENALTY = 10.0
-"""Penalty stiffness of a commanded length or volume over the body's own, by the constant matrix: large enough for few
-updates, small enough to give a minimisation one outlying eigenvalue only, which its history resolves."""
+"""Penalty stiffness of a commanded length or volume, over the body's own stiffness by the constant matrix. It is large
+enough for few updates. It is small enough to give a minimisation only one outlying eigenvalue, which the history
+resolves.
+"""
 
 
 def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str) -> float:
     """Return the penalty of an actuator that pulls at the vertices with ``force`` (n, 3) at unit effort.
 
     Raises:
-        ValueError: it moves nothing; scenes with such an actuator are rejected on loading.
+        ValueError: the actuator moves nothing; scenes with such an actuator are rejected on loading.
     """
     compliance = matrix.compliance(force)
     if not compliance > 0.0:

@@ -3,8 +3,8 @@
 
 The minimisation uses the sum of all terms and its gradient, whichever terms there are. The elements are the first
 term and have kernels of their own. Every other term is a compiled function of the positions and of two arrays that the
-term fills, and is called by its address: a scene compiles nothing for the terms that it combines, and has no code path
-for those that it lacks. `docs/terms.md` shows how to add one.
+term fills. Solves call it by its address. No combination of terms needs a compilation of its own, and absent terms cost
+nothing. `docs/terms.md` shows how to add one.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ENTRY = types.float64(_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.
 
 
 class TermKernel:
-    """The compiled entry of a term; it is compiled, or loaded from its cache, when a body first has the term.
+    """The compiled entry of a term; it is compiled, or loaded from a cache, when a body first has the term.
 
     Args:
         entry: receives the arguments of `as_arrays` and returns the energy.
@@ -59,9 +59,9 @@ def term_kernel(entry: Callable[..., float]) -> TermKernel:
             return spring_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
     ``spring_energy(x, reals, integers, force, size)``, a `gdfe_ros.compiled.kernel`, receives the positions ``x`` (n,
-    3) [m] and the term's two arrays. It adds dE/dx to ``force`` (n, 3) [N], adds a bound for the rounding of its energy
-    (the sum of the absolute values of its parts) to ``size[0]`` [J], and returns the energy [J], infinite for positions
-    out of bounds.
+    3) [m] and the term's two arrays. It adds dE/dx to ``force`` (n, 3) [N]. It adds a bound for the rounding of its
+    energy, the sum of the absolute values of its parts, to ``size[0]`` [J]. It returns the energy [J], infinite for
+    positions out of bounds.
     """
     return TermKernel(entry)
 
@@ -83,8 +83,8 @@ class Term:
         updates: whether `update` has anything to do.
         inside: whether the body was inside of the term's obstacle at the beginning of the solve.
         delicate: whether its forces change within tiny displacements, as at the onset of slip.
-        even: whether its stiffness acts on x, y and z alike, is its whole tangent, and never changes; kept tangents
-            then use it directly.
+        even: whether `stiffness` is its whole tangent, acts on x, y and z alike, and never changes; kept tangents then
+            use it directly.
     """
 
     kernel: TermKernel | None = None
@@ -104,8 +104,8 @@ class Term:
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the term's part (k, 3 c, 3 c) [N/m] of the kept tangent of slender bodies.
 
-        It is the positive semi-definite part of the second derivative that couples neighbours. It speeds up the
-        minimisation, and no equilibrium depends on it.
+        The part is positive semi-definite, and couples only neighbours. It speeds up the minimisation; no equilibrium
+        depends on it.
         """
         return np.zeros((0, 3, 3))
 
@@ -148,7 +148,7 @@ class Term:
         """Extrapolate the multipliers, if the last update left more than ``near`` [m]."""
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Include contacts that a minimisation has made and that were left out; return whether there were any."""
+        """Include contacts that a minimisation has made and that were not included; return whether there were any."""
         return False
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
@@ -183,8 +183,8 @@ class Term:
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return the term's energy [J] at ``positions`` (n, 3) [m] for the energy balance of increments.
 
-        By default it is that of the kernel. A term whose kernel is relative to the start of a solve, or whose energy is
-        that of a multiplier, overrides it: the value must not change while nothing moves.
+        The value must not change while nothing moves. The default is the energy of the kernel. A term overrides it if
+        its kernel is relative to the start of a solve, or if its energy is that of a multiplier.
         """
         if self.kernel is None:
             return 0.0
@@ -222,7 +222,7 @@ class TermTable(NamedTuple):
 
     @classmethod
     def pack(cls, terms: Sequence[Term]) -> TermTable:
-        """Copy the numbers of all terms with an energy into common arrays, of which the terms then hold views."""
+        """Copy the numbers of all terms with an energy into common arrays; the terms then hold views of these."""
         acting = [term for term in terms if term.kernel is not None]
         real_start = np.cumsum([0, *(len(term.reals) for term in acting)])
         integer_start = np.cumsum([0, *(len(term.integers) for term in acting)])
