@@ -81,7 +81,7 @@ class Outside:
 
     @property
     def triangles(self) -> NDArray[np.int32]:
-        """The faces as triangles (t, 3); those of one face are consecutive."""
+        """The faces as triangles (t, 3); the triangles of one face are consecutive."""
         return self.faces if self.faces.shape[1] == 3 else self.faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
 
     def at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
