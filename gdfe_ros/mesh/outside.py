@@ -25,7 +25,7 @@ REACH = 2.5
 outside.
 """
 _TRILINEAR = np.concatenate([np.ones((1, 8)), CORNERS.T, MODES])
-"""Corner values (8, 8) of the eight fields whose sum is a trilinear map, in the order of `find_carriers`."""
+"""Corner values (8, 8) of the eight fields that add up to a trilinear map, in the order of `find_carriers`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,7 +88,7 @@ class Contact(ContactTerm):
 
     @property
     def updates(self) -> bool:
-        """Whether any point is near the obstacle, so that multipliers have to be updated."""
+        """Whether any point is near the obstacle; only then are multipliers updated."""
         return len(self._chosen) > 0
 
     @property
