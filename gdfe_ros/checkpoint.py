@@ -77,7 +77,7 @@ def load_state(simulation: Simulation, data: bytes) -> None:
 
 
 def _difference(key: str, given: object, own: str) -> str:
-    """Return a message about an entry of a state's head that differs from the simulation's; digests are not printed."""
+    """Return a message about an entry of a state's head that differs from the simulation's, without digests."""
     if key != "scene":
         return f"its {key} is {given}, the simulation's {own}"
     remedy = "remedy: load it with the scene, the overrides and the files (meshes, skins) that it was saved with"

@@ -82,12 +82,12 @@ class Scenery:
 def force_arrows(
     places: NDArray[np.float64], forces: NDArray[np.float64], *, largest: float, size: float
 ) -> NDArray[np.float64]:
-    """Return arrows (a, 2, 3) [m] that end at the points on which forces act.
+    """Return arrows (a, 2, 3) [m]; each ends at the point on which its force acts.
 
     Args:
         places: of the points (c, 3) [m].
-        forces: on them (c, 3) [N].
-        largest: force [N] whose arrow has the length `ARROW`.
+        forces: on the points (c, 3) [N].
+        largest: force [N] of an arrow with the length `ARROW`.
         size: of the body [m].
     """
     some = np.linalg.norm(forces, axis=1) > LEAST_FORCE * largest

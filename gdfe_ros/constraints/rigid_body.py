@@ -26,9 +26,9 @@ SIGNS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, 
 class RigidBody(Obstacle):
     """An obstacle that only forces move.
 
-    Four vertices with a quarter of its mass each represent it. They are corners of a box around its centre of mass,
-    with the radii of gyration along its axes as half edges. Mass, moments of inertia and every point of the body follow
-    from them.
+    Four vertices represent it, with a quarter of its mass each. They are corners of a box around its centre of mass;
+    the half edges of the box are the radii of gyration along its axes. Mass, moments of inertia and every point of the
+    body follow from these vertices.
 
     Attributes:
         vertices: (4,) int32 its vertices, which follow those of the mesh.

@@ -84,6 +84,6 @@ class CommandLimits:
         return (1.0 + ROUNDING) * float(times.max(initial=0.0))
 
     def ended(self, commands: Array) -> list[str]:
-        """Return the names of the actuators whose commands (n,) are at an end of their range."""
+        """Return the names of the actuators with commands (n,) at an end of their range."""
         inside = (self.low < commands) & (commands < self.high)
         return [name for name, free in zip(self._names, inside, strict=True) if not free]

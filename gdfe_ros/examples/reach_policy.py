@@ -21,7 +21,9 @@ from gdfe_ros.testing import make_env
 _TRIAL = 0.05
 """Trial change of each command, over its range."""
 _CAREFUL = {"gain": 0.5, "reach": 0.005, "baseline": 1e-4}
-"""Options of the tracker: a command covers half of the distance, at most 5 mm; motions below 0.1 mm correct nothing."""
+"""Options of the tracker. A command covers half of the distance, at most 5 mm. Motions below 0.1 mm do not correct the
+Jacobian.
+"""
 FINGER = {"actuators.flexor.cable.range": [0.0, 5.0], "actuators.extensor.cable.range": [0.0, 5.0]}
 """Overrides of ``tendon_finger``: ranges of the tensions that bend it without rolling it up."""
 

@@ -33,7 +33,7 @@ from gdfe_ros.scene.loader import scene_from_text
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes whose command is in ``effort`` of the joint states; the commands of other modes are in ``position``."""
+"""Modes with their command in ``effort`` of the joint states; other modes have it in ``position``."""
 _BASELINE, _REACH = 0.06, 0.2
 """Least motion that corrects the Jacobian, and largest motion of one command, over the radius."""
 _FIRST = 0.02
@@ -42,7 +42,7 @@ _LOOK = 0.2
 
 
 class TipTracking(Node):
-    """Moves a probe along a circle in the y-z plane, whose lowest point is the probe's first position.
+    """Moves a probe along a circle in the y-z plane; the probe's first position is the circle's lowest point.
 
     Parameters: ``simulation`` (full name of the node), ``probe``, ``radius`` [m], ``period`` [s] on the clock of the
     poses' stamps, ``gain``, and ``patience`` [s]. After this wall time without an answer, the request or the command is

@@ -160,7 +160,11 @@ def _linear_in_parameters(
 
 
 def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, common: Mapping[str, Any]) -> TensileFit:
-    """Fit ``terms`` terms. None: the fewest with a stable law of a misfit below `GOOD`, else the best stable law."""
+    """Fit Ogden's law with ``terms`` terms.
+
+    With None, the least number is taken that gives a stable law with a misfit below `GOOD`; otherwise the best stable
+    law.
+    """
     most = min(MOST_TERMS, e.size // 2)
     if terms is not None:
         if not 1 <= terms <= most:

@@ -157,7 +157,7 @@ class _Slider:
     touched: float = field(default=-math.inf)
 
     def show(self, value: float | None) -> None:
-        """Show a present command, unless a viewer is using the slider; None: it is unknown."""
+        """Show a present command, unless a viewer is using the slider; None stands for an unknown command."""
         self.control.label = self.label if value is not None else f"{self.label}, not known"
         if value is None or monotonic() - self.touched <= _TOUCHED:
             return

@@ -24,7 +24,7 @@ _GREY = 0.4
 
 
 def _linear(colours: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the linear light of sRGB colours, as glTF requires."""
+    """Return sRGB colours as linear light, as glTF requires."""
     dark = colours <= 0.04045
     return np.where(dark, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4).astype(np.float32)
 

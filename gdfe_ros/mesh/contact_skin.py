@@ -18,14 +18,14 @@ from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.mesh.trilinear import trilinear_weights
 
 BARE, SHORT = 2.0 * 3.0**0.5, 1.0
-"""The skin does not cover a boundary cell whose material is farther from the skin than this, over the cell's edge. The
-first value is for material inside the skin, as at a hole that is missing in the skin. The second is for material
-outside of it.
+"""A boundary cell is not covered if its material is farther from the skin than this, over the cell's edge. The first
+value is for material inside the skin, as at a hole that is missing in the skin. The second is for material outside of
+it.
 """
 
 
 def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> HexMesh:
-    """Return a mesh whose skin touches instead of the faces of its cells.
+    """Return a copy of a mesh in which the skin touches, instead of the faces of the cells.
 
     Each boundary vertex gives one contact point, because the cells do not resolve more: the skin point in which the
     vertex has the largest weight. On a flat face this is the nearest point; at an edge it is a point of the edge.

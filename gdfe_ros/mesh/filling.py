@@ -2,8 +2,8 @@
 """Filled fraction of cells: a box in each cell with the moments of its material.
 
 The material of a cut cell may have any shape. To second order, its stiffness and weight depend only on its volume,
-centroid and second moments. A box with the same moments therefore represents the cell: an element on this box, whose
-corners the cell's corners carry with trilinear weights (docs/theory/cut_cells.md).
+centroid and second moments. A box with the same moments therefore represents the cell. The element on this box has
+corners that the cell's corners carry with trilinear weights (docs/theory/cut_cells.md).
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ class SolidIntegrals:
 def inertia_of(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> SolidIntegrals:
     """Return the inertia of a solid.
 
-    The solid is a sum of signed tetrahedra between a point o and each triangle (a, b, c). With V = det(a, b, c) / 6 the
-    integral of x x^T over one of them is V / 20 (a a^T + b b^T + c c^T + s s^T), s = a + b + c.
+    The solid is a sum of signed tetrahedra between a point o and each triangle (a, b, c). With V = det(a, b, c) / 6 and
+    s = a + b + c, the integral of x x^T over one tetrahedron is V / 20 (a a^T + b b^T + c c^T + s s^T).
 
     Args:
         vertices: (n, 3) [m].

@@ -36,7 +36,7 @@ class Mesh:
     Arrays of another type or layout are converted. Only the shapes are checked here; `check_mesh` checks the content.
 
     Raises:
-        MeshError: `vertices` is not (n, 3) or `cells` is not (m, c).
+        MeshError: `vertices` has another shape than (n, 3), or `cells` another than (m, c).
     """
 
     nodes: ClassVar[int]

@@ -25,7 +25,7 @@ REACH = 2.5
 outside.
 """
 _TRILINEAR = np.concatenate([np.ones((1, 8)), CORNERS.T, MODES])
-"""Corner values (8, 8) of the eight fields whose sum is a trilinear map, in the order of `find_carriers`."""
+"""Corner values (8, 8) of the eight fields that add up to a trilinear map, in the order of `find_carriers`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class Outside:
 
     @property
     def triangles(self) -> NDArray[np.int32]:
-        """The faces as triangles (t, 3); those of one face are consecutive."""
+        """The faces as triangles (t, 3); the triangles of one face are consecutive."""
         return self.faces if self.faces.shape[1] == 3 else self.faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
 
     def at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -106,7 +106,7 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
 
 
 def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) -> tuple[Vector, Quaternion]:
-    """Return translation from rest and quaternion of a message, bitwise the message's own if none transforms them."""
+    """Return translation from rest and quaternion of a message; without a transform they are bitwise the message's."""
     place = frames.relative(message.header.frame_id, handle.name)
     if place is not None:
         return _near(place @ require_pose(message.pose), size)

@@ -92,7 +92,7 @@ class Inputs:
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
     def unheard(self) -> list[str]:
-        """Return a text about each topic with best-effort publishers, whose commands do not reach the node."""
+        """Return a text about each topic with best-effort publishers; their commands do not reach the node."""
         found = []
         for topic in sorted(self._unheard):
             publishers = self._run.node.get_publishers_info_by_topic(topic)

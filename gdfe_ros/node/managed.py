@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lifecycle node that survives exceptions in its callbacks, and whose services may answer later."""
+"""A lifecycle node that survives exceptions in its callbacks; its services may answer later."""
 
 from __future__ import annotations
 

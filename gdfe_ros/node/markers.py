@@ -55,7 +55,7 @@ class SurfaceMarker:
 
 
 def _marker(count: int, frame_id: str) -> Marker:
-    """Return a marker whose first point and first colour can be found in its bytes."""
+    """Return a marker with values by which the first point and the first colour can be found in its bytes."""
     marker = Marker(header=Header(frame_id=frame_id), ns="surface", type=Marker.TRIANGLE_LIST, action=Marker.ADD)
     marker.scale.x = marker.scale.y = marker.scale.z = 1.0
     marker.color.a = 1.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Young's moduli as parameters: ``materials.<name>.young`` of every material whose law has one."""
+"""Young's moduli as parameters: ``materials.<name>.young`` of every material with such a modulus."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ def answer_arguments(name: str, usage: str, args: Sequence[str] | None = None) -
 
 
 def _without_ros(args: Sequence[str]) -> list[str]:
-    """Return the arguments that are not ROS's; rclpy's own function raises for an invalid parameter file."""
+    """Return the arguments that do not belong to ROS; rclpy's own function raises for an invalid parameter file."""
     others, ours = [], True
     for argument in args:
         if argument == "--ros-args" or (argument == "--" and not ours):

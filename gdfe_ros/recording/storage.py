@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file whose space is reserved before it is written, so that a full disk never truncates a record."""
+"""A file with space that is reserved before each write; a full disk thus never truncates a record."""
 
 from __future__ import annotations
 

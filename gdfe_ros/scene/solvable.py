@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks for scenes whose values are each valid, but which cannot be solved."""
+"""Checks for scenes that cannot be solved although each of their values is valid."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Bound:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ledger:
-    """Work and dissipated energy of a moving body since the start, and its time in arrears.
+    """Work and dissipated energy of a moving body since the start, and time that has passed without a step.
 
     Attributes:
         work: done on the body by handles and by changing commands [J].

@@ -29,7 +29,10 @@ def prepare() -> None:
 
 
 def preload(module: str) -> ForkServerContext:
-    """Return the context whose server imports a module before it forks; a server already running does not import it."""
+    """Return the context for starts from a server that imports a module before it forks.
+
+    A server that already runs does not import it.
+    """
     context = multiprocessing.get_context("forkserver")
     if module not in _MODULES:
         _MODULES.append(module)

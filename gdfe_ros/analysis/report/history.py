@@ -85,7 +85,7 @@ class RunHistory:
 
 
 def _numbers(topic: str, values: Values) -> dict[tuple[str, str], float]:
-    """Return the numbers of a message that has only few; joint states are numbered, as ``effort.0``.
+    """Return the numbers of a message that has only few numbers; joint states are numbered, as ``effort.0``.
 
     For contacts they are the number of points and the number of slipping points.
     """

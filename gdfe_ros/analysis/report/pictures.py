@@ -21,7 +21,7 @@ from gdfe_ros.errors import RecordingError
 from gdfe_ros.scene import Scene
 
 STRAIN = "eps_eq"
-"""Field whose largest value selects the drawn step."""
+"""The step with the largest value of this field is drawn."""
 
 
 @dataclass(frozen=True, eq=False)

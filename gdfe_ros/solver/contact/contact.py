@@ -30,8 +30,8 @@ ENTRY = 1e-3
 that enters the obstacle within one step gets a penetration plane.
 """
 REACH = 0.05
-"""Points take part in contact up to this distance over the body's size. Distances are recomputed once the body has
-moved by this distance.
+"""Points take part in contact up to this distance, over the body's size. Distances are computed again once the body has
+moved by half of it. While every point is farther away, they are computed again once a point can have come that near.
 """
 SLIP = 3e-7
 """Slip, over the body's size, that the linearisation assumes for a slipping point that has hardly moved yet."""
@@ -88,7 +88,7 @@ class Contact(ContactTerm):
 
     @property
     def updates(self) -> bool:
-        """Whether any point is near the obstacle, so that multipliers have to be updated."""
+        """Whether any point is near the obstacle; only then are multipliers updated."""
         return len(self._chosen) > 0
 
     @property

@@ -18,7 +18,9 @@ preconditions the minimisation."""
 FORCE = 1e-2
 """The solver's tolerance over the relative tolerance of contact forces: a tolerance of 1e-4 requires forces to 1 %."""
 FAINT = 1e-7
-"""Displacement over the body's size whose penalty force counts as zero. No minimisation resolves a smaller one."""
+"""Displacement, over the body's size, that counts as zero, as does the penalty force it causes. No minimisation
+resolves less.
+"""
 
 
 class ContactTerm(Term):

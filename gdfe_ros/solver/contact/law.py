@@ -66,7 +66,7 @@ def push(reals, integers, i, f0, f1, f2, force):
 
 @inlined
 def push_back(reals, integers, f0, f1, f2, r0, r1, r2, force):
-    """Add the reaction to a point's gradient to the vertices of the rigid body's frame, ``force`` (n, 3).
+    """Add the reaction to a point's gradient to ``force`` (n, 3), at the four vertices of the rigid body's frame.
 
     ``r`` is p - c in the frame. Prescribed frames have no vertices and take no reaction.
     """

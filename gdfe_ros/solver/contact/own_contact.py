@@ -28,7 +28,7 @@ ROUNDING = 1e-9
 DEEPEST = 1e-4
 """Largest penetration depth, over the body's size, at the end of a converged step."""
 BURIED = 1e-3
-"""Largest penetration depth, over the body's size, at the end of a step that is accepted at all."""
+"""Largest penetration depth, over the body's size, with which a step is accepted, even if not converged."""
 CLEAR = 1.5
 """Search distance over the largest penetration depth at the beginning of a solve."""
 SAME_SIDE = 0.5
@@ -103,7 +103,7 @@ class OwnContact(ContactTerm):
         return {**self._free, "lost": np.zeros(1)}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
-        """Set the last state without penetration: the anchor of ``last`` if it has one."""
+        """Set the last state without penetration: the anchor of ``last``, or ``last`` itself if it has none."""
         self._last = last if last is None else last.anchor or last
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:

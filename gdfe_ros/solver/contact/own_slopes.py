@@ -25,7 +25,7 @@ WIDTH = len(HELD) + 3
 
 
 class DifferentiableOwnContact(OwnContact):
-    """Self-contact whose converged solves can be linearised. Pairs keep their faces.
+    """Self-contact with converged solves that can be linearised. Pairs keep their faces.
 
     The multipliers of a pair are, in this order: its normal force, its normal, the weights of its face's corners; its
     friction force and the weights of the corners on which friction acts; its support, and the change of its offset.

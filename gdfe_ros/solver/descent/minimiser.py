@@ -182,7 +182,7 @@ class Minimiser:
         return far or active.ended is End.RUNAWAY
 
     def _misled(self, task: Task, target: float) -> bool:
-        """Return whether a minimisation ended above its ``target`` [m] because its history may consist of rounding."""
+        """Return whether a minimisation ended above its ``target`` [m], with a history that may be rounding only."""
         short = task.active.ended is End.EXHAUSTED and float(task.active.status["distance"]) > target
         return short and not self._unlearned
 

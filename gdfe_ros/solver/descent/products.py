@@ -46,7 +46,7 @@ class TangentProducts:
         self._spacing = SPACING * body.size
 
     def begin(self, task: Task) -> None:
-        """Set the point at which products are taken to the unknowns of ``task``, whose workspace is not modified."""
+        """Take the unknowns of ``task`` as the point of the products; its workspace is not modified."""
         work = task.active.workspace
         self._problem, self._u, self._gradient = task.problem, work.u.copy(), work.gradient.copy()
         self._beside.x[...] = work.x

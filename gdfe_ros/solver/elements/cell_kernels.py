@@ -26,7 +26,7 @@ class CellKernels(NamedTuple):
 
     Attributes:
         evaluate_blocks: writes node forces (m, c, 3) [N] and energies (m,) [J] of a range of blocks.
-        add_walls: adds the fold barriers of watched elements to both.
+        add_walls: adds the fold barriers of watched elements to these forces and energies.
         room: distance [m] that vertices may move before the barrier of ``e`` can act; 0 if ``e`` is nearly folded. Its
             last argument is scratch (8, 3).
         mean_gradient: volume average of the deformation gradient of ``e``.

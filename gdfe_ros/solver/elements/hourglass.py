@@ -17,7 +17,7 @@ from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.tensor import dot, scaled, times
 
 AMPLITUDE = 8.0**-0.5
-"""Amplitude at the corners of a mode whose projection on its unit hourglass vector is 1."""
+"""Amplitude at the corners of a mode with the projection 1 on its unit hourglass vector."""
 LEAST_EDGE = 1e-3
 """Smaller stretches |F d_i| are regularised, so that a collapsed edge keeps a finite direction."""
 

@@ -54,7 +54,7 @@ def load_nodes(b, x, shape, elements):
 
 @inlined
 def load_geometry(b, blocks, block):
-    """Copy the geometry of a block into its rows; that of a straight block into the rows of all four points."""
+    """Copy the geometry of a block into its rows; a straight block's geometry goes to the rows of all four points."""
     first, geometry = blocks.start[block], blocks.geometry
     if not blocks.straight[block]:
         for i in range(TET_GEOMETRY_ROWS * LANES):

@@ -51,7 +51,7 @@ class Stability:
         self._load = softest + RANDOM * np.linalg.norm(softest) / np.linalg.norm(noise) * noise
 
     def look(self, task: Task) -> Lowest:
-        """Return the softest direction at the unknowns of ``task``, whose terms are evaluated there.
+        """Return the softest direction at the unknowns of ``task``; its terms must be evaluated at these.
 
         The start vector is random with a fixed seed, and contains all modes. A load of a perfectly symmetric body, even
         its rounding, would contain no part of the buckling mode.

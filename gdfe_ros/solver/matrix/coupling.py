@@ -104,7 +104,7 @@ class RigidFields:
 
 @kernel
 def close_coupling(gradient, coupling, out):
-    """Add the rigid rows' contribution to ``out`` (3 r,), whose first rows contain A_ff^-1 gradient."""
+    """Add the rigid rows' contribution to ``out`` (3 r,); its first rows contain A_ff^-1 gradient."""
     count, fields = coupling.columns.shape
     rigid = len(coupling.inverse_schur)
     if rigid == 0:

@@ -248,7 +248,7 @@ def reduce_rows(values, at, blank, u, v, w, own):
 
 @vector_kernel
 def expand_rows(values, at, blank, u, v, w, own):
-    """Solve the ``own`` rows of U of a supernode, whose other rows are known."""
+    """Solve the ``own`` rows of U of a supernode; its other rows are known."""
     length = len(u)
     for first in range((own - 1) // TAKEN * TAKEN, -1, -TAKEN):
         a, b = row_of(values, at, blank, length, first, own), row_of(values, at, blank, length, first + 1, own)

@@ -19,8 +19,8 @@ of a spinning body oscillates by this much.
 """
 ABOVE_LEAST = {Scheme.BDF2: 0.25, Scheme.NEWMARK: 0.03, Scheme.GENERALISED_ALPHA: 0.03}
 """Allowed excess over the least energy so far, as fraction of the largest so far. In resolved motions the energy
-oscillates by a hundredth, because hourglass stiffness follows strains. With `bdf2` it drops too far when the body is
-stopped, and rises again.
+oscillates by a hundredth, because hourglass stiffness follows strains. With `bdf2` the energy drops too far when the
+body is stopped, and rises again.
 """
 ROUNDING = 1e-9
 """Fraction of the energies in an account that is rounding."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inertia as a term: E = k/2 |x - x_hat|_M^2, whose minimum with all other terms balances momentum."""
+"""Inertia as a term: E = k/2 |x - x_hat|_M^2. At the minimum of the sum of all terms, momentum is balanced."""
 
 from __future__ import annotations
 

@@ -26,9 +26,9 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 
 
 class Tangents:
-    """Linearises solves of one body, with a factor whose symbolic analysis is done once.
+    """Linearises solves of one body. The factor's symbolic analysis is done once.
 
-    The last linearised solve is kept: further columns of the same state need no new factor.
+    The last linearised solve is kept; further columns of the same state need no new factor.
 
     Args:
         equilibrium: the equilibrium solver.

@@ -14,7 +14,7 @@ LARGEST_SHIFT = 1.0
 
 
 def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
-    """Return the number of increments for a command, so that each rotates and moves every handle only within bounds.
+    """Return the number of increments for a command; each must rotate and move every handle only within bounds.
 
     Args:
         targets: pose of every handle.

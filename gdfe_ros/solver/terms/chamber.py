@@ -160,7 +160,7 @@ def face_chamber_energy(x, reals, integers, force, size):
 
 @kernel
 def carried_energy(x, reals, integers, force, size):
-    """Return the energy [J] of a chamber whose points are each carried by eight vertices, and add its gradient.
+    """Return the energy [J] of a chamber with points that eight vertices each carry, and add its gradient.
 
     ``reals`` has the weights after the chamber's own numbers. ``integers`` has the number of points, the vertices that
     carry each, and the quads between the points.

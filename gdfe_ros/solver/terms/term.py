@@ -137,7 +137,8 @@ class Term:
             commands: of every actuator and load.
             saved: the term's stored state after the last accepted step.
             positions: (n, 3) [m] at the start of the solve; energies may be relative to them.
-            ratio: multiple of the last accepted step that the start extrapolates; multipliers may do so too.
+            ratio: the start extrapolates the last accepted step by this multiple; multipliers may be extrapolated
+                equally.
         """
 
     def update(self, positions: NDArray[np.float64]) -> float:
