@@ -68,12 +68,13 @@ class BagSteps:
 
     Args:
         run: the recorded run.
-        topics: names without the node's, e.g. ``mesh``; None for all topics that are published once per step.
+        topics: topic names without the node's name, e.g. ``mesh``; None for all topics that are published once per step.
 
     Attributes:
-        topics: the topics read, name by role.
+        topics: full name of each topic read; the keys are roles.
         foreign: topics of unknown type, which cannot be compared.
-        strays: number of messages so far, by topic, of steps without a record in the bag (it was dropped or lost).
+        strays: for each topic, the number of messages so far whose step has no record in the bag, because the record was
+            dropped or lost.
         tail: number of messages after the last record, by topic; the end of the recording may have truncated this step.
     """
 

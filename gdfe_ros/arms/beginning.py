@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arms that begin inside of something: the soft body, an obstacle or a rigid body."""
+"""Check for arms with a link inside of the soft body, an obstacle or a rigid body at the start."""
 
 from __future__ import annotations
 

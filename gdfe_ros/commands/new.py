@@ -111,7 +111,7 @@ def _relative(path: Path, folder: Path) -> str:
 
 
 def _scene(name: str, material: str, mesh_entry: dict, mesh: Mesh) -> dict:
-    """Return a scene that holds the body at its lower end, with a chamber for each cavity."""
+    """Return a scene in which the lower end of the body's longest axis is fixed, with a chamber for each cavity."""
     axis = int(np.argmax(np.ptp(mesh.vertices, axis=0)))
     chambers = {
         f"air_{i}": {"chamber": {"cavity": i, "command": "pressure", "range": [0.0, 4.0 * PRESSURE]}}

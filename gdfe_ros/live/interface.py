@@ -77,7 +77,7 @@ class ShownRun(Protocol):
         """
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Carry out the request of a button, except that of the moduli; pause and record switch on and off.
+        """Carry out the request of any button except the one of the moduli; `pause` and `record` are toggles.
 
         Return a future text for the user, which may raise a GdfeError, or None if the page itself shows the effect.
         """

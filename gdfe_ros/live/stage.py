@@ -240,7 +240,7 @@ class Stage:
             self._arrows[REACTIONS].draw({"arrows": (self._scale * ends, forces)})
 
     def _draw_contacts(self, view: View) -> None:
-        """Draw the contact force on each point, from outside; slipping points have another colour."""
+        """Draw the contact force on each point as an arrow that ends there; slipping points have another colour."""
         if self._touching:
             points = view.contacts()
             ends = self._scale * np.stack([points[name] for name in "xyz"], axis=1)

@@ -22,7 +22,7 @@ class Increment:
     Attributes:
         poses: of every handle, relative to its rest pose.
         commands: of every actuator and load.
-        tolerance: estimated largest distance to the equilibrium over the body's size.
+        tolerance: allowed distance to the equilibrium, divided by the body's size.
         limit: most iterations.
         deadline: once it has passed, the best positions so far are returned; None for no deadline.
         keeping: relative tolerance of commanded lengths and of hourglass scales; None stands for ``tolerance``.

@@ -25,10 +25,10 @@ class Surroundings:
     """Frames of everything around and inside of a body, collected by ``add``.
 
     Args:
-        scene: that was recorded.
+        scene: the recorded scene.
 
     Attributes:
-        size: bytes of a frame before base64 adds a third, at most.
+        size: largest size of a frame [bytes] before base64, which adds a third.
     """
 
     def __init__(self, scene: Scene) -> None:

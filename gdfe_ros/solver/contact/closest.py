@@ -114,7 +114,7 @@ def opposes(areas, starts, about, vertex, n0, n1, n2):
 
 @inlined
 def among(starts, values, row, value):
-    """Return whether a value is in one row of a list of ascending rows, by bisection."""
+    """Return whether a row of a ragged list contains a value; each row is in ascending order (bisection)."""
     low, high = starts[row], starts[row + 1]
     while low < high:
         middle = (low + high) // 2

@@ -61,7 +61,7 @@ def find_lumps(body: Body, weight: NDArray[np.float64], bending: NDArray[np.floa
 
 
 def largest_turn(lumps: tuple[Lump, ...], x: NDArray[np.float64], gradient: NDArray[np.float64]) -> float:
-    """Return the largest displacement [m] that the remaining rotation of an inclusion causes.
+    """Return the largest displacement [m] by which an inclusion has yet to turn, from its unbalanced moment.
 
     Args:
         lumps: the inclusions of the body.

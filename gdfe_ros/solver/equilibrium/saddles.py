@@ -30,7 +30,7 @@ UNSTABLE = (
 
 
 class Descents(Protocol):
-    """The part of the equilibrium solver that leaving a saddle needs."""
+    """The part of the equilibrium solver that `Saddles` needs to leave a saddle."""
 
     @property
     def model(self) -> Model:

@@ -132,7 +132,7 @@ def pair_of(
 
 
 def rows_of(column: Column, outputs: Outputs, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-    """Return the rows (k,) of a column, by output."""
+    """Return the entries (k,) of a column that belong to each output; the keys are the outputs' names."""
     reactions = column.reactions() if any(name.startswith("reactions.") for name in names) else {}
     return {name: outputs.row(name, column.change.positions, reactions) for name in names}
 

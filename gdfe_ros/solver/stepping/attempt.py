@@ -33,8 +33,8 @@ class Attempt:
         jumps: whether the body jumped to another equilibrium.
         unstable: name of the chamber that lost its stability; empty for none.
         spent: whether no iterations or no time are left for another attempt.
-        patient: whether a cut solve may end in folded shapes. It may while the iterations for this command, those of
-            earlier cut steps included, are fewer than the solver's patience.
+        patient: whether a solve that a limit or the deadline ended may end in folded shapes. It may end there as long
+            as the iterations for this command are fewer than the solver's patience; those of earlier ended steps count.
     """
 
     way: Way
