@@ -68,12 +68,12 @@ class BagSteps:
 
     Args:
         run: the recorded run.
-        topics: topic names without the node's name, e.g. ``mesh``; None for all topics that are published once per step.
+        topics: topic names without the node's name, e.g. ``mesh``; None for all that are published once a step.
 
     Attributes:
         topics: full name of each topic read; the keys are roles.
         foreign: topics of unknown type, which cannot be compared.
-        strays: for each topic, the number of messages so far whose step has no record in the bag, because the record was
+        strays: for each topic, the number of messages so far whose step has no record in the bag, because it was
             dropped or lost.
         tail: number of messages after the last record, by topic; the end of the recording may have truncated this step.
     """

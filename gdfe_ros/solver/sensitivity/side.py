@@ -156,7 +156,7 @@ class Column:
         solve.joint.hold(solve.multipliers)
 
     def _terms_part(self, pair: Pair, *places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the derivatives of the terms' forces (n, 3) and of their updated multipliers (k,), at constant positions."""
+        """Return the derivatives of the terms' forces (n, 3) and of their updated multipliers (k,) at fixed x."""
         solve, numbers = self._solve, []
         first, own = pair.above, pair.middle
         if not first.terms and (first.commands, first.poses, first.start) == (own.commands, own.poses, own.start):
