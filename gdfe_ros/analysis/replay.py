@@ -142,7 +142,8 @@ class Replay:
     def _repeat(self, record: StepRecord) -> StepResult:
         # If a deadline ended the solve, only a replay of the identical run can end it at the same place.
         cut_after = None if self._changed else record.cut_after
-        return self.simulation.step(command_of(record), dt=record.dt, cut_after=cut_after)
+        # A run that can be interrupted asks between iterations whether to go on, which may change a step that fails.
+        return self.simulation.step(command_of(record), dt=record.dt, cut_after=cut_after, interrupted=lambda: False)
 
 
 def command_of(record: StepRecord) -> Command:

@@ -184,12 +184,17 @@ class FitProblem:
 
 
 def standard_deviations(recordings: Sequence[Recording]) -> list[list[float]]:
-    """Return the standard deviation of each series: its own, or else `SHARE` of the largest range of its unit."""
-    spans: dict[str, float] = {}
-    for recording in recordings:
-        for series in recording.series:
-            unit = series.observable.unit
-            spans[unit] = max(spans.get(unit, 0.0), series.span)
+    """Return the standard deviation of each series: its own, or else `SHARE` of the largest range of its unit.
+
+    If no series of a unit has more than one sample, the largest value stands for the range.
+    """
+    every = [series for recording in recordings for series in recording.series]
+    units = {series.observable.unit for series in every}
+    alike = {unit: [series for series in every if series.observable.unit == unit] for unit in units}
+    spans = {
+        unit: max(series.span for series in group) or max(series.largest for series in group)
+        for unit, group in alike.items()
+    }
     return [[series.sigma or SHARE * spans[series.observable.unit] for series in item.series] for item in recordings]
 
 

@@ -44,8 +44,14 @@ class Series:
 
     @property
     def span(self) -> float:
-        """Largest range of a column's values."""
-        return float(np.nanmax(np.ptp(self.values, axis=0)))
+        """Largest range of a column's values; gaps, which are NaN, are left out."""
+        ranges = np.fmax.reduce(self.values, axis=0) - np.fmin.reduce(self.values, axis=0)
+        return float(np.fmax.reduce(ranges.ravel(), initial=0.0))
+
+    @property
+    def largest(self) -> float:
+        """Largest magnitude of a value; gaps are left out."""
+        return float(np.fmax.reduce(np.abs(self.values).ravel(), initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,6 +47,8 @@ class TableFile:
         head, *rows = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
         parts = [_HEAD.match(title.strip()) for title in head]
         self.names = [part["name"] for part in parts]
+        if twice := sorted({name for name in self.names if self.names.count(name) > 1}):
+            raise GdfeError(f"{path}: two columns are named {', '.join(twice)}; remedy: rename or remove one of them")
         self.units = {part["name"]: part["unit"] for part in parts if part["unit"] in FACTORS}
         if bad := [number for number, row in enumerate(rows, 1) if len(row) != len(head)]:
             raise GdfeError(f"{path}: row {bad[0]} has {len(rows[bad[0] - 1])} cells, the header {len(head)}")

@@ -22,6 +22,8 @@ GOOD = 0.01
 MOST_TERMS = 3
 MOST_ALPHA = 20.0
 """Largest magnitude of Ogden's exponents; for larger ones, powers of the stretch overflow."""
+FAINT = 1e-6
+"""Least magnitude of an exponent; a term with the exponent 0 has no stress."""
 STARTS = (-6.0, -3.0, -1.5, 1.0, 2.0, 3.0, 5.0)
 """Initial exponents of the search, used in all combinations."""
 CANCELLED = 100.0
@@ -191,6 +193,7 @@ def _ogden_terms(
     weights = _weights(s)
 
     def moduli(alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        alpha = np.where(np.abs(alpha) < FAINT, FAINT, alpha)
         stretch, half = 1.0 + e[:, None], -0.5 * alpha
         columns = 2.0 / alpha * (stretch ** (alpha - 1.0) - stretch ** (half - 1.0)) * weights[:, None]
         mu = np.linalg.lstsq(columns, s * weights, rcond=None)[0]

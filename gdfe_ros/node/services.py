@@ -134,6 +134,10 @@ class Services:
         def load() -> str:
             if session.bags.active:
                 raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
+            if not path.is_file():
+                raise GdfeError(
+                    f"state_path {path} cannot be read: it is no file; remedy: the file that ~/save_state wrote"
+                )
             try:
                 data = path.read_bytes()
             except OSError as error:

@@ -34,29 +34,32 @@ class Deadline:
         self.after: int | None = None
         self.reason = ""
 
-    def passed(self) -> bool:
-        """Return whether the deadline has passed; after the first True, the answer stays True."""
+    def passed(self, *, by_clock: bool = True) -> bool:
+        """Return whether the deadline has passed; after the first True, the answer stays True.
+
+        Without ``by_clock`` only an interruption counts, or in a replay the recorded count.
+        """
         if self.after is not None:
             return True
-        self.reason = self._ended()
+        self.reason = self._ended(by_clock)
         if self.reason:
             self.after = self._asked
         self._asked += 1
         return bool(self.reason)
 
-    def _ended(self) -> str:
+    def _ended(self, by_clock: bool) -> str:
         """Return the reason to end the solve now, or an empty string."""
         if self._planned is not None:
             return "the deadline passed" if self._asked >= self._planned else ""
         if self._interrupted is not None and self._interrupted():
             return "interrupted"
-        up = self._moment is not None and time.perf_counter() >= self._moment
+        up = by_clock and self._moment is not None and time.perf_counter() >= self._moment
         return "the deadline passed" if up else ""
 
     @property
-    def interruption(self) -> Deadline | None:
-        """A deadline that passes only by interruption, not by the clock; None if there is no interruption."""
-        return None if self._interrupted is None else Deadline(interrupted=self._interrupted)
+    def interruption(self) -> Deadline:
+        """The same deadline without its clock; its queries are counted together with those of this one."""
+        return _Interruption(self)
 
     @classmethod
     def of(
@@ -75,6 +78,27 @@ class Deadline:
         if seconds is None and interrupted is None:
             return None
         return cls(None if seconds is None else started + seconds, interrupted=interrupted)
+
+
+class _Interruption(Deadline):
+    """A deadline without its clock."""
+
+    def __init__(self, whole: Deadline) -> None:
+        self._whole = whole
+
+    def passed(self, *, by_clock: bool = False) -> bool:
+        """Return whether the deadline was passed by an interruption, or in a replay by the recorded count."""
+        return self._whole.passed(by_clock=False)
+
+    @property
+    def after(self) -> int | None:
+        """Number of answers "not yet" of the whole deadline."""
+        return self._whole.after
+
+    @property
+    def reason(self) -> str:
+        """Why the solve ends."""
+        return self._whole.reason
 
 
 def past(deadline: Deadline | None) -> bool:

@@ -42,6 +42,13 @@ def test_columns_that_do_not_exist(
     assert "no column 'tip.zz'; did you mean 'tip.z'?" in refused(write_scene(), write_table(), *VARY, *match)
 
 
+def test_columns_of_one_name(write_scene: Callable, refused: Callable, tmp_path: Path) -> None:
+    """Give a table with two columns of one name: neither is preferred."""
+    table = tmp_path / "twice.csv"
+    table.write_text("time,tip.z,tip.z\n0,0,1\n1,1,2\n")
+    assert "two columns are named tip.z; remedy: rename or remove one" in refused(write_scene(), table, *VARY)
+
+
 def test_topics_that_do_not_exist(
     write_scene: Callable, record_bag: Callable, refused: Callable, tmp_path: Path
 ) -> None:

@@ -47,7 +47,9 @@ def test_the_sagging_beam_is_fitted(folder: Path) -> None:
     assert main([*command, "--workers", "1"]) == 0
     found = json.loads((folder / "beam_fit" / "fit.json").read_text())["parameters"]["materials.silicone.young"]
     assert round(found["value"], -3) == 242e3
-    rows = re.findall(r"^\| `([\w.]+)` \|", PAGE.partition("leaves in `beam_fit/`")[2].partition("## ")[0], flags=re.M)
+    rows = re.findall(
+        r"^\| `([\w.]+)` \|", PAGE.partition("these files to `beam_fit/`")[2].partition("## ")[0], flags=re.M
+    )
     assert sorted(rows) == sorted(path.name for path in (folder / "beam_fit").iterdir())
 
 

@@ -45,7 +45,7 @@ def transitions() -> Iterator[Row]:
 
 
 def commands() -> Iterator[Row]:
-    """Send commands with one defect each: each is counted under its reason, and nothing moves."""
+    """Send commands that are wrong in one way each: each is counted under its reason, and nothing moves."""
     with Stage() as stage:
         mesh = stage.listen("/gdfe_sim/mesh", PointCloud2)
         stage.wait(lambda: mesh)

@@ -100,7 +100,7 @@ def disks() -> Iterator[Row]:
 
 
 def _fill(stage: Stage, way: str) -> Iterator[Row]:
-    """Have a bag fill its disk, then end the recording by SIGINT or ~/record."""
+    """Have a bag fill its disk, then end the recording one way or the other."""
     steps = stage.listen("/gdfe_sim/step_record", String)
     stage.wait(lambda: steps)
     resource.prlimit(stage.pid, resource.RLIMIT_FSIZE, (5 << 20, resource.RLIM_INFINITY))

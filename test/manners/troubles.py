@@ -278,7 +278,7 @@ def _pose(z: float = 0.0, *, w: float = 1.0, age: float | None = None) -> PoseSt
 
 
 def _transform(z: float, *, w: float = 1.0, age: float = 0.0) -> TransformStamped:
-    """Tell of the frame ``tool``, so far above the tip's rest pose [m]."""
+    """Tell of the frame ``tool``, so far above the tip's at rest [m]."""
     message = TransformStamped(child_frame_id="tool")
     message.header.frame_id, message.transform.translation.z, message.transform.rotation.w = "tip_rest", z, w
     _stamp(message, age)

@@ -22,6 +22,8 @@ from gdfe_ros.solver.sensitivity.variant import MaterialVariant, Variant
 
 NEAR = 1e-5
 """Variation of a parameter over its value or its order of magnitude. Forces are smooth, so the error is about 1e-10."""
+TOUCH = 1e-8
+"""Variation of a pose over the body's size, or in radians: so small that no point begins or ceases to touch."""
 FAINT = 1e-8
 """Two small variations: of a tension, over modulus and squared body size; of a pressure, over modulus. Forces are
 linear in both.
@@ -56,7 +58,8 @@ class Parameter:
 
     def step(self, commands: Mapping[str, float]) -> float:
         """Return the finite difference's step, in the parameter's unit, at the given commands."""
-        return NEAR * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
+        near = TOUCH if self.handle else NEAR
+        return near * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
 
     def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
         """Return the commands with this one changed by ``change``."""

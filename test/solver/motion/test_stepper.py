@@ -86,6 +86,19 @@ def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
     assert "0.2 s: interrupted: " in cut.step(dt=0.2, interrupted=lambda: True).message
 
 
+@pytest.mark.parametrize("queries", [1, 3, 10, 40, 150])
+def test_an_interruption_is_repeated(moving: Callable, queries: int) -> None:
+    """Interrupt a long step after some queries, within internal steps too: its recorded count ends it there again."""
+    ends = {"base": {"where": {"face": "x-"}}, "tip": {"where": {"face": "x+"}}}
+    jerk, left = Command(handles={"tip": Pose((-0.05, 0.0, 0.02))}), iter(range(queries))
+    result = moving(handles=ends).step(jerk, dt=0.2, interrupted=lambda: next(left, None) is None)
+    again = moving(handles=ends).step(jerk, dt=0.2, cut_after=result.cut_after)
+    assert result.cut_after is not None
+    assert (again.iterations, again.substeps, again.time) == (result.iterations, result.substeps, result.time)
+    np.testing.assert_array_equal(again.positions, result.positions)
+    np.testing.assert_array_equal(again.velocities, result.velocities)
+
+
 def test_a_cut_step_goes_on_from_a_checkpoint_to_the_last_bit(moving: Callable) -> None:
     """End a step before its end, save, and go on here and elsewhere: what its descent had learned is the same."""
     first, second = (moving(handles=HELD, loads=WEIGHT, dynamics__step=0.02) for _ in range(2))
@@ -100,7 +113,7 @@ def test_a_deadline_makes_no_energy(moving: Callable) -> None:
     """Cut every step as early as can be: each makes one internal step, and all ends as without a deadline."""
     hurried, calm = (moving(handles=HELD, loads=WEIGHT) for _ in range(2))
     for _ in range(20):
-        result = hurried.step(dt=0.01, cut_after=0)
+        result = hurried.step(dt=0.01, deadline=1e-9)
         assert not result.converged
         assert "simulated 0.002 of 0.01 s: the deadline passed" in result.message
         np.testing.assert_array_equal(result.positions, calm.step().positions)

@@ -66,3 +66,23 @@ def test_a_body_that_slips() -> None:
         slopes.append((seen(simulation) - began) / step)
     difference = 2.0 * slopes[0] - slopes[1]
     np.testing.assert_allclose(exact, difference, rtol=0, atol=NEAR * np.abs(difference).max())
+
+
+CUBE = """
+name: cube
+mesh: {bar: {size: [0.02, 0.02, 0.02], cells: [2, 2, 2]}}
+materials: {soft: {law: neo_hookean, young: 3.0e5, poisson: 0.4}}
+regions: [{material: soft}]
+handles: {top: {where: {face: z+}, fixed: true}}
+obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.012]}}
+probes: {foot: [0.01, 0, -0.01]}
+solver: {tolerance: 1.0e-9, max_iterations: 100000}
+"""
+
+
+def test_a_body_that_hardly_touches() -> None:
+    """Press a plane by a micrometre into a cube: what touches it moves with it, although it would soon be free."""
+    simulation = Simulation(scene_from_text(CUBE))
+    assert simulation.step(Command({"floor": Pose((0.0, 0.0, 0.002 + 1e-6))})).converged
+    exact = simulation.sensitivities(["probes.foot"], ["obstacles.floor.z"]).matrix[:, 0]
+    assert exact[2] == pytest.approx(1.0, abs=1e-4)
