@@ -19,8 +19,8 @@ except ImportError:  # an optional dependency: without it OPENBLAS_NUM_THREADS a
 
 
 _lock = threading.Lock()
-_inside: list[object] = []
-"""For each open context of any thread, the limiter of the first one, which knows the former number."""
+_limiters: list[object] = []
+"""One for each open context of any thread; the first one knows the former number."""
 
 
 @contextmanager
@@ -34,15 +34,14 @@ def one_blas_thread() -> Iterator[None]:
         yield
         return
     with _lock:
-        limiter = _libraries().limit(limits=1)
-        _inside.append(limiter if not _inside else _inside[0])
+        _limiters.append(_libraries().limit(limits=1))
     try:
         yield
     finally:
         with _lock:
-            first = _inside.pop()
-            if not _inside:
-                first.restore_original_limits()
+            limiter = _limiters.pop()
+            if not _limiters:
+                limiter.restore_original_limits()
 
 
 @cache

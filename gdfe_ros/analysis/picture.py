@@ -18,6 +18,8 @@ from gdfe_ros.analysis.scenery import Scenery, force_arrows
 from gdfe_ros.colour_map import colour_range
 from gdfe_ros.mesh import HexMesh
 
+Surface = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Faces (f, k, 3) [m], their colours (f, 4) and those of their edges (f, 4)."""
 VIEW = {"elev": 18.0, "azim": -64.0}
 COLOURS = "viridis"
 LIGHT = np.array([0.35, -0.75, 0.65]) / np.linalg.norm([0.35, -0.75, 0.65])
@@ -71,17 +73,8 @@ def draw_body(
     norm = matplotlib.colors.Normalize(*colour_range(*(limits or (float(values.min()), float(values.max())))))
     lit = shaded(colours(norm(values[outside.cells])), faces)
     edges = lit if outside.skin else np.tile((0.0, 0.0, 0.0, 0.25), (len(lit), 1))
-    scenery, size, drawn = scenery or Scenery(), float(np.ptp(positions, axis=0).max()), [(faces, lit, edges)]
-    for solid in scenery.obstacles:
-        if np.ptp(solid.reshape(-1, 3), axis=0).max() <= size:
-            drawn.append(_looks(_divided(solid, size / PIECES)))
-            continue
-        before = (solid.mean(axis=(0, 1)) - positions.mean(axis=0)) @ _towards_the_eye() > 0.0
-        axes.add_collection3d(obstacle_collection(solid, zorder=2 if before else 0))
-    # Faces of one collection are drawn from the farthest to the nearest.
-    polygons = [face for faces, _, _ in drawn for face in faces]
-    look = {"facecolors": np.vstack([part[1] for part in drawn]), "edgecolors": np.vstack([part[2] for part in drawn])}
-    axes.add_collection3d(Poly3DCollection(polygons, **look, linewidths=0.3, zorder=1, clip_on=False))
+    scenery = scenery or Scenery()
+    _draw_surfaces(axes, (faces, lit, edges), positions, scenery.obstacles)
     axes.add_collection3d(Line3DCollection(_box_edges(mesh.bounds), colors="0.6", linewidths=0.7, linestyles="dashed"))
     largest = float(np.linalg.norm(scenery.forces, axis=1).max(initial=0.0))
     arrows = force_arrows(scenery.places, scenery.forces, largest=largest, size=mesh.size)
@@ -96,6 +89,22 @@ def draw_body(
     figure.savefig(path, format="png" if not isinstance(path, Path) else None)
 
 
+def _draw_surfaces(axes: Axes3D, body: Surface, positions: NDArray[np.float64], obstacles: list[NDArray]) -> None:
+    """Draw the body and the obstacles; those that are no larger than the body are sorted with it, face by face."""
+    size, drawn = float(np.ptp(positions, axis=0).max()), [body]
+    for solid in obstacles:
+        if np.ptp(solid.reshape(-1, 3), axis=0).max() <= size:
+            drawn.append(_looks(_divided(solid, size / PIECES)))
+            continue
+        before = (solid.mean(axis=(0, 1)) - positions.mean(axis=0)) @ _towards_the_eye() > 0.0
+        axes.add_collection3d(obstacle_collection(solid, zorder=2 if before else 0))
+    # Faces of one collection are drawn from the farthest to the nearest.
+    faces, colours, edges = zip(*drawn, strict=True)
+    polygons = [face for part in faces for face in part]
+    look = {"facecolors": np.vstack(colours), "edgecolors": np.vstack(edges), "linewidths": 0.3}
+    axes.add_collection3d(Poly3DCollection(polygons, **look, zorder=1, clip_on=False))
+
+
 def obstacle_collection(faces: NDArray[np.float64], *, zorder: float = 0.0) -> Poly3DCollection:
     """Return the pale, translucent faces (f, k, 3) [m] of an obstacle."""
     _, colours, edges = _looks(faces)
@@ -103,8 +112,8 @@ def obstacle_collection(faces: NDArray[np.float64], *, zorder: float = 0.0) -> P
     return Poly3DCollection(faces, **look)
 
 
-def _looks(faces: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the faces (f, k, 3) of an obstacle with their colours and those of their edges (f, 4)."""
+def _looks(faces: NDArray[np.float64]) -> Surface:
+    """Return the faces (f, k, 3) of an obstacle with their colours."""
     colours = shaded(np.tile(OBSTACLE, (len(faces), 1)), faces)
     return faces, colours, np.tile((0.0, 0.0, 0.0, 0.08), (len(faces), 1))
 

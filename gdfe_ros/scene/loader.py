@@ -106,7 +106,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     materials = build_materials(draft, report)
     cell_material = assign_materials(draft, mesh, _names(document, "materials"), report)
     handles = build_handles(draft, mesh, report)
-    still = draft.dynamics is None and "dynamics" not in document.data
+    still = draft.dynamics is None and not report.concerns("dynamics")
     if mesh is not None and len(handles) == len(_names(document, "handles")) and still:
         require_held(mesh, handles, report)
     rigid = build_bodies(draft, mesh, report)
@@ -135,8 +135,9 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     cut = () if mesh is None or report.concerns("skin") else cut_key(mesh)
     parts |= {"cut": cut, "self_contact": self_contact, "mesh": mesh}
     for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
-        if key != ("bodies",) or still or dynamics is not None:  # otherwise a consequence of defects in the dynamics
-            report.add(key, text, value=NO_VALUE)
+        if key == ("bodies",) and report.concerns("dynamics"):
+            continue
+        report.add(key, text, value=NO_VALUE)
     report.raise_if_any()
     return Scene(
         name=document.data["name"],

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,7 @@ def test_the_page_tells_energies_of_bodies_in_motion_only(shaken: Path, make_bag
         assert TITLES & set(titles) == (TITLES if expected else set())
         write_report(bag, tmp_path / "report.html")
         text = (tmp_path / "report.html").read_text(encoding="utf-8")
-        assert ("% of the largest " in text) is expected
+        assert bool(re.search(r"% of the largest (kinetic energy|elastic energy|work)\b", text)) is expected
         if expected:
             drawn = {trace["name"]: trace["y"] for trace in titles["Balance of energy"]["data"]}
             assert drawn[HAS] == pytest.approx(energy_balance(history)[HAS], rel=1e-6, abs=1e-12)

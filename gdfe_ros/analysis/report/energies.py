@@ -11,6 +11,8 @@ from gdfe_ros.analysis.report.history import RunHistory
 HAS = "kinetic + elastic + potential"
 EXPECTED = "start + work - dissipated"
 DIFFERENCE = "difference"
+SIZES = {"kinetic": "kinetic energy", "elastic": "elastic energy", "work": "work"}
+"""Energies with which the error of the balance is compared, and their names in texts."""
 
 
 def energy_balance(history: RunHistory) -> dict[str, NDArray[np.float64]]:
@@ -37,6 +39,7 @@ def balance_text(history: RunHistory) -> str:
     if not balance:
         return ""
     most = np.nanmax(np.abs(balance[DIFFERENCE]))
-    largest, name = max((np.nanmax(np.abs(history.energies[name])), name) for name in ("kinetic", "elastic", "work"))
-    part = f", {100.0 * most / largest:.2g} % of the largest {name} energy" if largest > 0.0 else ""
-    return f"closes to {most:.3g} J{part.replace('work energy', 'work')}"
+    sizes = {name: np.nanmax(np.abs(history.energies[key])) for key, name in SIZES.items()}
+    name = max(sizes, key=sizes.get)
+    part = f", {100.0 * most / sizes[name]:.2g} % of the largest {name}" if sizes[name] > 0.0 else ""
+    return f"closes to {most:.3g} J{part}"

@@ -124,8 +124,7 @@ class OwnContact(ContactTerm):
         self._settling, self._scale = Settling(positions, held=self.reals[law.FRICTION] > 0.0), 0.0
         self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
         self._hold, self._hold_weights = face, np.where(kept[:, None], saved["weights"], found.weights)
-        offset = last[self._vertices] - np.einsum("ka,kai->ki", self._hold_weights, last[self._quads[face]])
-        self._offset = tangential(offset, found.normal)
+        self._offset = tangential(self._away(last, slice(None), face, self._hold_weights), found.normal)
         self._offset[kept] = np.einsum("kij,kj->ki", axes[kept[some]], saved["offset"][kept])
         self._began = self._hold.copy(), self._hold_weights.copy(), self._offset.copy()
         on = found.face >= 0
@@ -192,9 +191,7 @@ class OwnContact(ContactTerm):
         slips |= ~(presses > 0.0)
         face, weights = self._hold[chosen], self._hold_weights[chosen]
         face, weights = np.where(slips, self._face, face), np.where(slips[:, None], self._weights, weights)
-        quads, axes = self._quads[face], frames(positions, self._quads[face])
-        places = np.einsum("ka,kai->ki", weights, positions[quads])
-        offset = positions[self._vertices[chosen]] - places
+        axes, offset = frames(positions, self._quads[face]), self._away(positions, chosen, face, weights)
         offset[~slips] = rows[~slips, law.OFFSET : law.SUPPORT]
         offset = tangential(offset, rows[:, law.NORMAL : law.WEIGHTS])
         kept["press"][chosen], kept["slips"][chosen] = presses, slips
@@ -264,13 +261,26 @@ class OwnContact(ContactTerm):
         self._offset[sticks] = offset[sticks]
         slips = chosen[on]
         self._hold[slips], self._hold_weights[slips] = found.face[slips], found.weights[slips]
-        self._offset[slips] = tangential(self._apart(slips, x), found.normal[slips])
+        before = self._before(x, slips, found.face[slips], found.weights[slips])
+        self._offset[slips] = tangential(before, found.normal[slips])
 
-    def _apart(self, pairs: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the vectors (k, 3) [m] from held face points to vertices at the last state, turned with the faces."""
-        quads, last = self._quads[self._hold[pairs]], self._from
-        before = last[self._vertices[pairs]] - np.einsum("ka,kai->ki", self._hold_weights[pairs], last[quads])
-        return np.einsum("kij,klj,kl->ki", frames(x, quads), frames(last, quads), before)
+    def _away(
+        self,
+        x: NDArray[np.float64],
+        pairs: NDArray[np.int64] | slice,
+        face: NDArray[np.int64],
+        weights: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Return the vectors (k, 3) [m] from points of faces (k,), given by corner weights (k, 4), to the vertices."""
+        return x[self._vertices[pairs]] - np.einsum("ka,kai->ki", weights, x[self._quads[face]])
+
+    def _before(
+        self, x: NDArray[np.float64], pairs: NDArray[np.int64], face: NDArray[np.int64], weights: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the vectors (k, 3) [m] of `_away` at the last state, turned with the faces to ``x``."""
+        quads, last = self._quads[face], self._from
+        away = self._away(last, pairs, face, weights)
+        return np.einsum("kij,klj,kl->ki", frames(x, quads), frames(last, quads), away)
 
     def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
         """Pack the pairs found at ``x`` (n, 3) [m] for the kernels, with the multipliers of those that persist."""
@@ -281,10 +291,10 @@ class OwnContact(ContactTerm):
         turned = np.einsum("ki,ki->k", self._normal, found.normal) < SAME_SIDE
         lost = ~on | turned
         self._press[lost], self._shear[lost] = 0.0, 0.0
-        fresh = on & (self._hold < 0)
+        fresh = np.flatnonzero(on & (self._hold < 0))
         self._hold[fresh], self._hold_weights[fresh] = found.face[fresh], found.weights[fresh]
-        places = np.einsum("ka,kai->ki", found.weights[fresh], x[corners[fresh]])
-        self._offset[fresh] = tangential(x[self._vertices[fresh]] - places, found.normal[fresh])
+        away = self._away(x, fresh, found.face[fresh], found.weights[fresh])
+        self._offset[fresh] = tangential(away, found.normal[fresh])
         self._normal = found.normal
         chosen = np.flatnonzero(on)
         normal = found.normal[chosen]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
-from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_faces
 from gdfe_ros.solver.contact.contact import SLIP
 from gdfe_ros.solver.contact.own_contact import REACH, OwnContact
 from gdfe_ros.solver.contact.own_surface import DEPTH, Nearest
@@ -71,11 +70,10 @@ class DifferentiableOwnContact(OwnContact):
         if not self._on:
             return
         self._from, chosen, rows = self._last.positions, self._chosen, self._rows()
-        kept, fresh, slips = self._kept, ~self._kept & ~self._slips, self._slips
-        face = np.where(kept, saved["face"][chosen], self._hold[chosen]).astype(np.int64)
+        kept, slips, face = self._kept, self._slips, self._hold[chosen]
         weights = self._nearest(self._from, face).weights
         weights[kept] = saved["weights"][chosen[kept]]
-        rows[kept | fresh, law.HOLD : law.OFFSET] = self._hold_weights[chosen[~slips]] = weights[~slips]
+        rows[~slips, law.HOLD : law.OFFSET] = self._hold_weights[chosen[~slips]] = weights[~slips]
         axes = frames(positions, self._quads[face[kept]])
         rows[kept, law.OFFSET : law.SUPPORT] = np.einsum("kij,kj->ki", axes, saved["offset"][chosen[kept]])
         moved = self._slid(positions, rows) - self._anchors
@@ -126,28 +124,17 @@ class DifferentiableOwnContact(OwnContact):
 
     def _nearest(self, x: NDArray[np.float64], face: NDArray[np.int64]) -> Nearest:
         """Return the nearest points of faces (k,) to the vertices of the chosen pairs."""
-        topology, chosen = self.surface.topology, self._chosen
-        count, quads = len(topology.vertices), topology.quads
-        areas, normals = np.empty((len(quads), 3)), np.empty((len(quads), 4, 3))
-        face_areas(x, quads, areas)
-        corner_normals(areas, topology.smooth_starts, topology.smooth, normals)
-        distance, found = np.full(count, np.inf), np.full(count, -1, dtype=np.int64)
-        weights, normal, gap = np.zeros((count, 4)), np.zeros((count, 3)), np.full(count, np.inf)
-        support, inside = np.zeros(count), np.ones(count, dtype=np.bool_)
-        given = (distance, found, weights, normal, gap, support)
-        nearest_faces(x, x, inside, chosen, face, topology, areas, normals, np.inf, *given)
-        return Nearest(*(values[chosen] for values in given[1:]))
+        inside = np.ones(len(self._vertices), dtype=np.bool_)
+        return self.surface.nearest(x, x, self._chosen, face, np.inf, inside).of(self._chosen)
 
     def _slid(self, x: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vectors from face points to vertices since the last state, in the contact planes (k, 3) [m].
 
         The face points have the corner weights of ``rows``.
         """
-        chosen, weights = self._chosen, self._hold_weights.copy()
-        weights[chosen] = rows[:, law.HOLD : law.OFFSET]
-        before, self._hold_weights = self._hold_weights, weights
-        apart, self._hold_weights = self._apart(chosen, x), before
-        return tangential(apart, rows[:, law.NORMAL : law.WEIGHTS])
+        weights = rows[:, law.HOLD : law.OFFSET]
+        before = self._before(x, self._chosen, self._hold[self._chosen], weights)
+        return tangential(before, rows[:, law.NORMAL : law.WEIGHTS])
 
     def _set_anchors(self, positions: NDArray[np.float64]) -> None:
         """Set the offsets of slipping pairs.
@@ -156,13 +143,12 @@ class DifferentiableOwnContact(OwnContact):
         """
         chosen, rows, slips = self._chosen, self._rows(), self._slips
         self._anchors = self._slid(positions, rows)
-        corners = positions[self._quads[self._hold[chosen]]]
-        apart = positions[self._vertices[chosen]] - np.einsum("ka,kai->ki", self._hold_weights[chosen], corners)
-        slid = tangential(apart - self._anchors, rows[:, law.NORMAL : law.WEIGHTS])
+        away = self._away(positions, chosen, self._hold[chosen], self._hold_weights[chosen])
+        slid = tangential(away - self._anchors, rows[:, law.NORMAL : law.WEIGHTS])
         shears = rows[:, law.SHEAR : law.HOLD]
         length = np.linalg.norm(shears, axis=1)[:, None]
         far = np.maximum(np.linalg.norm(slid, axis=1), SLIP * self._body.size)[:, None]
-        ends = apart - far * shears / np.where(length > 0.0, length, 1.0)
+        ends = away - far * shears / np.where(length > 0.0, length, 1.0)
         rows[slips, law.OFFSET : law.SUPPORT] = ends[slips]
         self._ends = rows[:, law.OFFSET : law.SUPPORT].copy()
 

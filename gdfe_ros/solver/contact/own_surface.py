@@ -67,6 +67,11 @@ class Nearest:
     gap: NDArray[np.float64]
     support: NDArray[np.float64]
 
+    def of(self, chosen: NDArray[np.int64]) -> Nearest:
+        """Return the faces of the ``chosen`` vertices only."""
+        whole = self.face, self.weights, self.normal, self.gap, self.support
+        return Nearest(*(values[chosen] for values in whole))
+
 
 class OwnSurface:
     """The faces of a body that may touch each other.
@@ -127,17 +132,38 @@ class OwnSurface:
         """
         surface = self.topology
         sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk
-        count, points, quads = len(surface.vertices), x[surface.vertices], surface.quads
+        points, quads = x[surface.vertices], surface.quads
         centres = x[quads].mean(axis=1)
         radius = float(np.sqrt(np.square(x[quads] - centres[:, None]).sum(axis=2).max()))
         near = cKDTree(points).sparse_distance_matrix(cKDTree(centres), reach + radius, output_type="ndarray")
-        areas, normals = np.empty((len(quads), 3)), np.empty((len(quads), 4, 3))
-        face_areas(x, quads, areas)
+        return self.nearest(x, last, np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"]), reach, sunk)
+
+    def nearest(
+        self,
+        x: NDArray[np.float64],
+        last: NDArray[np.float64],
+        pairs: NDArray[np.int64],
+        faces: NDArray[np.int64],
+        reach: float,
+        sunk: NDArray[np.bool_],
+    ) -> Nearest:
+        """Return the nearest of the given faces for each vertex; arguments as in `look`.
+
+        Args:
+            x: (n, 3) [m] positions.
+            last: (n, 3) [m] last positions at which nothing penetrated.
+            pairs: (p,) index of a surface vertex.
+            faces: (p,) a face for it.
+            reach: [m] search distance.
+            sunk: (k,) vertices that already penetrated at ``last``.
+        """
+        surface, count = self.topology, len(self.topology.vertices)
+        areas, normals = np.empty((len(surface.quads), 3)), np.empty((len(surface.quads), 4, 3))
+        face_areas(x, surface.quads, areas)
         corner_normals(areas, surface.smooth_starts, surface.smooth, normals)
         distance, face = np.full(count, np.inf), np.full(count, -1, dtype=np.int64)
         weights, normal, gap = np.zeros((count, 4)), np.zeros((count, 3)), np.full(count, np.inf)
         support = np.zeros(count)
-        pairs, faces = np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"])
         found = (distance, face, weights, normal, gap, support)
         nearest_faces(x, last, sunk, pairs, faces, surface, areas, normals, reach, *found)
         return Nearest(face, weights, normal, gap, support)

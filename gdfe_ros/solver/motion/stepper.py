@@ -162,7 +162,6 @@ class MotionStepper:
             flight, excess = flight.tried(solution), 0.0
             if solution.cut and past(interruption):
                 flight = changed(flight, flaw=solution.message)
-                past(deadline)
                 break
             halves = _failed(solution) and flight.can_halve and not past(deadline)
             taken = _sound(solution) or flight.endures(solution)

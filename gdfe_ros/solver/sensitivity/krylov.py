@@ -42,8 +42,7 @@ class ConjugateResiduals:
 
     def __init__(self, product: Map, precondition: Map, *, tolerance: float) -> None:
         self._product, self._precondition, self._tolerance = product, precondition, tolerance
-        self._directions: list[Array] = []
-        self._images: list[Array] = []
+        self._known: list[tuple[Array, Array]] = []
 
     def solve(self, right: Array) -> Array:
         """Return x (k,) of A x = b.
@@ -53,16 +52,16 @@ class ConjugateResiduals:
         """
         residual, answer = self._precondition(right), np.zeros_like(right)
         size, best, count = float(np.linalg.norm(residual)), np.inf, 0
-        if len(self._images) > MOST:
-            self._directions.clear(), self._images.clear()
-        for direction, image in zip(self._directions, self._images, strict=True):
-            _reduce(residual, answer, direction, image)
+        if len(self._known) > MOST:
+            self._known.clear()
+        for known in self._known:
+            _reduce(residual, answer, *known)
         stalled, left = False, _left(residual, answer, size)
         while left > self._tolerance and not (left < ENOUGH and left > 0.5 * best):
-            if count == MOST or not self._extend(self._images[-1] if stalled else residual):
+            if count == MOST or not self._extend(self._known[-1][1] if stalled else residual):
                 break
             best, before = min(best, left), float(np.linalg.norm(residual))
-            _reduce(residual, answer, self._directions[-1], self._images[-1])
+            _reduce(residual, answer, *self._known[-1])
             stalled = float(np.linalg.norm(residual)) > STALLED * before
             left, count = _left(residual, answer, size), count + 1
         if not left < ENOUGH:
@@ -77,15 +76,14 @@ class ConjugateResiduals:
         direction = vector / np.linalg.norm(vector)
         image = self._precondition(self._product(direction))
         for _ in range(2):  # a single pass leaves rounding, which matters if the matrix is close to the preconditioner
-            for known, seen in zip(self._directions, self._images, strict=True):
+            for known, seen in self._known:
                 share = float(seen @ image)
                 image -= share * seen
                 direction -= share * known
         length = float(np.linalg.norm(image))
         if not length > EXHAUSTED:
             return False
-        self._directions.append(direction / length)
-        self._images.append(image / length)
+        self._known.append((direction / length, image / length))
         return True
 
 

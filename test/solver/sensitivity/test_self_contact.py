@@ -106,3 +106,13 @@ def test_in_motion(friction: float) -> None:
     found = {change: seen(moved(change)) for change in (50.0, -50.0, 100.0, -100.0)}
     near, far = ((found[h] - found[-h]) / (2.0 * h) for h in (50.0, 100.0))
     agree(exact, (4.0 * near - far) / 3.0, SLIPPING if friction == 0.1 else NEAR)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+def test_asking_leaves_the_state(friction: float) -> None:
+    """Ask where the blocks touch, and step on bitwise as if nothing had been asked."""
+    asked, plain = pressed(friction, [4e-4]), pressed(friction, [4e-4])
+    asked.sensitivities(["positions", "reactions.lid"], ["handles.lid.x", "materials.soft.young"])
+    for simulation in (asked, plain):
+        assert simulation.step(lid(8e-4)).converged
+    np.testing.assert_array_equal(asked.positions, plain.positions)
