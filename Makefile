@@ -101,7 +101,7 @@ test-loaded: $(VENV)/.extra-test $(VENV)/.extra-docs browser
 	@$(BIN)/python test/loaded.py $(PARALLEL)
 
 # One rounding alone, or each twice: make test-elsewhere ELSEWHERE='--only zen3'
-test-elsewhere: $(VENV)/.extra-test
+test-elsewhere: $(VENV)/.extra-test browser
 	@$(BIN)/python test/elsewhere.py $(ELSEWHERE) -n 2 --dist loadfile --no-loadscope-reorder
 
 # Half an hour, most of it three walks of 100 000 steps; TORTURE_WALK_STEPS=1000 shortens them.

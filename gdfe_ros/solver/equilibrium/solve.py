@@ -25,29 +25,29 @@ from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 """If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
 COARSER = (30.0, 3.0)
-"""Tolerance of the first minimisations, over the resolution of contact forces; later minimisations resolve the forces
-fully.
+"""Tolerances of the first two minimisations, over the tolerance that contact forces require (`Actuation.resolution`).
+Later minimisations use the required tolerance.
 """
 ROUGH = 0.3
-"""Tolerance of the next minimisation, over the error of the self-contact pairs at the last update."""
+"""Lower bound of the tolerance that contact forces require, over the self-contact error at the last update."""
 SCALE_SLACK = 10.0
-"""Allowed change of an hourglass scale, over the tolerance; the positions stay within the tolerance."""
+"""Allowed change of an hourglass scale in the last update, over the tolerance; positions stay within the tolerance."""
 SURE = 0.3
-"""A certified solve ends without a new minimisation if an update's largest change, over the allowed one, is at most
-this.
+"""A solve with a certified distance ends without a new minimisation if the largest change of the last update, over the
+allowed change, is at most this.
 """
 WARM_SLACK = 10.0
-"""Allowed volume error of an element, over the tolerance, in a step that continues a motion; the next step's pressures
-remove it.
+"""Allowed volume error of an element, over the tolerance, in a step that continues a motion. The pressures of the next
+step reduce the error.
 """
 WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
-"""Least numbers of iterations of three kinds of steps: one that continues a motion, one that does not, and one of a
-driven body whose history is not full. The first spreads the work evenly over many small commands, and keeps errors from
-accumulating. The third is needed because the history does not yet contain the softest modes, which forces excite most.
+"""Least numbers of iterations of three kinds of steps: a step that continues a motion, a step that does not, and a step
+of a driven body whose history is not full. The first number keeps the errors of many small steps from accumulating. The
+third number is needed because the history does not yet contain the softest modes, which forces excite most.
 """
 COLD_AIM = 0.2
-"""A solve that continues no motion stops at this fraction of the tolerance. Its history does not contain the softest
-modes yet, so its steps become short before the distance becomes small.
+"""A solve that continues no motion is solved to this fraction of the tolerance. Its history does not contain the
+softest modes yet, so its iterations become short before the distance to the equilibrium becomes small.
 """
 MOST_UPDATES = 60
 """Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
@@ -63,16 +63,16 @@ class Solve:
         start: state at the beginning.
         base: (n, 3) [m]; rows of handle vertices are their commanded positions.
         prediction: positions at the beginning.
-        elements: (k,) int32, the elements that move.
+        elements: (k,) int32 indices of the elements that move.
         warm: whether the motion continues smoothly and the start is near the equilibrium.
 
     Attributes:
-        problem, start: as given.
-        warm: as given; False once a saddle was left.
+        problem, start: the arguments.
+        warm: the argument, or False after a saddle was left.
         anew: whether the solve continues no motion.
-        turns: (p, 3) rotation vectors [rad] of the handles at the beginning.
-        pressures: multipliers of the volumes.
-        iterations: of the last call of `descend`.
+        turns: (p, 3) free rotation vectors [rad] of the handles at the beginning.
+        pressures: the elements' pressures, multipliers of their volumes.
+        iterations: number of iterations of the last call of `descend`.
     """
 
     def __init__(
@@ -116,24 +116,24 @@ class Solve:
         self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
     def go_on_from(self, state: State) -> None:
-        """Start from a state that was found, with unchanged multipliers."""
+        """Start from ``state``, which this solve has reached, with unchanged multipliers."""
         self._positions, self._slides, self.turns = state.positions, state.slides, state.turns
         self.pressures.begin()
 
     def leave_to(self, state: State) -> None:
-        """Start beside a saddle, without the extrapolations of the solve that led to it."""
+        """Start from ``state`` beside a saddle, without the extrapolations of the solve that ended at the saddle."""
         self.go_on_from(state)
         self.warm, self._resumed = False, None
         self._prediction = Prediction(state.positions, state.slides, state.turns, 0.0)
 
     def evaluate(self, active: ActiveSet, coupling: Coupling, *, threads: int | None) -> Task:
-        """Place the unknowns and evaluate all terms there; return the minimisation's task."""
+        """Set the unknowns to the start and evaluate all terms there; return the minimisation's task."""
         task = self._placed(active, coupling, threads)
         task.evaluate()
         return task
 
     def _placed(self, active: ActiveSet, coupling: Coupling, threads: int | None) -> Task:
-        """Place the unknowns; return the minimisation's task."""
+        """Set the unknowns to the start; return the minimisation's task."""
         blocks = self._operators.blocks if self._actuation.growths else active.blocks
         problem = Problem(
             self._operators.shape,
@@ -153,14 +153,14 @@ class Solve:
         return Task(active, problem, coupling, self.problem.deadline, self._level)
 
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
-        """Minimise and update multipliers in turn, until the constraints hold to tolerance."""
+        """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
         status, tolerance = active.status, self.problem.tolerance
         self._minimiser.begin(active, self.start, warm=self.warm)
         task = self._placed(active, coupling, threads)
         accumulates = bool(len(active.carried) or self._actuation.updates)
         updates = accumulates or self._softens(active)
         if self._softens(active) and self._minimiser.certified and not self.anew:
-            self._update_scales(active)  # the prediction of a stream is closer to its end than the last step was
+            self._update_scales(active)  # a predicted start is closer to the end than the last state
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
         least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
         if self._actuation.drives and status["count"] < LONG_MEMORY and not self._prediction.sure:
@@ -172,13 +172,14 @@ class Solve:
         if self._actuation.hopeless:
             task.evaluate()
             return
+        finest = tolerance
         for count in range(MOST_UPDATES):
             coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
             if count == 0 and self._minimiser.certified:  # ignore the resolution of the last step's forces
                 coarser = np.inf
             fine, left = coarser * self._actuation.resolution, limit - self.iterations
             fine, rough = max(fine, ROUGH * self._actuation.missed), ROUGH * self._actuation.missed > fine
-            aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(tolerance, fine)}
+            aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(finest, fine)}
             went = self._minimiser.descend(task, **aims, least=max(0, least - self.iterations), limit=left)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
             ended = active.ended
@@ -189,24 +190,26 @@ class Solve:
                 break
             # Even if no further descent is possible, new pressures and scales may make one possible.
             coarse = aims["tolerance"] > self._aim * min(inner, self._actuation.resolution)
-            last = (inner == tolerance and not rough and not coarse) or ended is not End.NONE
+            last = (inner <= tolerance and not rough and not coarse) or ended is not End.NONE
             # Scales follow the positions alone: where these have not moved, another update changes nothing.
             quiet = went.iterations == 0 and (self._settled or not accumulates)
             moved = self._update(active, still=went.iterations == 0)
             self._settled = last and moved <= 1.0
+            if last and went.iterations == 0 and not self._settled:
+                finest *= TIGHTEN  # multipliers still change, but by too little for another iteration
             sure = moved <= SURE and not self._actuation.contacts
             if self._settled and (quiet or sure or not self._minimiser.certified):
                 break
             if not self._settled and self._level is None:  # slender bodies need few updates
                 self._actuation.hasten(tolerance)
-            inner = max(tolerance, TIGHTEN * inner)
+            inner = max(finest, TIGHTEN * inner)
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:
                 break
         self._inner = inner
 
     def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
-        """Write energies (m,) [J] and least volume ratios (m,) of the active elements."""
+        """Write energies [J] and least volume ratios of the active elements to ``stored`` and ``least`` (m,)."""
         work, body, pressures = active.workspace, self._body, self.pressures
         given = work.x, active.elements, self._operators.shape, body.material, pressures.table, pressures.values
         store_energies(*given, work.energies, stored, least, True)
@@ -214,7 +217,7 @@ class Solve:
     def solution(
         self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64], *, run: int
     ) -> Solution:
-        """Return the result of the last minimisations; ``stored`` and ``least`` (m,) are written by `measure`."""
+        """Return the solution number ``run`` after `descend`; `measure` fills ``stored`` and ``least`` (m,)."""
         work, start, problem = active.workspace, self.start, self.problem
         self.measure(active, stored, least)
         positions = work.x.copy()
@@ -271,7 +274,7 @@ class Solve:
         )
 
     def _update(self, active: ActiveSet, *, still: bool) -> float:
-        """Update pressures, multipliers and scales; return the largest change over the allowed one."""
+        """Update pressures, multipliers and scales; return the largest change divided by the allowed change."""
         x, moved = active.workspace.x, [0.0]
         tolerance = self.problem.keeping or self.problem.tolerance
         slack = WARM_SLACK if self.warm and not self._minimiser.certified else 1.0
@@ -292,7 +295,7 @@ class Solve:
         return np.unique(shape.cells[nearly_folded(self.start.positions, self._operators)])
 
     def _update_scales(self, active: ActiveSet) -> float:
-        """Set the hourglass scales to those at the present positions; return the largest change."""
+        """Compute the hourglass scales at the present positions; return the largest change of a scale."""
         x, body = active.workspace.x, self._body
         return update_hourglass_scales(
             x, active.softening, self._operators.shape, body.material, body.table, self._scale
@@ -303,7 +306,7 @@ class Solve:
         return self._softening and len(active.softening) > 0
 
     def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
-        """Return whether the solution is an equilibrium, the error estimate, and a message."""
+        """Return whether the solution is an equilibrium, the error estimate, and a message about the defect."""
         if self._actuation.hopeless:
             return False, np.inf, TOO_DEEP
         tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active) / self._aim
