@@ -43,11 +43,11 @@ if TYPE_CHECKING:
     from gdfe_ros.solver.sensitivity.result import Sensitivities
 
 WARM_UP = 1e-3
-"""Displacement of the handles, over the body's size, in the step that compiles every kernel."""
+"""Displacement of the handles, divided by the body's size, in the step that compiles every kernel."""
 
 
 class _Step(NamedTuple):
-    """Inputs of a step in motion, and the states at its beginning and end."""
+    """Inputs of a step with dynamics, and the states before and after it."""
 
     start: State
     found: State
@@ -58,7 +58,7 @@ class _Step(NamedTuple):
     def again(
         self, stepper: MotionStepper, observer: Callable[[InternalStep], None], deadline: Deadline | None
     ) -> None:
-        """Repeat the step for an observer."""
+        """Repeat the step, and call ``observer`` in each of its internal steps."""
         given = {"duration": self.duration, "deadline": deadline, "observer": observer}
         stepper.step(self.start, self.targets, self.commands, **given)
 
@@ -68,16 +68,16 @@ class Simulation:
 
     Args:
         scene: the scene to simulate.
-        settings: replace the scene's own.
-        terms: makers of further terms of the potential (`docs/terms.md`); each is called with the body.
+        settings: solver settings that replace the scene's.
+        terms: functions that make further terms of the potential (`docs/terms.md`); each is called with the body.
 
     Attributes:
-        stepper: advances states; its equilibrium solver holds matrices, terms and contacts.
-        state: everything that changes during a run; immutable. `snapshot` and `restore` save and set it.
-        origin: (3,) [m] of the positions in `state`.
+        stepper: advances states; its equilibrium solver contains matrices, terms and contacts.
+        state: all data that change during a run; immutable. `snapshot` and `restore` save and set it.
+        origin: origin (3,) [m] to which the positions in `state` are relative.
 
     Raises:
-        SceneError: the scene cannot be solved as it is, e.g. forces under the policy ``relative``.
+        SceneError: the scene cannot be solved, e.g. because it has forces under the policy ``relative``.
 
     Example:
         >>> from gdfe_ros import Command, Pose, Simulation, load_scene
@@ -106,12 +106,12 @@ class Simulation:
 
     @property
     def mesh(self) -> HexMesh:
-        """The rest mesh."""
+        """Undeformed mesh."""
         return self.scene.mesh
 
     @property
     def policy(self) -> Policy:
-        """The policy in use."""
+        """Policy of the solver."""
         return self.settings.policy
 
     @property
@@ -126,14 +126,14 @@ class Simulation:
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """Current vertices (n, 3) float64 [m], read-only."""
+        """Current vertex positions (n, 3) float64 [m], read-only."""
         own = self.state.positions[: self.mesh.n_vertices]
         positions = own + self.origin if self.origin.any() else own.view()
         positions.flags.writeable = False
         return positions
 
     def reset(self) -> None:
-        """Go back to rest at time 0."""
+        """Restore the initial state at time 0."""
         self.state = self.stepper.at_rest()
         self._joints, self._cuts = self._carriers.at_rest(), {}
         self.time = 0.0
@@ -146,7 +146,7 @@ class Simulation:
         self.result: StepResult | None = None
 
     def reset_shape(self) -> None:
-        """Go back to the rest shape and the rest commands; time continues, and rigid bodies stay with zero velocity.
+        """Restore the rest shape and the initial commands, but not the time; rigid bodies stay, with zero velocity.
 
         Raises:
             OverlapError: a rigid body overlaps the body's rest shape; the state is unchanged.
@@ -162,7 +162,7 @@ class Simulation:
             raise
 
     def rest_command(self) -> Command:
-        """Return the initial command: handles at their rest poses, neutral actuators, loads with their own factor."""
+        """Return the initial command: handles at their rest poses, neutral actuators, loads with initial factors."""
         return Command(
             handles=dict.fromkeys(self._movable, Pose()),
             actuators={name: self._neutral[name] for name in self.actuator_names},
@@ -172,17 +172,17 @@ class Simulation:
 
     @property
     def _movable(self) -> list[str]:
-        """Names of the handles and obstacles that take commands of their own."""
+        """Names of the handles and obstacles that accept commands: not fixed, not on an arm, no rigid bodies."""
         handles = [each for each in self.scene.handles if not each.fixed and not isinstance(each, RigidBody)]
         return [each.name for each in handles if not each.carrier]
 
     def snapshot(self) -> Snapshot:
-        """Return the whole changing state as a value; `restore` goes back to it."""
+        """Return all data that change during a run, as an immutable value for `restore`."""
         given = {"targets": self.targets, "commands": self.commands, "scene": self._orders.text}
         return Snapshot(state=self.state, time=self.time, joints=self._joints, **given)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot of a simulation of the same scene; raise `CommandError` for one of another scene."""
+        """Restore a snapshot of a simulation of the same scene; raise `CommandError` if its scene is another one."""
         require_snapshot(snapshot)
         state = self.stepper.completed(snapshot.state)
         self._orders.require_own(snapshot)
@@ -206,20 +206,20 @@ class Simulation:
         cut_after: int | None = None,
         interrupted: Callable[[], bool] | None = None,
     ) -> StepResult:
-        """Follow a command for ``dt`` [s]: to its equilibrium or, with dynamics, along the motion in that time.
+        """Apply a command for ``dt`` [s], and solve for its equilibrium or, with dynamics, for the motion in that time.
 
         Args:
-            command: new targets; None keeps the old ones.
-            dt: simulation time of the step [s], at most 1e9 s and, with dynamics, 100000 internal steps. None stands
-                for 0 s; with dynamics, for one internal step.
+            command: new targets; None keeps the last targets.
+            dt: simulation time of the step [s], at most 1e9 s and, with dynamics, 100000 internal steps. None means 0 s
+                without dynamics, and one internal step with dynamics.
             deadline: wall time [s] after which the best state so far is returned; later steps continue from it.
-            cut_after: number of checks of the deadline after which the solve ends, as in a recorded step
+            cut_after: number of checks of the deadline after which the solve ends. It repeats a recorded step
                 (``StepResult.cut_after``).
-            interrupted: called repeatedly; once it returns True, the solve ends as at a deadline, and the message says
-                why.
+            interrupted: function that is called repeatedly. If it returns True, the solve ends as at a deadline, and
+                the message states the reason.
 
         Raises:
-            CommandError: a name, a value, a time or a place that is not allowed; the state is unchanged.
+            CommandError: a name, a value, a time or a pose is not allowed; the state is unchanged.
         """
         started, moves = time.perf_counter(), self.scene.dynamics
         if dt is None:
@@ -252,7 +252,7 @@ class Simulation:
     def _stepped(
         self, targets: Mapping[str, Pose], commands: Mapping[str, float], dt: float, limit: Deadline | None
     ) -> March:
-        """Make a step, and carry derivatives along if they were requested."""
+        """Make a step; update the derivatives if `follow` requested them."""
         given: dict[str, Any] = {"duration": dt, "deadline": limit}
         if self._trail is not None:
             self._trail.begin()
@@ -272,16 +272,16 @@ class Simulation:
         return self.result.converged if self.result else self.state.summary.converged
 
     def remarks(self) -> list[str]:
-        """Return remarks on the scene: unstable materials, contrasts beyond the policy's calibration."""
+        """Return remarks on the scene, e.g. on unstable materials or contrasts beyond the policy's calibration."""
         return remarks(self.scene, self.policy)
 
     def set_positions(self, positions: ArrayLike) -> None:
-        """Start the next step from given vertices, e.g. those of another simulation; commands stay as they are.
+        """Set the vertex positions from which the next step starts, e.g. those of another simulation.
 
-        Handles keep their commanded poses; sliding handles keep the offset of their first vertex along free axes.
-        Pressures, captured shapes and the last motion are reset. With dynamics, steps continue with the initial
-        velocities. If elements are inverted, the next equilibrium is compared with the one from rest, and the one of
-        lower energy is kept; `StepResult.restarts` and the message report it.
+        Commands do not change. Handles keep their commanded poses. Sliding handles keep the offset of their first
+        vertex along free axes. Pressures, captured shapes and the last motion are reset. With dynamics, steps continue
+        with the initial velocities. If elements are inverted, the next equilibrium is compared with the equilibrium
+        from the rest shape, and the one with the lower energy is kept. `StepResult.restarts` and the message report it.
 
         Args:
             positions: (n, 3) finite [m].
@@ -295,21 +295,18 @@ class Simulation:
         self.state = self.stepper.place(self.state, placed)
 
     def observe_energy(self, observer: Callable[[float, float, bool], None]) -> None:
-        """Call an observer in every iteration of the policy ``energy``; the policy ``relative`` never calls it.
+        """Register an observer that is called in every iteration of the policy ``energy``, never of ``relative``.
 
-        Its arguments are the energy [J], the magnitude of the energy's terms [J], and whether a minimisation begins.
-        Within a minimisation the energy must not rise; new pressures or scales begin another one.
+        The observer's arguments are the energy [J], the magnitude of the energy's terms [J], and whether a minimisation
+        starts. Within a minimisation the energy must not rise. New pressures or scales start another minimisation.
         """
         self.stepper.equilibrium.observe(observer)
 
-    def play(
-        self, steps: int | None = None, *, progress: Callable[[float], None] | None = None
-    ) -> Iterator[StepResult]:
-        """Play the scene's program from the present time on and yield the result of each step.
+    def play(self, steps: int | None = None) -> Iterator[StepResult]:
+        """Play the scene's program, and yield the result of each step. The first step starts at the present time.
 
         Args:
-            steps: number of equal load steps; None: that of the settings, or else of `usual_steps`.
-            progress: called with the completed fraction after each step.
+            steps: number of equal load steps; None: the number in the settings, or else `usual_steps`.
 
         Raises:
             CommandError: the scene has no program.
@@ -326,15 +323,13 @@ class Simulation:
                 joints=program.joint_positions(moment),
             )
             yield self.step(command, dt=moment - self.time)
-            if progress is not None:
-                progress(moment / program.duration)
 
     def fields(self) -> ElementFields:
-        """Evaluate the element fields at the current positions."""
+        """Return the element fields at the current positions."""
         return self.later_fields()()
 
     def later_fields(self) -> Callable[[], ElementFields]:
-        """Return a function that evaluates the present state's fields in any thread, also after further steps."""
+        """Return a function that computes the present state's fields, in any thread and also after further steps."""
         state = self.state
         omega = None if state.shapes is None else state.shapes.omega
         given = {"operators": state.operators, "origin": self.origin}
@@ -356,33 +351,33 @@ class Simulation:
         return Pose(tuple(moved), pose.rotation)
 
     def actuator_states(self) -> dict[str, ActuatorState]:
-        """Return command, length or volume, tension or pressure of each actuator at the present equilibrium."""
+        """Return dict from actuator to its command, its length or volume, and its tension or pressure."""
         return dict(self.state.summary.actuators)
 
     @property
     def joint_goals(self) -> dict[str, float]:
-        """Commanded position of each joint of the arms [rad] or [m]."""
+        """Dict from joint of an arm to its commanded position [rad] or [m]."""
         return self._carriers.parts(self._joints, "goals")
 
     @property
     def joint_positions(self) -> dict[str, float]:
-        """Present position of each joint of the arms [rad] or [m]."""
+        """Dict from joint of an arm to its present position [rad] or [m]."""
         return self._carriers.parts(self._joints, "positions")
 
     @property
     def joint_velocities(self) -> dict[str, float]:
-        """Velocity of each joint of the arms over the last step [rad/s] or [m/s]."""
+        """Dict from joint of an arm to its mean velocity in the last step [rad/s] or [m/s]."""
         return self._carriers.parts(self._joints, "velocities")
 
     def link_frames(self) -> dict[str, LinkFrame]:
-        """Return the frame of each link of the arms in the world, by name."""
+        """Return dict from link of an arm to its frame in the world."""
         return self._carriers.frames(self._joints)
 
     def joint_states(self) -> dict[str, JointReading]:
-        """Return position, velocity and effort of each joint of the arms, by name, and the limits that cut its motion.
+        """Return dict from joint of an arm to its position, velocity and effort, and the limits that restricted it.
 
-        The effort is that of the motor. It carries and accelerates the links (recursive Newton-Euler). It also balances
-        the reactions of the soft body, and of rigid bodies that touch the links (J^T w).
+        The effort is the motor's torque or force. It balances the weight and the inertia of the links (recursive
+        Newton-Euler algorithm), and the wrenches of the soft body and of touching rigid bodies (J^T w).
         """
         if not self._carriers:
             return {}
@@ -395,15 +390,15 @@ class Simulation:
         return self._carriers.readings(self._joints, self.targets, **loaded, cuts=self._cuts)
 
     def probe_positions(self) -> dict[str, NDArray[np.float64]]:
-        """Return the present position of each of the scene's probes, (3,) [m]."""
+        """Return dict from probe to its present position (3,) [m]."""
         return {name: point.at(self.positions)[0] for name, point in self.scene.probes.items()}
 
     def imus(self) -> dict[str, ImuReading]:
-        """Return the reading of an inertial measurement unit at each probe; raises `CommandError` without dynamics."""
+        """Return dict from probe to the reading of an inertial measurement unit; CommandError without dynamics."""
         return self.later_imus()()
 
     def later_imus(self) -> Callable[[], dict[str, ImuReading]]:
-        """Return a function that evaluates the present state's readings in any thread, also after further steps."""
+        """Return a function that computes the present state's readings, in any thread and also after further steps."""
         return later_readings(self.scene.probes, self.scene.loads, self.stepper, self.state, self.commands)
 
     def sensitivities(
@@ -415,17 +410,17 @@ class Simulation:
     ) -> Sensitivities:
         """Return exact derivatives d(output)/d(parameter) at the present state, which is not modified.
 
-        At an equilibrium K dx = -dF (docs/sensitivities.md); present contacts continue to touch, and sticking points to
-        stick.
+        At an equilibrium they satisfy K dx = -dF (docs/sensitivities.md). Points in contact are assumed to stay in
+        contact, and sticking points to stick.
 
         Args:
             outputs: ``probes.<name>``, ``reactions.<handle or obstacle>``, ``positions``; None: all probes.
-            parameters: of `parameter_names`; None: all actuators.
-            interrupted: called repeatedly; once it returns True, an error is raised.
+            parameters: names from `parameter_names`; None: all actuators.
+            interrupted: function that is called repeatedly. If it returns True, an error is raised.
 
         Raises:
-            CommandError: no such output or parameter.
-            GdfeError: there is no derivative, as at a saddle or after a step that has not converged; or interrupted.
+            CommandError: there is no such output or parameter.
+            GdfeError: there is no derivative, e.g. at a saddle or after a step that has not converged; or interrupted.
         """
         derivatives, trail = self._derivatives, self._trail
         if not isinstance(self.stepper, MotionStepper):
@@ -435,7 +430,7 @@ class Simulation:
         return derivatives.along(trail, outputs, parameters)
 
     def _last_step_followed(self, parameters: Sequence[str] | None, interrupted: Callable[[], bool] | None) -> Trail:
-        """Repeat the last step with derivatives."""
+        """Repeat the last step, and return the trail with its derivatives."""
         if self._last is None or self._last.found.positions is not self.state.positions:
             raise GdfeError("no derivative: no step in motion led here; remedy: step first")
         trail = self._derivatives.trail(self._last.start, parameters)
@@ -449,16 +444,17 @@ class Simulation:
         return trail
 
     def follow(self, parameters: Sequence[str] | None = None) -> None:
-        """Carry derivatives along with all steps from here on, for `sensitivities` of a motion.
+        """Update derivatives in all further steps; `sensitivities` then returns those of the motion from now on.
 
-        Only later effects of a parameter are included: a modulus changes from now on, and a command is offset from the
-        next step on. Without dynamics this method has no effect, because an equilibrium has its own derivatives.
+        Effects of a parameter before this call are not included: a modulus counts as changed from the present time, a
+        command from the next step. Without dynamics this method has no effect, because the derivatives of an
+        equilibrium do not depend on earlier steps.
 
         Args:
-            parameters: of `parameter_names`; None: all actuators.
+            parameters: names from `parameter_names`; None: all actuators.
 
         Raises:
-            CommandError: no such parameter.
+            CommandError: there is no such parameter.
         """
         derivatives = self._derivatives
         derivatives.named(parameters)
@@ -467,7 +463,7 @@ class Simulation:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Parameters of `sensitivities`, e.g. ``materials.silicone.young`` or ``handles.tip.x``."""
+        """Names of the parameters of `sensitivities`, e.g. ``materials.silicone.young`` or ``handles.tip.x``."""
         return self._derivatives.parameters.names
 
     @cached_property
@@ -485,18 +481,18 @@ class Simulation:
     ) -> NDArray[np.float64]:
         """Return d(probe position)/d(command) at the present state, (probes, 3, actuators).
 
-        At an equilibrium it is computed by central differences, which exist also without a tangent. For a cable that is
-        just slack, or a command at the end of its range, the difference is one-sided, on the side on which the actuator
-        acts. For a motion it is exact: the state at the end of the last step is differentiated by the final command of
-        that step.
+        At an equilibrium it is computed by central differences, which need no tangent stiffness. For a cable that is
+        just slack, or a command at an end of its range, the difference is one-sided, in the direction in which the
+        actuator acts. For a motion the Jacobian is exact: it is the derivative of the state at the end of the last step
+        with respect to the final command of that step.
 
         Args:
             probes: names; None: all, in the scene's order.
             actuators: names; None: all, in the scene's order.
-            interrupted: called repeatedly; once it returns True, an error is raised.
+            interrupted: function that is called repeatedly. If it returns True, an error is raised.
 
         Raises:
-            GdfeError: no such probe or actuator, there is no derivative, or interrupted.
+            GdfeError: there is no such probe or actuator, there is no derivative, or interrupted.
         """
         points, names = self._orders.probes(probes), self.actuator_names if actuators is None else actuators
         chosen = [self._orders.actuator(name) for name in names]

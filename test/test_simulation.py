@@ -51,7 +51,7 @@ MakeSimulation = Callable[..., Simulation]
 
 @pytest.fixture
 def simulate() -> MakeSimulation:
-    """Make a simulation of a small bar; keywords override keys of the scene, dots written as double underscores."""
+    """Return a function that simulates a small bar; keywords override scene keys, double underscores stand for dots."""
 
     def make(*, settings: SolverSettings | None = None, **overrides: object) -> Simulation:
         keys = {key.replace("__", "."): value for key, value in overrides.items()}
@@ -61,12 +61,12 @@ def simulate() -> MakeSimulation:
 
 
 def tip(x: float = 0.0, y: float = 0.0, z: float = 0.0, *, turn: tuple[float, float, float] = (0, 0, 0)) -> Command:
-    """Command the tip to a pose; the turn is a rotation vector in degrees."""
+    """Return a command of the tip's pose; ``turn`` is a rotation vector in degrees."""
     return Command(handles={"tip": Pose((x, y, z), tuple(np.deg2rad(turn)))})
 
 
 def same(first: StepResult, second: StepResult) -> bool:
-    """Tell whether two results have bitwise equal positions."""
+    """Return whether two results have bitwise equal positions."""
     return bool(np.array_equal(first.positions, second.positions))
 
 
@@ -75,7 +75,7 @@ def same(first: StepResult, second: StepResult) -> bool:
 
 @pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 def test_a_command_moves_the_handle_and_the_body_follows(simulate: MakeSimulation) -> None:
-    """Lift the tip: the handle is there, the base stays, the middle is between."""
+    """A lifted tip is at its target, the base stays, and the middle is between."""
     simulation = simulate()
     result = simulation.step(tip(z=0.04), dt=0.1)
     rest = simulation.mesh.vertices
@@ -88,7 +88,7 @@ def test_a_command_moves_the_handle_and_the_body_follows(simulate: MakeSimulatio
 
 
 def test_time_advances_by_dt(simulate: MakeSimulation) -> None:
-    """Step with different dt, with and without commands: the times add up."""
+    """With and without commands, the time is the sum of all dt."""
     simulation = simulate()
     times = [simulation.step(command, dt=dt).time for command, dt in ((tip(z=0.01), 0.1), (None, 0.25), (None, 0.0))]
     np.testing.assert_allclose(times, [0.1, 0.35, 0.35])
@@ -96,7 +96,7 @@ def test_time_advances_by_dt(simulate: MakeSimulation) -> None:
 
 
 def test_targets_stay_until_commanded_again(simulate: MakeSimulation) -> None:
-    """Step without a command, or with one that names nothing: the last target stays in force."""
+    """The last target is kept in a step without a command or without that handle."""
     simulation = simulate()
     simulation.step(tip(z=0.02))
     assert simulation.targets == {"base": Pose(), "tip": Pose((0.0, 0.0, 0.02))}
@@ -109,7 +109,7 @@ def test_targets_stay_until_commanded_again(simulate: MakeSimulation) -> None:
     [("nose", r"no handle 'nose' in scene 'small'; handles: base, tip"), ("base", r"'base' is fixed.*move: tip")],
 )
 def test_impossible_commands_change_nothing(simulate: MakeSimulation, name: str, message: str) -> None:
-    """Command an unknown or a fixed handle beside a good one: a clear error, and state, time and targets as before."""
+    """A command of an unknown or fixed handle beside a valid one is refused, and state, time and targets stay."""
     simulation = simulate()
     simulation.step(tip(z=0.02), dt=0.1)
     before = simulation.positions.copy(), simulation.time, dict(simulation.targets), simulation.result
@@ -123,7 +123,7 @@ def test_impossible_commands_change_nothing(simulate: MakeSimulation, name: str,
 
 @pytest.mark.parametrize("far", [1e3, 1e30, 1e200])
 def test_absurd_commands_leave_a_usable_state(simulate: MakeSimulation, far: float) -> None:
-    """Command a pose light years away: refused, or finite and not converged; then the simulation is reset and works."""
+    """A pose light years away is refused, or ends finite and not converged; after a reset the simulation works."""
     simulation = simulate(settings=SolverSettings(max_iterations=200))
     try:
         result = simulation.step(tip(z=far))
@@ -141,7 +141,7 @@ def test_absurd_commands_leave_a_usable_state(simulate: MakeSimulation, far: flo
 
 
 def test_results_say_what_was_done(simulate: MakeSimulation) -> None:
-    """Look at the result of a step: every number that a user needs to trust it."""
+    """A result has every number that a user needs to judge it."""
     result = simulate().step(tip(z=0.04), dt=0.1)
     assert result.converged
     assert result.message == ""
@@ -157,7 +157,7 @@ def test_results_say_what_was_done(simulate: MakeSimulation) -> None:
 
 
 def test_results_are_snapshots(simulate: MakeSimulation) -> None:
-    """Keep a result and step on: it does not change."""
+    """A kept result does not change in later steps."""
     simulation = simulate()
     first = simulation.step(tip(z=0.02))
     kept = first.positions.copy(), {name: value.copy() for name, value in first.reactions.items()}
@@ -168,7 +168,7 @@ def test_results_are_snapshots(simulate: MakeSimulation) -> None:
 
 
 def test_a_snapshot_is_solved_on_to_a_smaller_tolerance(simulate: MakeSimulation) -> None:
-    """Restore an equilibrium to 1e-3 where 1e-8 is asked for: it is none yet; the next step makes it one."""
+    """An equilibrium at tolerance 1e-3, restored where 1e-8 is set, is not converged until the next step."""
     rough, fine = simulate(solver__tolerance=1e-3), simulate(settings=SolverSettings(tolerance=1e-8))
     rough.step(tip(z=0.02))
     given = replace(rough.snapshot(), scene=fine.snapshot().scene)
@@ -181,7 +181,7 @@ def test_a_snapshot_is_solved_on_to_a_smaller_tolerance(simulate: MakeSimulation
 
 @pytest.mark.parametrize("other", [{"policy": Policy.RELATIVE}, {"torsion": Torsion.SECTION}], ids=str)
 def test_a_snapshot_of_another_method_is_refused(simulate: MakeSimulation, other: dict) -> None:
-    """Restore what was solved by another policy, or with another torsion: its equilibria are others."""
+    """A snapshot of another policy or torsion is refused, since its equilibria are different."""
     one, two = simulate(), simulate(settings=SolverSettings(tolerance=1e-5, **other))
     one.step(tip(z=0.02))
     with pytest.raises(CommandError, match="policy or torsion; remedy"):
@@ -190,7 +190,7 @@ def test_a_snapshot_of_another_method_is_refused(simulate: MakeSimulation, other
 
 
 def test_time_is_kept_in_double_precision(simulate: MakeSimulation) -> None:
-    """Give steps in single precision, as those who learn do: time is summed up in double."""
+    """Time steps in single precision are summed in double precision."""
     simulation = simulate()
     for _ in range(3):
         simulation.step(dt=np.float32(0.1))
@@ -199,7 +199,7 @@ def test_time_is_kept_in_double_precision(simulate: MakeSimulation) -> None:
 
 
 def test_reactions_are_in_newtons_and_balance(simulate: MakeSimulation) -> None:
-    """Lift the tip: up at the tip, down at the base, nothing along the free axis, moments in balance."""
+    """For a lifted tip, reactions are up at the tip, down at the base, zero along the free axis, and in balance."""
     simulation = simulate(solver__tolerance=1e-8)
     result = simulation.step(tip(z=0.02))
     up, down = result.reactions["tip"], result.reactions["base"]
@@ -214,10 +214,10 @@ def test_reactions_are_in_newtons_and_balance(simulate: MakeSimulation) -> None:
 
 @pytest.mark.parametrize("law", ["linear", "neo_hookean"])
 def test_work_of_the_handle_is_the_energy_stored(simulate: MakeSimulation, law: str) -> None:
-    """Lift the tip in forty steps: force times displacement adds up to the strain energy within half a percent.
+    """In forty steps of lifting, force times displacement sums to the strain energy within half a percent.
 
-    The linear law does so on any mesh; elsewhere the hourglass stiffness follows the tangent modulus, which costs 1 %
-    of the energy with two elements over the thickness and falls with their square.
+    The linear law has this accuracy on any mesh. For other laws the hourglass stiffness follows the tangent modulus.
+    This costs 1 % of the energy with two elements over the thickness; the error falls with the square of their number.
     """
     soft, hard = (f"{{law: {law}, young: {young}, poisson: 0.45}}" for young in ("1.0e5", "2.0e5"))
     simulation = simulate(
@@ -231,7 +231,7 @@ def test_work_of_the_handle_is_the_energy_stored(simulate: MakeSimulation, law: 
 
 
 def test_fields_are_those_of_the_present_state(simulate: MakeSimulation) -> None:
-    """Step, then ask for the fields: one value an element, strained, the stiffest element's factor 1."""
+    """After a step the fields have one value per element, strains, and a shape factor of 1 in the stiffest element."""
     simulation = simulate()
     rest = simulation.fields()
     np.testing.assert_allclose(rest.eps_eq, 0.0, atol=1e-7)
@@ -247,7 +247,7 @@ def test_fields_are_those_of_the_present_state(simulate: MakeSimulation) -> None
 
 @pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 def test_sliding_handles_report_where_they_are(simulate: MakeSimulation) -> None:
-    """Lift the tip of a bar that may slide along x: its pose has the target's z and turn, and the x found."""
+    """A tip that slides along x has the commanded z and rotation in its pose, and the x of the equilibrium."""
     simulation = simulate()
     simulation.step(tip(z=0.06, turn=(30, 0, 0)))
     pose = simulation.handle_pose("tip")
@@ -263,7 +263,7 @@ def test_sliding_handles_report_where_they_are(simulate: MakeSimulation) -> None
 
 
 def test_an_idle_step_is_skipped(simulate: MakeSimulation) -> None:
-    """Step again without a new target: no solve, the same state, time goes on; a new target is solved again."""
+    """A step without a new target is not solved and has the same state; a new target is solved."""
     simulation = simulate()
     first = simulation.step(tip(z=0.02), dt=0.1)
     idle = simulation.step(tip(z=0.02), dt=0.1)
@@ -278,7 +278,7 @@ def test_an_idle_step_is_skipped(simulate: MakeSimulation) -> None:
 
 
 def test_an_unfinished_step_is_not_skipped(simulate: MakeSimulation) -> None:
-    """Stop a step early and step again without a command: work goes on until it has converged."""
+    """After an unfinished step, steps without a command continue until convergence."""
     simulation = simulate(solver__max_iterations=8)
     results = [simulation.step(tip(z=0.04))]
     assert not results[0].converged
@@ -291,7 +291,7 @@ def test_an_unfinished_step_is_not_skipped(simulate: MakeSimulation) -> None:
 
 @pytest.mark.parametrize("policy", list(Policy))
 def test_a_deadline_returns_a_finite_state_that_goes_on_later(simulate: MakeSimulation, policy: Policy) -> None:
-    """Give a step no time: finite, not converged, with error estimate and reason; later steps reach the target."""
+    """A step without any time is finite and not converged, with a reason; later steps reach the target."""
     simulation = simulate(solver__policy=policy.value)
     hurried = simulation.step(tip(z=0.04), dt=0.1, deadline=0.0)
     assert not hurried.converged
@@ -306,13 +306,13 @@ def test_a_deadline_returns_a_finite_state_that_goes_on_later(simulate: MakeSimu
 
 
 def test_a_generous_deadline_changes_nothing(simulate: MakeSimulation) -> None:
-    """Allow a minute: the result without a deadline, bit by bit."""
+    """A deadline of a minute gives the same bits as no deadline."""
     assert same(simulate().step(tip(z=0.04), deadline=60.0), simulate().step(tip(z=0.04)))
 
 
 @pytest.mark.parametrize(("degrees", "substeps"), [(90, 1), (180, 2), (360, 4), (-360, 4)])
 def test_large_turns_are_cut_into_substeps(simulate: MakeSimulation, degrees: float, substeps: int) -> None:
-    """Turn the tip by up to a whole turn at once: it arrives twisted by that much, not by the shorter rotation."""
+    """A tip turned by up to a whole turn in one step is twisted by that angle, not by the shorter rotation."""
     simulation = simulate()
     result = simulation.step(tip(turn=(degrees, 0, 0)))
     assert result.converged, result.message
@@ -324,7 +324,7 @@ def test_large_turns_are_cut_into_substeps(simulate: MakeSimulation, degrees: fl
 
 
 def test_a_turn_past_buckling_is_said(simulate: MakeSimulation) -> None:
-    """Turn the short bar by one and a half turns: it cannot stay straight, and the step says that it jumped."""
+    """A short bar turned by one and a half turns leaves the straight shape, and the step says that it jumped."""
     result = simulate().step(tip(turn=(540, 0, 0)))
     assert not result.converged
     assert "jumped to another equilibrium" in result.message
@@ -332,7 +332,7 @@ def test_a_turn_past_buckling_is_said(simulate: MakeSimulation) -> None:
 
 
 def test_a_full_turn_of_the_papers_bar_is_not_undone() -> None:
-    """Turn twist90's tip by 360 degrees: it stays twisted or says that it failed; unwinding is not an answer."""
+    """twist90's tip turned by 360 degrees stays twisted or reports a failure; it does not unwind."""
     scene = load_scene("twist90", overrides={"program.handles.tip.1.rotation_deg": [360, 0, 0]})
     result = list(Simulation(scene).play())[-1]
     quarter = list(Simulation(load_scene("twist90")).play())[-1]
@@ -340,7 +340,7 @@ def test_a_full_turn_of_the_papers_bar_is_not_undone() -> None:
 
 
 def test_the_way_does_not_matter(simulate: MakeSimulation) -> None:
-    """Reach a pose at once, in twenty steps and by a detour: one equilibrium (the energy policy has no memory)."""
+    """One step, twenty steps and a detour to a pose lead to one equilibrium (the energy policy has no memory)."""
     target, straight, many, detour = tip(0.0, 0.01, 0.04, turn=(40, 0, 0)), simulate(), simulate(), simulate()
     end = Pose((0.0, 0.01, 0.04), tuple(np.deg2rad([40.0, 0.0, 0.0])))
     found = [straight.step(target)]
@@ -357,17 +357,16 @@ def test_the_way_does_not_matter(simulate: MakeSimulation) -> None:
 
 
 def test_a_program_is_played_keyframe_by_keyframe(simulate: MakeSimulation) -> None:
-    """Play with the energy policy: one step for each keyframe, progress up to 1, the program's end reached."""
-    simulation, progress = simulate(), []
-    results = list(simulation.play(progress=progress.append))
+    """Play with the energy policy: one step for each keyframe, the program's end reached."""
+    simulation = simulate()
+    results = list(simulation.play())
     assert [result.time for result in results] == [1.0, 2.0]
-    assert progress == [0.5, 1.0]
     assert simulation.targets["tip"] == Pose((0.0, 0.0, 0.04), (np.pi / 2.0, 0.0, 0.0))
     assert all(result.converged for result in results)
 
 
 def test_a_program_is_played_in_as_many_steps_as_wanted(simulate: MakeSimulation) -> None:
-    """Ask for five steps, by argument and by the scene: equal times, the same end."""
+    """A program played in five steps, by argument or by the scene, has equal time steps and the same end."""
     by_argument = list(simulate().play(5))
     by_scene = list(simulate(solver__steps=5).play())
     np.testing.assert_allclose([result.time for result in by_argument], [0.4, 0.8, 1.2, 1.6, 2.0])
@@ -375,21 +374,21 @@ def test_a_program_is_played_in_as_many_steps_as_wanted(simulate: MakeSimulation
 
 
 def test_the_relative_policy_takes_twenty_steps(simulate: MakeSimulation) -> None:
-    """Play with the relative policy and name no steps: twenty, all converged."""
+    """With the relative policy a program is played in twenty steps, and all converge."""
     results = list(simulate(solver__policy="relative").play())
     assert len(results) == RELATIVE_STEPS == 20
     assert all(result.converged for result in results)
 
 
 def test_a_scene_without_a_program_cannot_be_played() -> None:
-    """Play a scene that has none: the error names the key that is missing."""
+    """Playing a scene without a program raises an error with the missing key."""
     text = SCENE[: SCENE.index("program:")] + SCENE[SCENE.index("solver:") :]
     with pytest.raises(CommandError, match=r"'small' has no program to play; add the key 'program'"):
         next(Simulation(scene_from_text(text)).play())
 
 
 def test_settings_may_replace_the_scenes(simulate: MakeSimulation) -> None:
-    """Hand over settings: they are in force, not the scene's."""
+    """Settings given to the simulation replace the scene's."""
     simulation = simulate(settings=SolverSettings(policy=Policy.RELATIVE, tolerance=1e-3))
     assert simulation.policy is Policy.RELATIVE
     assert simulation.step(tip(z=0.01)).policy is Policy.RELATIVE
@@ -401,7 +400,7 @@ def test_settings_may_replace_the_scenes(simulate: MakeSimulation) -> None:
 @pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 @pytest.mark.parametrize("policy", list(Policy))
 def test_reset_goes_back_to_the_very_beginning(simulate: MakeSimulation, policy: Policy) -> None:
-    """Play, reset, play: bitwise equal results."""
+    """After a reset, a program gives bitwise equal results."""
     simulation = simulate(solver__policy=policy.value)
     first = [simulation.step(tip(z=lift), dt=0.1) for lift in (0.01, 0.02, 0.03)]
     simulation.reset()
@@ -413,7 +412,7 @@ def test_reset_goes_back_to_the_very_beginning(simulate: MakeSimulation, policy:
 
 
 def test_two_simulations_do_not_disturb_each_other(simulate: MakeSimulation) -> None:
-    """Step two simulations in turn: each is as if it were alone."""
+    """Two simulations stepped in turn each have the results they have alone."""
     one, other, alone = simulate(), simulate(), simulate()
     for lift in (0.01, 0.02):
         mixed = one.step(tip(z=lift))
@@ -434,7 +433,7 @@ for name in ("bend5", "twist90"):
 
 
 def test_two_processes_and_thread_counts_give_the_same_bits() -> None:
-    """Solve a small and a large scene in two fresh processes with one and two threads: bitwise equal vertices."""
+    """A small and a large scene have bitwise equal vertices in fresh processes with one and two threads."""
     home = str(Path(gdfe_ros.__file__).parents[1])
     running = []
     for threads in ("1", "2"):
@@ -478,13 +477,13 @@ def quaternion(vector: tuple[float, float, float]) -> np.ndarray:
 def test_nearest_turn_goes_on_from_where_the_handle_is(
     reference: tuple[float, float, float], turn: tuple[float, float, float], expected: tuple[float, float, float]
 ) -> None:
-    """Turn on past 180, 360 and 720 degrees by quaternions: the rotation vector goes on with the handle."""
+    """For quaternions of a rotation past 180, 360 and 720 degrees, the rotation vector continues with the handle."""
     found = nearest_turn(quaternion(turn), Pose(rotation=tuple(np.deg2rad(reference))))
     np.testing.assert_allclose(np.rad2deg(found), expected, atol=1e-6)
 
 
 def test_nearest_turn_is_the_nearest_of_all() -> None:
-    """Take random quaternions and poses: no other rotation vector of the same turn lies nearer to the pose."""
+    """For random quaternions and poses, no other vector of the same rotation is nearer to the pose."""
     random = np.random.default_rng(0)
     for _ in range(200):
         reference, turn = random.uniform(-12.0, 12.0, 3), Rotation.random(random_state=random.integers(1 << 30))
@@ -497,14 +496,14 @@ def test_nearest_turn_is_the_nearest_of_all() -> None:
 
 
 def test_the_sign_of_a_quaternion_does_not_matter() -> None:
-    """Send q and -q: one turn."""
+    """Quaternions q and -q give the same rotation."""
     pose = Pose(rotation=(4.0, 1.0, -2.0))
     q = quaternion((100.0, -50.0, 20.0))
     np.testing.assert_allclose(nearest_turn(q, pose), nearest_turn(-q, pose), atol=1e-12)
 
 
 def test_a_solve_that_was_interrupted_is_made_again_to_the_bit(simulate: MakeSimulation) -> None:
-    """End a solve by word after three rounds: it says where, a replay ends there, and asking alone changes nothing."""
+    """A solve interrupted after three queries says so, its replay ends there, and the query alone changes nothing."""
     turn = Command(handles={"tip": Pose(rotation=(2.0, 0.0, 0.0))})
     answers = iter([False, False, False, True])
     cut = simulate().step(turn, interrupted=lambda: next(answers))

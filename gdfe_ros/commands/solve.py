@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe solve``: play a scene's program, print and write the result."""
+"""``gdfe solve``: play a scene's program, print the result and write it to a file."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from gdfe_ros.analysis.result_file import write_result
 from gdfe_ros.commands.convergence import convergence, print_failures
 from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.commands.play_progress import PlayProgress
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Solve; return 0, or 3 if a step did not converge."""
+    """Solve a scene; return 0, or 3 if a step did not converge."""
     with waiting(f"loading {arguments.scene}"):
         scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
         simulation = Simulation(scene, settings=_settings(scene, arguments))
@@ -69,10 +69,13 @@ def _settings(scene: Scene, arguments: argparse.Namespace) -> SolverSettings:
 
 
 def _play(simulation: Simulation) -> list[StepResult]:
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(simulation.scene.name, total=1.0)
-        return list(simulation.play(progress=lambda done: progress.update(task, completed=done)))
+    results = []
+    program = simulation.scene.program
+    with PlayProgress(simulation.scene.name, duration=program.duration if program else 0.0) as progress:
+        for result in simulation.play():
+            progress.add(result)
+            results.append(result)
+    return results
 
 
 def _table(simulation: Simulation, results: list[StepResult], wall_time: float) -> Table:

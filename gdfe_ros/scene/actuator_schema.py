@@ -28,7 +28,7 @@ _MESH = "name of one of the `meshes`; the coordinates are then in its own frame"
 
 
 class PlaceModel(Entry):
-    """A point of one of several meshes."""
+    """A point in one of the `meshes`."""
 
     mesh: str = Field(description=_MESH)
     at: Point3
@@ -44,14 +44,14 @@ Place = Annotated[
 
 
 class DriveModel(Entry):
-    """Keys that all actuators share."""
+    """Keys of every actuator."""
 
     range: Annotated[tuple[float, float], _RANGE] | None = None
     rate: Annotated[float, _RATE] | None = None
 
 
 class CableModel(DriveModel):
-    """A frictionless cable through points of the body, from end to end."""
+    """A frictionless cable through points of the body."""
 
     points: tuple[Point3, ...] = Field(
         description="two or more points of the body, e.g. [[0, 0, 0.01], [0.1, 0, 0.01]]", min_length=2
@@ -75,7 +75,7 @@ class CableModel(DriveModel):
 
 
 class ChamberModel(DriveModel):
-    """A closed surface inside the body filled with a fluid; where cells are cut, a closed shell of the skin."""
+    """A closed surface inside the body that is filled with a fluid; with cut cells, a closed shell of the skin."""
 
     cavity: Annotated[int, _CAVITY] | None = None
     near: Point3 | None = Field(None, description="selects the cavity whose centre is nearest to this point [x, y, z]")
@@ -106,7 +106,7 @@ class GrowthModel(DriveModel):
 
 
 class ActuatorModel(Choice):
-    """Exactly one kind of actuator."""
+    """An actuator, with exactly one of these keys."""
 
     cable: CableModel | None = None
     chamber: ChamberModel | None = None
@@ -114,7 +114,7 @@ class ActuatorModel(Choice):
 
     @property
     def mode(self) -> Mode:
-        """Quantity that its command prescribes."""
+        """Quantity that the command prescribes."""
         kind, value = self.chosen
         return Mode.GROWTH if kind == "growth" else Mode(value.command)
 
@@ -128,7 +128,7 @@ class PointLoadModel(Entry):
 
 
 class SurfaceLoadModel(Entry):
-    """A traction on faces, or a force spread evenly over them."""
+    """A traction on faces, or a total force that is distributed evenly over their undeformed area."""
 
     where: WhereModel = Field(
         description="the loaded faces: all faces with all four vertices in this place, e.g. {face: x+}"
@@ -144,7 +144,7 @@ class SurfaceLoadModel(Entry):
 
 
 class LoadModel(Choice):
-    """Exactly one kind of dead load."""
+    """A dead load (constant in size and direction), with exactly one of these keys."""
 
     gravity: Annotated[tuple[float, float, float], _ACCELERATION] | None = None
     point: PointLoadModel | None = None

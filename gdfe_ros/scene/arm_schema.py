@@ -10,9 +10,16 @@ from pydantic import Field, model_validator
 from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.paths import FilePath
 from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.rotation import RotationQuantity
 
 _AT = Quantity("position of the origin of the root link [x, y, z]", "m", least=-1e3, most=1e3, count=3)
-_ROTATION = Quantity("rotation vector of the root link [x, y, z]", "degrees", least=-36000, most=36000, count=3)
+_ROTATION = RotationQuantity(
+    "rotation vector of the root link [x, y, z], or several in turn about fixed axes",
+    "degrees",
+    least=-36000,
+    most=36000,
+    count=3,
+)
 _FRICTION = Quantity("Coulomb's coefficient of friction of its links", least=0.0, most=100.0)
 _LOW = Quantity("smallest position, in rad or m", least=-1e6, most=1e6)
 _HIGH = Quantity("largest position, in rad or m", least=-1e6, most=1e6)
@@ -22,7 +29,7 @@ _STRONG = Quantity("largest effort, in N m or N", above=0.0, most=1e9)
 
 
 class JointLimitsModel(Entry):
-    """Limits of a joint that replace those of its URDF."""
+    """Limits of a joint, which replace the limits in the URDF."""
 
     lower: Annotated[float, _LOW] | None = None
     upper: Annotated[float, _HIGH] | None = None

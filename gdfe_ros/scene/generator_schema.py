@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generated bodies: meshes that a scene file describes by a few parameters."""
+"""The keys of a scene file for bodies that are generated from a few parameters."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.quantity import ANY, Quantity
 from gdfe_ros.scene.where_schema import WhereModel
 
-#: Limit of cells; more would need tens of gigabytes and are a mistake.
+#: Limit of the number of cells; more cells need tens of gigabytes of memory and are probably a mistake.
 MOST_CELLS = 5_000_000
-#: Limit of lengths [m]; a larger value was probably meant in millimetres.
+#: Limit of lengths [m]; a larger value is probably in millimetres.
 LONGEST = 100.0
 
 
@@ -58,7 +58,7 @@ _TAPER = Quantity("size at the tip over size at the base", above=0.0, most=1.0)
 
 
 class Generated(Entry):
-    """A generated body; too many cells are rejected before they are made."""
+    """A generated body; too many cells are rejected before the mesh is made."""
 
     @property
     def count(self) -> int:
@@ -73,7 +73,7 @@ class Generated(Entry):
 
 
 class BarModel(Generated):
-    """A straight bar, x from 0, y and z centred on 0, perhaps with cells cut out."""
+    """A straight bar along x, from x = 0, centred on y = z = 0; cells can be removed from it."""
 
     size: Annotated[tuple[float, float, float], _SIZE]
     cells: Annotated[tuple[int, int, int], _CELLS]
@@ -86,7 +86,7 @@ class BarModel(Generated):
 
 
 class GridModel(Generated):
-    """A block between planes across x, y and z, dense where it matters, perhaps with cells cut out."""
+    """A block divided by planes perpendicular to x, y and z, with any spacing; cells can be removed from it."""
 
     x: Annotated[tuple[float, ...], _PLANES]
     y: Annotated[tuple[float, ...], _PLANES]
@@ -105,7 +105,7 @@ class GridModel(Generated):
 
 
 class TubeModel(Generated):
-    """A tube along x from 0; with caps it encloses a chamber."""
+    """A tube along x, from x = 0; with caps it encloses a chamber."""
 
     inner: Annotated[float, _INNER]
     outer: Annotated[float, _OUTER]
@@ -120,7 +120,7 @@ class TubeModel(Generated):
 
 
 class RingModel(Generated):
-    """A ring, or an arc of one, about the z axis."""
+    """A ring, or an arc of a ring, about the z axis."""
 
     radius: Annotated[float, _RADIUS]
     section: Annotated[tuple[float, float], _SECTION]
@@ -150,9 +150,9 @@ class SphereShellModel(Generated):
 
 
 class FingerModel(Generated):
-    """Links joined by thin webs: along x from 0, y and z centred on 0, notches open towards -z.
+    """A finger along x, from x = 0, centred on y = z = 0: links joined by thin webs, with notches open towards -z.
 
-    A link has the length (size x - joints * gap) / (joints + 1).
+    The length of a link is (length - joints * gap) / (joints + 1), where length is the first number of ``size``.
     """
 
     size: Annotated[tuple[float, float, float], _SIZE]

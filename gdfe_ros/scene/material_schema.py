@@ -49,12 +49,12 @@ class _Common(Entry):
 
     @property
     def common(self) -> dict[str, float | None]:
-        """Parameters that all laws share."""
+        """Parameters that all laws have, as a dict from name to value."""
         return {"poisson": self.poisson, "density": self.density, "omega": self.omega}
 
 
 class LinearModel(_Common):
-    """Linear between stress and strain, exact under large rotations."""
+    """Corotated linear law: stress is proportional to strain, also under large rotations."""
 
     law: Literal["linear"] = Field(description="name of the material law")
     young: Annotated[float, _YOUNG]
@@ -65,7 +65,7 @@ class LinearModel(_Common):
 
 
 class NeoHookeanModel(_Common):
-    """W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2."""
+    """Neo-Hookean law, W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2."""
 
     law: Literal["neo_hookean"] = Field(description="name of the material law")
     young: Annotated[float, _YOUNG]
@@ -86,13 +86,13 @@ class OgdenModel(_Common):
         """Return the material.
 
         Raises:
-            ValueError: the terms are inconsistent.
+            ValueError: ``mu`` and ``alpha`` do not fit together, or a value is out of range.
         """
         return Ogden(mu=self.mu, alpha=self.alpha, **self.common)
 
 
 class CurveModel(_Common):
-    """Uniaxial nominal stress over engineering strain: a polynomial, a csv file, or the two columns."""
+    """Law from a curve of uniaxial nominal stress and engineering strain: a polynomial, a csv file, or two lists."""
 
     law: Literal["curve"] = Field(description="name of the material law")
     coefficients: Annotated[tuple[float, ...], _COEFFICIENTS] | None = None
@@ -118,7 +118,7 @@ class CurveModel(_Common):
         """Return the material.
 
         Raises:
-            ValueError: the data are no valid curve.
+            ValueError: the data do not form a valid curve.
         """
         if self.coefficients is not None:
             data = CurveData.polynomial(self.coefficients, strain_max=self.strain_max)
@@ -148,7 +148,7 @@ class PresetModel(_Common):
         """Return the material.
 
         Raises:
-            ValueError: it is a filament, and Poisson's ratio is missing.
+            ValueError: the preset is a filament, and Poisson's ratio is missing.
         """
         return preset(self.preset, law=Law[self.law.upper()], scale=self.scale, **self.common)
 

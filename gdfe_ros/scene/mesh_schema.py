@@ -20,18 +20,25 @@ from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, RingModel, SphereShellModel, TubeModel
 from gdfe_ros.scene.paths import FilePath
 from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.rotation import RotationQuantity
 from gdfe_ros.scene.skin_schema import SCALE, SkinModel
 
 _CELL = Quantity("edge of the cubes", "m", above=0.0, most=1.0)
 _SIZE = Quantity("largest edge of the tetrahedra", "m", above=0.0, most=1.0)
 _AT = Quantity("position of the origin of its own frame [x, y, z]", "m", least=-1e3, most=1e3, count=3)
-_ROTATION = Quantity("rotation vector of its own frame [x, y, z]", "degrees", least=-36000, most=36000, count=3)
+_ROTATION = RotationQuantity(
+    "rotation vector of its own frame [x, y, z], or several in turn about fixed axes",
+    "degrees",
+    least=-36000,
+    most=36000,
+    count=3,
+)
 _OF_A_FILE = ("scale", "merge", "first_order")
 _ANYWHERE = (*_OF_A_FILE, "mirror")
 
 
 class VoxelsModel(Entry):
-    """A closed surface filled with cubes."""
+    """A body of cubes that fill a closed surface."""
 
     surface: FilePath = Field(description="path of an STL, OBJ, PLY or OFF file with a closed surface")
     cell: Annotated[float, _CELL]
@@ -48,7 +55,7 @@ class VoxelsModel(Entry):
 
 
 class TetsModel(Choice):
-    """A body from CAD, filled with quadratic tetrahedra."""
+    """A body of quadratic tetrahedra that fill a surface or the solids of a STEP file."""
 
     options: ClassVar[tuple[str, ...]] = ("size", "scale")
 
@@ -71,7 +78,7 @@ class TetsModel(Choice):
 
 
 class MeshModel(Choice):
-    """Exactly one kind of body."""
+    """The mesh of the body, with exactly one of these keys."""
 
     options: ClassVar[tuple[str, ...]] = _ANYWHERE
 
@@ -105,7 +112,7 @@ class MeshModel(Choice):
 
     @property
     def place(self) -> tuple[str, ...]:
-        """Key path of the body's description, relative to this entry, for errors."""
+        """Key path of the chosen kind of body or of its file, relative to this entry, for errors."""
         kind = self.chosen[0]
         if kind == "tets":
             return (kind, self.tets.chosen[0])
@@ -123,19 +130,19 @@ class MeshModel(Choice):
         return unpack_mesh(value) if kind == "embedded" else value.build()
 
     def embed(self, mesh: Mesh) -> dict[str, Any] | None:
-        """Return the entry that contains the mesh itself, or None if the entry needs no file."""
+        """Return an equivalent entry that contains the mesh instead of its file; None if this entry has no file."""
         if self.chosen[0] not in ("file", "voxels", "tets"):
             return None
         mirror = {} if self.mirror is None else {"mirror": self.mirror}
         return {"embedded": pack_mesh(mesh), **mirror}
 
     def reflect(self, mesh: Mesh) -> Mesh:
-        """Return the mesh made by `build`, with its skin, reflected if `mirror` is given."""
+        """Return a mesh from `build`, with its skin; reflected if `mirror` is given."""
         return mesh if self.mirror is None else mirrored(mesh, "xyz".index(self.mirror))
 
 
 class PlacedMeshModel(MeshModel):
-    """One of several meshes: exactly one kind of body, and its place."""
+    """One of several meshes, with its pose and exactly one of these keys."""
 
     options: ClassVar[tuple[str, ...]] = (*_ANYWHERE, "at", "rotation_deg", "skin")
 
@@ -144,11 +151,11 @@ class PlacedMeshModel(MeshModel):
     skin: SkinModel | None = None
 
     def place_part(self, mesh: Mesh) -> MeshPart:
-        """Return the mesh made by `build` at its place."""
+        """Return a mesh from `build` with the pose of this entry."""
         turn = Rotation.from_rotvec(np.radians(self.rotation_deg)).as_matrix()
         return MeshPart(mesh, at=np.array(self.at), rotation=turn)
 
     def embed(self, mesh: Mesh) -> dict[str, Any] | None:
-        """Return the entry that contains the mesh itself at its place, without its skin; None if it needs no file."""
+        """Return an equivalent entry that contains the mesh, without its skin; None if this entry has no file."""
         entry = super().embed(mesh)
         return entry and {**entry, "at": list(self.at), "rotation_deg": list(self.rotation_deg)}

@@ -39,14 +39,14 @@ class DampingModel(Entry):
 
 
 class BranchModel(Entry):
-    """A branch of a Prony series: stiffness that relaxes. The material's law is the stiffness after all relaxation."""
+    """A branch of a Prony series: stiffness that relaxes. The material's law is the stiffness after full relaxation."""
 
     share: Annotated[float, _SHARE]
     time: Annotated[float, _TIME]
 
 
 class DynamicsModel(Entry):
-    """Inertia, damping and time steps; without this entry every step is an equilibrium."""
+    """Inertia, damping and time steps; without this entry every step ends in a static equilibrium."""
 
     scheme: Scheme = Field(
         Dynamics.scheme,

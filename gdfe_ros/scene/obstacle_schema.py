@@ -22,6 +22,7 @@ from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.paths import FilePath
 from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.rotation import RotationQuantity
 from gdfe_ros.scene.where_schema import WhereModel
 
 _LENGTH = Quantity("length along z", "m", above=0.0, most=1e6)
@@ -33,7 +34,13 @@ _AT = Quantity(
     "m",
     count=3,
 )
-_ROTATION = Quantity("initial rotation vector [x, y, z]", "degrees", least=-36000, most=36000, count=3)
+_ROTATION = RotationQuantity(
+    "initial rotation vector [x, y, z], or several in turn about fixed axes",
+    "degrees",
+    least=-36000,
+    most=36000,
+    count=3,
+)
 _DENSITY = Quantity("density", "kg/m^3", above=0.0, most=1e6)
 _MASS = Quantity("mass, instead of the density", "kg", above=0.0, most=1e6)
 _SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
@@ -59,14 +66,14 @@ class BoxObstacleModel(Entry):
 
 
 class CapsuleModel(Entry):
-    """A cylinder about z with round ends; its length is the distance of their centres."""
+    """A cylinder along z with half balls at its ends; its length is the distance between the centres of the balls."""
 
     radius: Annotated[float, _RADIUS]
     length: Annotated[float, _LENGTH]
 
 
 class CylinderModel(Entry):
-    """A cylinder about z."""
+    """A cylinder along z."""
 
     radius: Annotated[float, _RADIUS]
     length: Annotated[float, _LENGTH]
@@ -89,22 +96,22 @@ class TriangleMeshModel(Choice):
         return self
 
     def build(self) -> TriangleMesh:
-        """Return the shape in the file's frame.
+        """Return the shape in the frame of the file.
 
         Raises:
-            MeshError: the surface cannot be read or used.
+            MeshError: the surface cannot be read, or is no valid solid.
         """
         if self.file is not None:
             return TriangleMesh(read_solid(self.file, scale=self.scale, cell=self.cell))
         return TriangleMesh(make_solid(*unpack_surface(self.embedded), cell=self.cell, where="the embedded surface"))
 
     def build_free(self) -> tuple[TriangleMesh, NDArray[np.float64], NDArray[np.float64]]:
-        """Return the shape about its centre of mass, that centre (3,) [m] and the shape's axes (3, 3) in the file.
+        """Return the shape in its principal frame, and the origin (3,) [m] and the axes (3, 3) of this frame.
 
-        The axes are the principal axes of inertia.
+        The origin is the centre of mass, and the axes are the principal axes of inertia, both in the file's frame.
 
         Raises:
-            MeshError: the surface cannot be read or used.
+            MeshError: the surface cannot be read, or is no valid solid.
         """
         where = "the embedded surface" if self.file is None else f"surface {self.file}"
         if self.file is None:
@@ -119,13 +126,13 @@ class TriangleMeshModel(Choice):
         return TriangleMesh(solid, original=(vertices, triangles)), found.centre, found.axes
 
     def embed(self, form: TriangleMesh) -> dict[str, Any]:
-        """Return the entry that contains the surface itself."""
+        """Return an equivalent entry that contains the surface instead of its file."""
         vertices, triangles = form.original or (form.solid.vertices, form.solid.triangles)
         return {"embedded": pack_surface(vertices, triangles), "cell": form.solid.cell}
 
 
 class ObstacleModel(Choice):
-    """A rigid object that the body cannot enter; a pose moves it like a handle."""
+    """A rigid object that the body cannot penetrate; a commanded pose moves it like a handle."""
 
     options: ClassVar[tuple[str, ...]] = ("at", "rotation_deg", "friction", "fixed", "gaps")
 
@@ -156,7 +163,7 @@ class ObstacleModel(Choice):
         """Return the obstacle.
 
         Raises:
-            MeshError: its surface cannot be read or used.
+            MeshError: its surface cannot be read, or is no valid solid.
         """
         turn = Rotation.from_rotvec(np.radians(self.rotation_deg))
         if self.plane is not None:
@@ -173,10 +180,10 @@ class ObstacleModel(Choice):
 
 
 def form_of(model: ObstacleModel | BodyModel) -> Form:
-    """Return the shape that an entry chooses.
+    """Return the shape of an obstacle or rigid body from its entry.
 
     Raises:
-        MeshError: its surface cannot be read or used.
+        MeshError: its surface cannot be read, or is no valid solid.
     """
     kind, chosen = model.chosen
     match kind:
@@ -194,7 +201,7 @@ def form_of(model: ObstacleModel | BodyModel) -> Form:
 
 
 class BodyModel(Choice):
-    """A rigid body that moves freely; it touches the body, obstacles and others, and needs `dynamics`."""
+    """A rigid body that moves freely and touches the soft body, obstacles and rigid bodies; it needs `dynamics`."""
 
     options: ClassVar[tuple[str, ...]] = ("density", "mass", "at", "rotation_deg", "friction", "gaps")
 
@@ -217,12 +224,13 @@ class BodyModel(Choice):
         return self
 
     def build(self, name: str, first: int) -> RigidBody:
-        """Return the rigid body with vertex ids from ``first`` on.
+        """Return the rigid body with the vertex ids ``first`` .. ``first`` + 3.
 
-        The frame of a mesh moves from the file's origin and axes to its centre of mass and its principal axes.
+        If its shape is a mesh, the origin of its frame is the centre of mass, and the axes are the principal axes,
+        instead of the origin and the axes of the file.
 
         Raises:
-            MeshError: its surface cannot be read or used.
+            MeshError: its surface cannot be read, or is no valid solid.
         """
         turn, origin = Rotation.from_rotvec(np.radians(self.rotation_deg)), self.at
         vector = tuple(np.radians(self.rotation_deg).tolist())

@@ -15,7 +15,7 @@ _FRICTION = Quantity("Coulomb's coefficient of friction", least=0.0, most=100.0)
 
 
 class SelfContactModel(Entry):
-    """Contact of the parts of the mesh with each other, and of each with itself."""
+    """Contact of the parts of the mesh with each other, and of each part with itself."""
 
     friction: Annotated[float, _FRICTION] = 0.0
     where: WhereModel | None = Field(

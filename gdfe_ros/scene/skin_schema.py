@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key `skin` of a scene file: a surface on the cells that is drawn, and optionally touches, instead of faces."""
+"""The key `skin` of a scene file: a surface that is drawn, and optionally touches, instead of the faces of cells."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="
 
 
 class SkinModel(Choice):
-    """A triangle surface carried by the cells and drawn instead of their faces; loads on cut cells act on it."""
+    """A triangle surface that follows the cells and is drawn instead of their faces; loads on cut cells act on it."""
 
     options: ClassVar[tuple[str, ...]] = ("scale", "contact")
 
@@ -39,14 +39,14 @@ class SkinModel(Choice):
 
     @property
     def place(self) -> tuple[str, ...]:
-        """Key path of the surface's description, relative to this entry, for errors."""
+        """Key path of the surface's file or embedded text, relative to this entry, for errors."""
         return (self.chosen[0],)
 
     def build(self, mesh: HexMesh) -> tuple[HexMesh, dict[str, Any]]:
-        """Return the mesh with the surface attached to its cells, and the entry that contains it without a file.
+        """Return the mesh with the skin, and an equivalent entry that contains the surface instead of its file.
 
         Raises:
-            MeshError: it cannot be read, does not fit the body, or cannot touch instead of it.
+            MeshError: the surface cannot be read, does not fit the body, or cannot be used for contact.
         """
         if self.embedded is not None:
             points, triangles = unpack_surface(self.embedded)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key `where` of a scene file: selection of vertices or cells."""
+"""The key `where` of a scene file: selection of vertices, cells or faces."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _Interval = Annotated[tuple[float, float], _INTERVAL]
 
 
 class BoxModel(Entry):
-    """Closed intervals; an axis left out is unbounded."""
+    """A box of closed intervals; an axis that is left out is not limited."""
 
     x: _Interval | None = None
     y: _Interval | None = None
@@ -52,7 +52,7 @@ class SphereModel(Entry):
 
 
 class WhereModel(Choice):
-    """A selection by exactly one of these keys, in the whole body or in one of several meshes; `any` joins several."""
+    """A selection by exactly one of these keys, in the whole body or in one of the `meshes`; `any` unites several."""
 
     options: ClassVar[tuple[str, ...]] = ("mesh",)
     alone: ClassVar[tuple[str, ...]] = ("mesh",)
@@ -78,7 +78,7 @@ class WhereModel(Choice):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the meshes that it refers to."""
+        """Names of the meshes to which the selection refers."""
         own = () if self.mesh is None else (self.mesh,)
         return own + tuple(name for place in self.any or () for name in place.names)
 
