@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The moving pictures of README and docs/: ``python -m docs.scripts.animation`` makes the runs and draws them.
+"""The animations of README and docs/: ``python -m docs.scripts.animation`` makes the runs and draws them.
 
-Robots play their scene's program; a bag is shown beside its replay, a slender bar with and without the second level.
+They show robots that play their scene's program, a bag above its replay, and a slender bar with and without the second
+level.
 """
 
 from __future__ import annotations
@@ -28,16 +29,16 @@ ROBOTS = ("three_chamber_arm", "gripper", "tendon_finger")
 BAG = "bend5_wall"
 FRAMES, STEPS_A_FRAME = 24, 4
 WIDTH = 560
-"""Of a picture [pixels]."""
+"""Width of a picture [px]."""
 SECONDS, QUALITY = 4.0, 60
-"""Of a moving picture; WebP's quality leaves a few hundred kilobytes."""
+"""Duration [s] and WebP quality of an animation; with this quality a file has a few hundred kilobytes."""
 
 State = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Vertices (n, 3) [m] and equivalent strain of the cells (m,)."""
 
 
 def draw_robot(name: str) -> Path:
-    """Play a scene's program in small steps and draw every few of them, coloured by equivalent strain."""
+    """Play a scene's program in small steps and draw every n-th step, coloured by equivalent strain."""
     simulation = Simulation(load_scene(name))
     states = [(simulation.positions.copy(), simulation.fields().eps_eq)]
     for number, result in enumerate(simulation.play(FRAMES * STEPS_A_FRAME), start=1):
@@ -49,7 +50,7 @@ def draw_robot(name: str) -> Path:
 
 
 def draw_replay(bag: str) -> Path:
-    """Draw what a node recorded above what the replay makes of it, every second step."""
+    """Draw every second step of a recorded run, above the same step of its replay."""
     run = BagRun(ROOT / "bags" / bag)
     replay = Replay(run)
     recorded, repeated, times = [], [], []
@@ -66,7 +67,7 @@ def draw_replay(bag: str) -> Path:
 
 
 def _pictures(mesh: HexMesh, states: Sequence[State], titles: Sequence[str]) -> list[Image.Image]:
-    """Draw states on one scale."""
+    """Return pictures of states with one length scale and one colour scale."""
     around = np.array([corner for places, _ in states for corner in (places.min(axis=0), places.max(axis=0))])
     limits = 0.0, max(float(strain.max()) for _, strain in states)
     pictures = []
@@ -81,7 +82,7 @@ def _pictures(mesh: HexMesh, states: Sequence[State], titles: Sequence[str]) -> 
 
 
 def _stack(pictures: Sequence[Image.Image]) -> Image.Image:
-    """Put pictures of one size one below the other."""
+    """Return one picture with all pictures, which have the same size, below each other."""
     first = pictures[0]
     whole = Image.new("RGB", (first.width, first.height * len(pictures)))
     for place, picture in enumerate(pictures):
@@ -90,7 +91,7 @@ def _stack(pictures: Sequence[Image.Image]) -> Image.Image:
 
 
 def _write(pictures: Sequence[Image.Image], name: str) -> Path:
-    """Write a moving picture that is repeated for ever."""
+    """Write an animation that repeats forever."""
     path, (first, *others) = IMAGES / f"{name}.webp", pictures
     duration = round(1000 * SECONDS / len(pictures))
     first.save(path, save_all=True, append_images=others, duration=duration, loop=0, quality=QUALITY)
@@ -98,7 +99,7 @@ def _write(pictures: Sequence[Image.Image], name: str) -> Path:
 
 
 def main() -> None:
-    """Draw all of them."""
+    """Draw all animations."""
     for path in [*map(draw_robot, ROBOTS), draw_replay(BAG), _write(draw_iterations(), "slender_bar")]:
         print(f"written: {path} ({path.stat().st_size / 1e3:.0f} kB)")
 

@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def _frame(axes: Axes, simulation: Simulation, time: float) -> None:
-    """Draw arm, hand, box and table."""
+    """Draw arm, hand, box and table at a ``time`` [s]."""
     faces: list[tuple[NDArray[np.float64], tuple[float, float, float]]] = []
     arm = simulation.scene.arms[0]
     states = simulation.joint_states()
@@ -69,7 +69,7 @@ def _frame(axes: Axes, simulation: Simulation, time: float) -> None:
 
 
 def _add(axes: Axes, shapes: list[tuple[NDArray[np.float64], tuple[float, float, float]]]) -> None:
-    """Draw the faces of all shapes as one collection, so that they hide each other by their depth."""
+    """Draw the faces of all shapes as one collection, so that they are sorted by depth."""
     light, polygons, colours = np.array([0.3, -0.5, 0.8]), [], []
     for faces, colour in shapes:
         normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])

@@ -22,15 +22,15 @@ PRESSURE, SIZE = 12e3, 0.005
 
 @dataclass(frozen=True)
 class Finger:
-    """Dimensions [mm]: chambers in a row, with gaps between them above a common base with a channel.
+    """Dimensions [mm] of the finger: a row of chambers with gaps between them, above a common base with a channel.
 
     Attributes:
-        chambers: their number.
+        chambers: number of chambers.
         pitch: distance from one chamber to the next.
         gap: width of the gaps between them.
         width, height: of the finger.
         wall: thickness of the chambers' walls.
-        base: thickness of the base under the channel, which does not stretch as the chambers do.
+        base: thickness of the base under the channel; the base stretches less than the chambers.
         channel: height and width of the channel that connects the chambers.
     """
 
@@ -45,7 +45,7 @@ class Finger:
 
 
 def draw(finger: Finger, path: Path) -> None:
-    """Write the finger as STEP; to be called in a process of its own, as gmsh's licence asks."""
+    """Write the finger as STEP. Call this in a separate process, because gmsh's licence requires it."""
     import gmsh
 
     gmsh.initialize()
@@ -70,7 +70,7 @@ def draw(finger: Finger, path: Path) -> None:
 
 
 def main() -> None:
-    """Draw, make the scene, solve it and write the picture."""
+    """Draw the finger, make the scene, solve it and write the picture."""
     with tempfile.TemporaryDirectory() as folder:
         step, scene = Path(folder) / "finger.step", Path(folder) / "finger.yaml"
         code = f"from docs.scripts.cad_finger import *; draw(Finger(), Path({str(step)!r}))"

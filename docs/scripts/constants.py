@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The constants that decide about results, with their reasons, read from the code and its docstrings."""
+"""The constants that influence results, with their explanations, read from the code and its docstrings."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from benchmarks.markdown import markdown_table
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = ("solver", "actuators", "constraints", "materials", "mesh")
 LAYOUTS = ("blocks", "lanes")
-"""Modules whose constants number rows and columns."""
+"""Modules whose constants are only numbers of rows and columns."""
 
 
 @dataclass(frozen=True)
 class Constant:
-    """Constants of one assignment: in what room and module, names and values as written, and why they are that."""
+    """Constants of one assignment: folder (room) and module, names and values as in the code, and explanation."""
 
     room: str
     module: str
@@ -28,13 +28,13 @@ class Constant:
 
 
 def constants() -> list[Constant]:
-    """Find the named numbers at the top of the modules, in the order of the modules."""
+    """Return the numeric constants of all modules, in the order of the modules."""
     paths = ((room, path) for room in ROOMS for path in sorted((ROOT / "gdfe_ros" / room).rglob("*.py")))
     return [found for room, path in paths if path.stem not in LAYOUTS for found in _of_module(room, path)]
 
 
 def constant_table() -> str:
-    """Return a table for each room."""
+    """Return a Markdown table for each of `ROOMS`."""
     parts = []
     for room in ROOMS:
         rows = [
@@ -66,7 +66,7 @@ def _of_module(room: str, path: Path) -> Iterator[Constant]:
 
 
 def _comment(lines: list[str], number: int) -> str:
-    """Return the comment ``#: ...`` above a line."""
+    """Return the comment ``#: ...`` above line ``number``."""
     first = last = number - 1
     while first and lines[first - 1].startswith("#:"):
         first -= 1
@@ -74,7 +74,7 @@ def _comment(lines: list[str], number: int) -> str:
 
 
 def _is_number(node: ast.expr) -> bool:
-    """Tell whether an expression is a number: literals, sums and products, turns in degrees, tuples of them."""
+    """Return whether an expression is a number: a literal, sum, product, angle in degrees, or a tuple of these."""
     if isinstance(node, ast.Constant):
         return type(node.value) in (int, float)
     if isinstance(node, ast.Tuple):
@@ -87,7 +87,7 @@ def _is_number(node: ast.expr) -> bool:
 
 
 def _numbers(values: list[ast.expr]) -> bool:
-    """Tell whether values only number something: 0, 1, 2 ..."""
+    """Return whether the values are only the indices 0, 1, 2 ..."""
     return [ast.unparse(value) for value in values] == [str(k) for k in range(len(values))]
 
 

@@ -23,20 +23,20 @@ from gdfe_ros.simulation import Simulation
 
 IMAGES = Path(__file__).resolve().parents[1] / "images"
 NEAR = 1e-6
-"""Seconds by which a step may come before the moment that is drawn."""
+"""Largest time [s] by which a drawn step may precede the requested moment."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shot:
-    """How a scene is drawn.
+    """Options for drawing a scene.
 
     Attributes:
-        moments: when [s].
+        moments: drawn times [s].
         view: elevation and azimuth [deg].
-        size: of a panel [inches].
-        zoom: of what is in it.
-        below: whether panels are below, not beside, each other.
-        cut: whether only the half behind y = 0 of the body is drawn.
+        size: size of a panel [inches].
+        zoom: magnification inside a panel.
+        below: whether panels are below each other, not beside each other.
+        cut: whether only the half of the body behind y = 0 is drawn.
     """
 
     moments: tuple[float, ...]
@@ -59,7 +59,7 @@ SHOTS = {
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A moment: time [s], positions (n, 3) [m], strain of each cell (m,), poses of the obstacles."""
+    """State of a scene: time [s], positions (n, 3) [m], strains of the cells (m,), poses of the obstacles."""
 
     time: float
     positions: NDArray[np.float64]
@@ -68,7 +68,7 @@ class Frame:
 
 
 def filmed(simulation: Simulation, moments: tuple[float, ...]) -> list[Frame]:
-    """Play a scene and keep its moments.
+    """Play a scene and return its states at the requested moments.
 
     Raises:
         RuntimeError: a step did not converge.
@@ -87,7 +87,7 @@ def filmed(simulation: Simulation, moments: tuple[float, ...]) -> list[Frame]:
 
 
 def draw_scene(path: Path, name: str, shot: Shot) -> None:
-    """Play a scene and draw it at its moments, on one scale, into a PNG file."""
+    """Play a scene and draw its moments with one scale into a PNG file."""
     simulation = Simulation(load_scene(name))
     frames = filmed(simulation, shot.moments)
     rows, columns = (len(frames), 1) if shot.below else (1, len(frames))
@@ -109,7 +109,7 @@ def draw_scene(path: Path, name: str, shot: Shot) -> None:
 
 
 def _draw(axes: Axes, simulation: Simulation, frame: Frame, things: list[NDArray], most: float, shot: Shot) -> None:
-    """Draw body and obstacles; the body over these, unless it is cut and they are in it."""
+    """Draw body and obstacles. The body is drawn over the obstacles, unless it is cut open and contains them."""
     quads = frame.positions[simulation.mesh.surface()]
     colours = matplotlib.colormaps[COLOURS](np.clip(frame.strain / most, 0.0, 1.0))
     faces = shaded(colours[simulation.mesh.boundary.cells], quads)
@@ -135,7 +135,7 @@ def _frame(axes: Axes, points: NDArray[np.float64], shot: Shot) -> None:
 
 
 def main(names: list[str]) -> None:
-    """Draw the scenes of these names, all where there are none, and name the files."""
+    """Draw the scenes with these names, or all scenes if there are no names, and print the names of the files."""
     for name in names or SHOTS:
         path = IMAGES / f"{name}.png"
         draw_scene(path, name, SHOTS[name])

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What README and the pages of docs/ have from the code and from the kept reports, put between its marks.
+"""Texts in README and docs/ that are printed from the code and from the stored reports, between marks.
 
-``python -m docs.scripts.generate`` writes it; ``make docs`` does that before it builds the pages.
+``python -m docs.scripts.generate`` writes them into the pages; ``make docs`` runs it before it builds the pages.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def pages() -> list[Path]:
-    """Return README and every page of docs/."""
+    """Return the paths of README and of every page of docs/."""
     return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def texts() -> dict[str, str]:
-    """Return everything that is printed into pages, by the name in its marks; below a table stands who made it."""
+    """Return dict from the name in the marks to the text that is printed there; tables end with their provenance."""
     found = {
         "scene": scene_reference.markdown(),
         "node": node_reference.markdown(),
@@ -60,7 +60,7 @@ def texts() -> dict[str, str]:
 
 
 def manners_table(report: Mapping[str, Any]) -> str:
-    """Return what was asked of a node from outside, expected and found, a table for each group of questions."""
+    """Return a table for each group of checks of a node from outside: check, expected result and result."""
     parts = []
     for group, rows in groupby(report["rows"], key=lambda row: row[0]):
         table = markdown_table(("asked", "expected", "found"), [[f"{cell}" for cell in row[1:]] for row in rows])
@@ -89,11 +89,11 @@ TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "threads": threads.thread_table,
     "torture": all_tables,
 }
-"""What makes the tables of each file in `KEPT`: one that has the file's name, or several by their names."""
+"""Dict from file in `KEPT` to the function that returns its table, or a dict from name to each of its tables."""
 
 
 def main() -> None:
-    """Write every page anew that is not up to date, and name it."""
+    """Write every page that is not up to date, and print its name."""
     printed = texts()
     for page in pages():
         text = page.read_text(encoding="utf-8")

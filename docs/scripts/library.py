@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of the material library in docs/fitting.md, from the library itself."""
+"""The table of the material library in docs/fitting.md, made from the library."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _HEAD = (
 
 
 def library_table() -> str:
-    """Return a row for each material."""
+    """Return the Markdown table with a row for each material."""
     rows = []
     for name, recipe in LIBRARY.items():
         constants = [", ".join(f"{value:.4g}" for value in numbers) for numbers in

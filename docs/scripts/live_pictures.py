@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draw the pictures of the live page in the documentation: real runs in a real Chromium.
+"""Draws the pictures of the live page in the documentation: screenshots of Chromium while scenes are played.
 
 python -m docs.scripts.live_pictures [SCENE ...]
 """
@@ -19,18 +19,18 @@ from gdfe_ros.simulation import Simulation
 
 IMAGES = Path(__file__).parent.parent / "images"
 MOMENTS = {"tendon_finger": ("live.png", 1.25, 0.25), "finger_press": ("live_contact.png", 3.0, 0.1)}
-"""Of each scene: the file, when it is drawn [s], and the time of a step [s]."""
+"""Dict from scene to the picture's file, its simulation time [s], and the time step [s]."""
 
 
 def main() -> None:
-    """Play each scene's program before a Chromium, hold it, and keep what that shows."""
+    """Play each scene's program in Chromium, pause it at its moment, and write a screenshot."""
     for name in sys.argv[1:] or MOMENTS:
         file, moment, dt = MOMENTS[name]
         draw(name, IMAGES / file, moment=moment, dt=dt)
 
 
 def draw(name: str, path: Path, *, moment: float, dt: float) -> None:
-    """Draw a scene at a moment of its program [s], which steps of ``dt`` [s] lead to."""
+    """Draw a scene at a ``moment`` of its program [s], which is reached in steps of ``dt`` [s]."""
     scene = load_scene(name)
     page = Page(host="127.0.0.1", port=8780, frames=30.0)
 

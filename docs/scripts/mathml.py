@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hook of mkdocs: formulas between dollar signs become MathML, which browsers draw themselves, also offline."""
+"""Hook of mkdocs that converts formulas between dollar signs to MathML, which browsers can draw offline."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from latex2mathml.converter import convert
 _CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.DOTALL)
 _FORMULA = re.compile(r"\$\$(?P<block>.+?)\$\$|\$(?P<inline>(?:[^$\n]|\n(?!\n))+)\$", re.DOTALL)
 _PRIME = re.compile(r"<msup>(<m[io]>[^<]*</m[io]>)<mi>&#x02032;</mi></msup>")
-"""A prime is raised by itself; as a superscript it would fly off."""
+"""A prime is already raised; as a superscript it would be drawn too high."""
 _formulas: list[str] = []
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put a word that Markdown leaves alone in the place of each formula outside of code."""
+    """Replace each formula outside code by a word that Markdown does not change."""
     _formulas.clear()
     parts = _CODE.split(markdown)
     parts[::2] = [_FORMULA.sub(_hold, part) for part in parts[::2]]
@@ -24,7 +24,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """Put the formulas back, as MathML."""
+    """Replace these words by the formulas as MathML."""
     return re.sub(r"FORMULA(\d+)END", lambda found: _formulas[int(found[1])], html)
 
 

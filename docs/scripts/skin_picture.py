@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CAD to picture: ``python -m docs.scripts.skin_picture`` makes a tube as an STL, bends it as a scene, and draws it."""
+"""CAD to picture: ``python -m docs.scripts.skin_picture`` makes a tube as STL, bends it in a scene, and draws it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from gdfe_ros.analysis.picture import draw_body
 
 IMAGE = Path(__file__).resolve().parents[1] / "images" / "skin.png"
 LENGTH, OUTER, INNER = 0.10, 0.010, 0.006
-"""Of the tube [m]."""
+"""Length, outer radius and inner radius of the tube [m]."""
 ANGLE, STEPS = np.radians(70.0), 5
-"""By which its axis is bent [rad], and in how many steps."""
+"""Bending angle of the tube's axis [rad], and number of steps."""
 SCENE = """
 name: silicone_tube
 mesh: {voxels: {surface: tube.stl, cell: 0.0025, cells: cut}}
@@ -28,7 +28,7 @@ handles: {base: {where: {face: x-}, fixed: true}, end: {where: {face: x+}}}
 
 
 def main() -> None:
-    """Write the surface and the scene, bend the tube along an arc, draw its skin."""
+    """Write the surface and the scene, bend the tube along an arc, and draw its skin."""
     tube = trimesh.creation.annulus(INNER, OUTER, LENGTH, sections=96)
     tube.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
     with TemporaryDirectory() as folder:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The moving picture of a slender bar that finds its equilibrium with and without the second level."""
+"""Animation of the iterations of a slender bar to its equilibrium, with and without the second level."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ handles: {base: {where: {face: x-}, fixed: true}}
 loads: {weight: {gravity: [0, 0, -0.25]}}
 solver: {max_iterations: 5000}
 """
-"""A bar of fifty times its thickness that sags by a third of its length."""
+"""A bar whose length is 50 times its thickness; it sags by a third of its length."""
 MOST, FRAMES = 2000, 40
-"""Iterations shown, and pictures they are spread over, evenly in their logarithm."""
+"""Largest shown number of iterations, and number of pictures. Their iterations are evenly spaced in the logarithm."""
 COLOURS = {"constant matrix and kept tangent": "#1b6ca8", "constant matrix alone": "#d1495b"}
 
 Line = NDArray[np.float64]
-"""Mean vertices of the cross sections (s, 3) [m]."""
+"""Mean vertex positions of the cross-sections (s, 3) [m]."""
 
 
 def draw_iterations() -> list[Image.Image]:
-    """Draw the bar after more and more iterations of its first step, with both methods, and the equilibrium."""
+    """Draw the bar after increasing numbers of iterations of its first step, with both methods, and its equilibrium."""
     counts = np.unique(np.geomspace(1.0, MOST, FRAMES).astype(int))
     true, with_level = _bar(), _paths(_bar(), counts)
     with patch.object(slender, "SLENDER", 0.0):
@@ -54,7 +54,7 @@ def _bar() -> Simulation:
 
 
 def _paths(simulation: Simulation, counts: NDArray[np.int64]) -> list[Line]:
-    """Return the bar's line after so many iterations, each call going on where the one before was cut."""
+    """Return the bar's line after each number of iterations; each solve continues the previous one."""
     lines, done, converged = [], 0, False
     for count in counts:
         if not converged:
