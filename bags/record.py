@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records the bags of this directory with the shipped node, and replays each: ``make bags``.
+"""Records the bags of this directory with the shipped node, and replays each bag: ``make bags``.
 
-Run it after a change that alters results on purpose; tests replay the bags as they are.
+Run it after a change that alters results on purpose. The tests replay the present bags.
 """
 
 from __future__ import annotations
@@ -32,17 +32,18 @@ HEADINGS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """How one bag is made: the program of a scene, played to the node over topics.
+    """Recipe of one bag: the program of a scene is played to the node over topics.
 
     Attributes:
-        scene: name.
-        steps: into which the program is cut.
-        dt: simulation time of a step [s]; programs are played slower than they are written where it asks for that.
-        shows: what, for the README.
-        within: times the tolerance by which a replay on another processor may differ: ten where the estimate of the
-            solver is one of the distance to the equilibrium; soft slender robots are up to a thousand times farther.
-        overrides: of the scene, beside the tolerance.
-        parameters: of the node, beside lockstep.
+        scene: name of the scene.
+        steps: number of steps into which the program is divided.
+        dt: simulation time of a step [s]; if steps * dt exceeds the program's duration, the program is played slower.
+        shows: contents of the bag, for the README.
+        within: allowed difference of a replay on another processor, in multiples of the solver's tolerance. It is 10
+            for bags of equilibria, and 1000 if deadlines end solves, because the distance to the equilibrium is then
+            unknown.
+        overrides: overrides of the scene, in addition to the tolerance.
+        parameters: parameters of the node, in addition to those for lockstep and recording.
     """
 
     scene: str
@@ -94,7 +95,11 @@ RECORDINGS = {
 
 
 def main() -> int:
-    """Record all, or those named on the command line; return 0 where every replay is bit-identical."""
+    """Record all bags, or the bags named on the command line, and return the exit status.
+
+    It is 0 if every replay is bit-identical and all bags together have at most `LIMIT` bytes, 1 if not, and 2 if a name
+    is unknown.
+    """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     unknown = sorted(set(sys.argv[1:]) - set(RECORDINGS))
     if unknown:
@@ -108,7 +113,7 @@ def main() -> int:
 
 
 def describe() -> None:
-    """Replay every bag and write the table of the README."""
+    """Replay every bag, and write the table of the README."""
     readme = HERE / "README.md"
     rows = [row(name) for name in RECORDINGS if (HERE / name).is_dir()]
     before, _, rest = readme.read_text(encoding="utf-8").partition(BEGIN)
@@ -119,7 +124,7 @@ def describe() -> None:
 
 
 def row(name: str) -> str:
-    """Give what the README says about a bag."""
+    """Replay a bag and return its row in the table of the README."""
     run, recording = BagRun(HERE / name), RECORDINGS[name]
     report = Replay(run).run()
     cut = sum(record.cut for record in run.records)
@@ -140,7 +145,7 @@ def row(name: str) -> str:
 
 
 def make(name: str) -> bool:
-    """Record one bag in place of the old one and replay it."""
+    """Record one bag in place of the old one, replay it, and return whether the replay is bit-identical."""
     target, fresh = HERE / name, HERE / f".{name}"
     shutil.rmtree(fresh, ignore_errors=True)
     record(RECORDINGS[name], fresh / name)
@@ -157,10 +162,10 @@ def make(name: str) -> bool:
 
 
 def record(recording: Recording, bag: Path) -> None:
-    """Play the scene's program to a node that records.
+    """Play the scene's program to a node that records the bag.
 
     Raises:
-        GdfeError: the node ended or did not answer.
+        GdfeError: the node ended or did not respond.
     """
     overrides = {"solver.tolerance": f"{TOLERANCE:g}", **recording.overrides}
     scene = load_scene(recording.scene, overrides=overrides)

@@ -5,7 +5,7 @@ Example:
     >>> from gdfe_ros import Simulation, load_scene
     >>> simulation = Simulation(load_scene("bend5"))
 
-Importing this package loads neither numpy nor numba nor ROS: the public names are fetched on first use.
+Importing this package loads neither numpy nor numba nor ROS. The public names are imported on first use.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits BLAS to one thread for small matrices.
 
-On small frontal matrices the threads of BLAS wait for each other longer than they work, in particular beside another
-busy process.
+For small frontal matrices, the threads of BLAS wait for each other longer than they compute, in particular while
+another process is busy.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ except ImportError:  # an optional dependency: without it OPENBLAS_NUM_THREADS a
 
 _lock = threading.Lock()
 _limiters: list[object] = []
-"""One for each open context of any thread; the first one knows the former number."""
+"""One limiter for each open context of any thread. The first limiter has the original number of threads."""
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit BLAS to one thread in this context.
+    """Limit BLAS to one thread inside the ``with`` block.
 
-    The limit holds for the whole process. The last of several contexts that overlap in different threads restores the
-    former number.
+    The limit applies to the whole process. If contexts overlap in different threads, the last one restores the original
+    number of threads.
     """
     if ThreadpoolController is None:
         yield

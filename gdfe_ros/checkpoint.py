@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Saving and restoring the whole state of a simulation; the steps after a restore are bitwise identical.
 
-A checkpoint is a zip archive of numpy arrays (``.npz``) and two texts. ``head.json`` has the format, the package
-version and the origin of the state. ``state.json`` is the tree of `gdfe_ros.solver.state.State`; its leaves are
-numbers, texts and names of arrays. Shapes and SI units are documented at the attributes of `State` and its classes.
-Data that follow from the scene (mesh, operators, factored matrix) are left out. On restoring they come from the
-simulation, which must have the same scene, settings and package version.
+A checkpoint is a zip archive of numpy arrays (``.npz``) and two text files. ``head.json`` contains the format, the
+package version, and data that identify the scene. ``state.json`` is the tree of `gdfe_ros.solver.state.State`; its
+leaves are numbers, texts and names of arrays. Shapes and SI units are documented at the attributes of `State` and its
+classes. Data that follow from the scene (mesh, operators, factored matrix) are left out. The simulation into which a
+state is restored already has them. It must have the same scene, settings and package version.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def load_state(simulation: Simulation, data: bytes) -> None:
 
 
 def _difference(key: str, given: object, own: str) -> str:
-    """Return a message about an entry of a state's head that differs from the simulation's, without digests."""
+    """Return a message about an entry of ``head.json`` that differs from the simulation's; digests are not printed."""
     if key != "scene":
         return f"its {key} is {given}, the simulation's {own}"
     remedy = "remedy: load it with the scene, the overrides and the files (meshes, skins) that it was saved with"

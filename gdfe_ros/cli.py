@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    """Return the parser; only the module of the requested subcommand is imported."""
+    """Return the parser of the command line; only the module of the requested subcommand is imported."""
     parser = argparse.ArgumentParser(
         prog="gdfe", description="Soft-robot simulation by geometry-driven finite elements."
     )

@@ -21,11 +21,11 @@ VIRIDIS = np.array(
         [0.993, 0.906, 0.144],
     ]
 )
-"""Red, green and blue (11, 3) in sRGB, 0 to 1, at equal intervals."""
+"""Red, green and blue (11, 3) in sRGB, from 0 to 1, at equally spaced values."""
 
 NOISE = 1e-5
-"""Least width of a colour range, for a field without a unit or for lengths over the body's size; smaller differences
-are noise.
+"""Least width of a colour range, for a field without a unit, or for lengths divided by the body's size. Smaller
+differences are noise.
 """
 
 
@@ -35,7 +35,7 @@ def colour_range(low: float, high: float, *, noise: float = NOISE) -> tuple[floa
 
 
 def colour(values: NDArray[np.float64], low: float | None = None, high: float | None = None) -> NDArray[np.float64]:
-    """Return red, green and blue (m, 3), 0 to 1, of values (m,) between two bounds; by default their extremes."""
+    """Return red, green and blue (m, 3), 0 to 1, of values (m,) in a range; None: the least or largest value."""
     low = values.min() if low is None else low
     span = (values.max() if high is None else high) - low
     place = np.clip((values - low) / span, 0.0, 1.0) if span > 0.0 else np.zeros_like(values)

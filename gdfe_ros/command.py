@@ -25,20 +25,22 @@ from gdfe_ros.solver.state import Snapshot
 FARTHEST = 1000.0
 """Limits of a commanded pose: largest translation [body lengths] and largest rotation [revolutions]."""
 MOST_INFLATED = 1000.0
-"""Largest commanded volume of a chamber, over its undeformed volume. At this limit its walls are ten times as wide."""
+"""Largest commanded volume of a chamber, divided by its undeformed volume. At this limit its walls are ten times as
+long and wide.
+"""
 
 
 @dataclass(frozen=True)
 class Command:
-    """Absolute targets; items that are not named keep their last target.
+    """Absolute targets of one step; items that are not named keep their last target.
 
     Attributes:
-        handles: pose of each named handle relative to its rest pose.
-        actuators: command of each named actuator in the unit of its mode, e.g. a tension [N]; of a growth, 0 to 1.
-        loads: factor on each named load; 1 before the first command.
-        bodies: pose of each named rigid body relative to its rest pose. The body is teleported there before the step,
-            with zero velocity, and then moves freely again.
-        joints: position of each named joint of an arm [rad] or [m]; the joint approaches it within its limits.
+        handles: dict from handle to its pose relative to its rest pose.
+        actuators: dict from actuator to its command in the unit of its mode, e.g. a tension [N]; for growth, 0 to 1.
+        loads: dict from load to the factor on it; the factor is 1 before the first command.
+        bodies: dict from rigid body to its pose relative to its rest pose. The body is teleported to this pose before
+            the step, with zero velocity, and then moves freely again.
+        joints: dict from joint of an arm to its position [rad] or [m]; the joint approaches it within its limits.
     """
 
     handles: Mapping[str, Pose] = field(default_factory=dict)
@@ -52,11 +54,11 @@ class Orders:
     """The commands that a scene accepts, and their limits.
 
     Args:
-        scene: its handles, actuators and loads.
+        scene: scene with the handles, actuators and loads.
         settings: of the solver.
 
     Attributes:
-        text: text that determines the scene's equilibria: scene, policy and torsion.
+        text: scene file, policy and torsion, which together determine the equilibria.
     """
 
     def __init__(self, scene: Scene, settings: SolverSettings) -> None:
@@ -88,7 +90,7 @@ class Orders:
         return self._actuators[name]
 
     def probes(self, names: Sequence[str] | None) -> list[Embedding]:
-        """Return probes by their names; None: all.
+        """Return the probes with these names; None: all probes.
 
         Raises:
             CommandError: no such probe.
@@ -100,7 +102,7 @@ class Orders:
         return [known[name] for name in (known if names is None else names)]
 
     def targets(self, command: Command | None, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return the targets of all handles after a command.
+        """Return dict from handle to its target after a command, given the ``last`` targets.
 
         Raises:
             CommandError: the argument is not a `Command`; a handle is unknown or fixed, or its target is out of reach.
@@ -127,7 +129,7 @@ class Orders:
         return targets
 
     def places(self, command: Command | None) -> dict[str, Pose]:
-        """Return the poses to which rigid bodies are teleported.
+        """Return dict from rigid body to the pose to which a command teleports it.
 
         Raises:
             CommandError: a body is unknown, or its pose is not a `Pose` or out of reach.
@@ -143,7 +145,7 @@ class Orders:
         return places
 
     def require_own(self, snapshot: Snapshot) -> None:
-        """Raise an error for a snapshot of another scene: its forces differ even if its shape is the same.
+        """Check that a snapshot belongs to this scene; forces of another scene differ even for the same positions.
 
         Raises:
             CommandError: the scene's text (materials, dynamics or anything else), the policy or the torsion differs.
@@ -165,7 +167,7 @@ class Orders:
             )
 
     def values(self, command: Command | None, last: Mapping[str, float]) -> dict[str, float]:
-        """Return the commands of all actuators and loads after a command.
+        """Return dict from actuator or load to its target value after a command, given the ``last`` values.
 
         Raises:
             CommandError: an actuator or load is unknown, or its command is out of range.
@@ -191,7 +193,7 @@ class Orders:
         return values
 
     def _require_room(self, actuator: Actuator, value: float) -> None:
-        """Raise CommandError for a volume that the walls of the chamber cannot follow."""
+        """Raise CommandError for a chamber's volume above `MOST_INFLATED` times its undeformed volume."""
         if actuator.mode is not Mode.VOLUME:
             return
         rest = enclosed_volume(actuator.at(self._scene.mesh.vertices), actuator.quads)
@@ -202,7 +204,7 @@ class Orders:
             )
 
     def within_rates(self, values: Mapping[str, float], present: Mapping[str, float], dt: float) -> dict[str, float]:
-        """Return the commands after ``dt`` [s], limited by the actuators' rates."""
+        """Return ``values``, limited to changes from ``present`` that the actuators' rates allow in ``dt`` [s]."""
         limited = dict(values)
         for name, actuator in self._actuators.items():
             if np.isfinite(actuator.rate):
@@ -212,10 +214,10 @@ class Orders:
 
 
 def require_snapshot(given: object) -> None:
-    """Raise an error unless the argument is a snapshot.
+    """Check that the argument is a snapshot.
 
     Raises:
-        CommandError: it is something else.
+        CommandError: the argument is something else.
     """
     if not isinstance(given, Snapshot):
         raise CommandError(f"a snapshot is what Simulation.snapshot returned; got {given!r}")
@@ -225,7 +227,7 @@ def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[n
     """Return a checked copy of given positions [m].
 
     Raises:
-        CommandError: they have another shape, or a value is not finite.
+        CommandError: the positions have another shape, or a value is not finite.
     """
     try:
         given = np.array(positions, dtype=np.float64, order="C")
@@ -250,7 +252,7 @@ def _require_number(what: str, value: object) -> None:
 
 
 def _range(actuator: Actuator) -> str:
-    """Return the range of an actuator's command in words."""
+    """Return the range of an actuator's command as text, with its unit."""
     return f"{actuator.low:g} to {actuator.high:g} {actuator.mode.unit}".rstrip()
 
 

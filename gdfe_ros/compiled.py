@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Options of numba for the kernels: cached on disk, without the GIL, IEEE division instead of exceptions.
 
-Numba recompiles a kernel when its own file changes, but not when a constant or a kernel that it imports changes. After
-editing an imported one, delete the ``__pycache__`` folders (``make clean``).
+Numba recompiles a kernel when its own file changes, but not when an imported constant or kernel changes. After such a
+change, delete the ``__pycache__`` folders (``make clean``).
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ kernel = njit(**_EXACT, cache=True, forceinline=False)
 """Decorator of compiled functions without reassociation of sums."""
 
 internal = njit(**_EXACT, cache=True, forceinline=False, no_cpython_wrapper=True)
-"""Decorator of functions that only other kernels call: without an entry for Python they compile and load faster."""
+"""Decorator of functions that only other kernels call. Without an entry for Python they compile and load faster."""
 
 inlined = njit(**_EXACT, forceinline=True, no_cpython_wrapper=True)
-"""Decorator of the parts of an element kernel. They are always inlined; structs and tuples thus stay in registers."""
+"""Decorator of the parts of an element kernel. They are always inlined; this keeps structs and tuples in registers."""
 
 merged = njit(nogil=True, error_model="numpy", inline="always")
 """Decorator of a function that is compiled as part of its only caller: it has no code of its own and compiles

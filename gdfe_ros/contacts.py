@@ -23,10 +23,10 @@ POINT = np.dtype(
     [(name, "<f4") for name in (*_PLACE, *_NORMAL, "gap", *_PUSH, *_SHEAR)]
     + [(name, "<i4") for name in ("slips", "vertex", "contact", "other")]
 )
-"""A contact point with the following fields: its position [m]; the normal of the touched side; the gap [m]; the normal
-force and the friction force [N]; 1 if it slips; its vertex; the index of its contact's name; and the touched vertex.
-For a skin point, its vertex is the one with the largest weight; for a rigid body's corner it is -1. The touched vertex
-is -1 if the touched side is not the body.
+"""A contact point, with these fields: ``x, y, z`` position [m]; ``nx, ny, nz`` normal of the touched surface; ``gap``
+[m]; ``fx, fy, fz`` normal force [N]; ``tx, ty, tz`` friction force [N]; ``slips`` 1 if the point slips; ``vertex`` of
+the point; ``contact`` index of the contact's name; ``other`` touched vertex. The vertex of a skin point is the one with
+the largest weight. The vertex of a rigid body's corner is -1. The touched vertex is -1 unless the body touches itself.
 """
 
 
@@ -36,9 +36,9 @@ class ContactSensor:
 
     Attributes:
         name: of the sensor.
-        vertices: (k,) int32 of its faces.
-        numbers: (p,) int32 indices of its points among the contact points of a skin; empty if its faces touch.
-        points: embedding of these points in the cells; None if its faces touch.
+        vertices: vertices of the sensor's faces (k,) int32.
+        numbers: indices (p,) int32 of the sensor's points among the contact points of a skin; empty without a skin.
+        points: embedding of these points in the cells; None without a skin.
 
     Example:
         >>> simulation = Simulation(load_scene("my_finger.yaml"))  # with sensors: {tip: {where: {face: x+}}}
@@ -52,13 +52,13 @@ class ContactSensor:
     points: Embedding | None = None
 
     def centre(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean (3,) [m] of its vertices and points, for vertices at ``positions`` (n, 3) [m]."""
+        """Return the mean (3,) [m] of the sensor's vertices and points, for the body's ``positions`` (n, 3) [m]."""
         if self.points is None:
             return positions[self.vertices].mean(axis=0)
         return np.concatenate([positions[self.vertices], self.points.at(positions)]).mean(axis=0)
 
     def wrench(self, result: StepResult) -> NDArray[np.float64]:
-        """Return the contact force [N] and moment [N m] on the sensor about its present centre (6,)."""
+        """Return the contact force [N] and moment [N m] on the sensor (6,), about the sensor's present centre."""
         total, centre = np.zeros(6), self.centre(result.positions)
         for touch in result.contacts.values():
             if not len(touch.vertices):  # no contact, or none with the elastic body
@@ -88,7 +88,7 @@ def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = 
 
 
 def contact_points(contacts: Mapping[str, Touch]) -> NDArray[np.void]:
-    """Return every contact point (k,) as `POINT`; its field ``contact`` is the index of the contact's name."""
+    """Return all contact points (k,) as `POINT`; the field ``contact`` is the index of the contact in ``contacts``."""
     rows = [_points(number, touch) for number, touch in enumerate(contacts.values())]
     return np.concatenate(rows) if rows else np.zeros(0, POINT)
 

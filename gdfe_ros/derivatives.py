@@ -22,14 +22,14 @@ class Derivatives:
     """Derivatives of a scene's outputs with respect to its parameters.
 
     Args:
-        scene: its outputs and parameters.
-        stepper: of its body.
+        scene: scene with the outputs and parameters.
+        stepper: stepper of the scene's body.
 
     Attributes:
-        parameters: the available parameters.
+        parameters: available parameters.
 
     Raises:
-        CommandError: the policy has no forces, or the body's cells have no sensitivities yet.
+        CommandError: the policy has no forces, or sensitivities are not implemented for the body's kind of cells.
     """
 
     def __init__(self, scene: Scene, stepper: Stepper | MotionStepper) -> None:
@@ -61,20 +61,20 @@ class Derivatives:
         *,
         interrupted: Callable[[], bool] | None = None,
     ) -> Sensitivities:
-        """Return d(output)/d(parameter) at an equilibrium; arguments as in `Simulation.sensitivities`."""
+        """Return d(output)/d(parameter) at an equilibrium. The arguments are those of `Simulation.sensitivities`."""
         names, chosen = self._outputs.named(outputs), self.named(parameters)
         return self._columns.found(state, self._outputs, names, chosen, interrupted=interrupted)
 
     def named(self, parameters: Sequence[str] | None) -> list[Parameter]:
-        """Return parameters by their names; None: all actuators."""
+        """Return the parameters with these names; None: those of all actuators."""
         return self.parameters.named(self._usual if parameters is None else parameters)
 
     def trail(self, state: State, parameters: Sequence[str] | None) -> Trail:
-        """Return a trail that carries derivatives along a motion from a state."""
+        """Return a `Trail`, which updates derivatives along a motion that starts at ``state``."""
         return Trail(self._stepper, self.named(parameters), state, self._tangents)
 
     def along(self, trail: Trail, outputs: Sequence[str] | None, parameters: Sequence[str] | None) -> Sensitivities:
-        """Return d(output)/d(parameter) of a motion with a trail, which must contain the parameters.
+        """Return d(output)/d(parameter) at the end of a motion, from the ``trail`` that observed it.
 
         Raises:
             CommandError: the trail does not contain a parameter.

@@ -15,7 +15,7 @@ from types import FrameType, ModuleType
 from gdfe_ros.errors import DependencyError
 
 INTERRUPTED = 130
-"""Exit status of an interrupted command, as in shells; a node's is 0."""
+"""Exit status of an interrupted command, as in shells; the exit status of an interrupted node is 0."""
 BAD_MACHINE = 2
 """Exit status if a required dependency is too old."""
 
@@ -46,7 +46,7 @@ def tip_tracking() -> int:
 
 
 def imported(name: str) -> ModuleType:
-    """Import a module `without_collection`, unless it is imported already."""
+    """Import a module, without garbage collection (`without_collection`), and return it."""
     if name in sys.modules:
         return sys.modules[name]
     with without_collection():
@@ -55,10 +55,10 @@ def imported(name: str) -> ModuleType:
 
 @contextmanager
 def without_collection() -> Iterator[None]:
-    """Disable Python's cyclic garbage collection during imports and construction, where it would find no garbage.
+    """Disable Python's cyclic garbage collection inside the ``with`` block, e.g. during imports.
 
-    Nearly all objects created meanwhile live until the process ends. They are excluded from later collections, because
-    a collection stops every thread.
+    Nearly all objects that are created there exist until the process ends. They are excluded from later collections,
+    because a collection stops every thread.
     """
     before = gc.isenabled()
     gc.disable()
@@ -71,16 +71,16 @@ def without_collection() -> Iterator[None]:
 
 
 def collect() -> None:
-    """Collect all cyclic garbage before the interpreter shuts down; otherwise bindings would print errors for it."""
+    """Collect all cyclic garbage before the interpreter shuts down; otherwise language bindings print errors for it."""
     gc.unfreeze()
     gc.collect()
 
 
 @contextmanager
 def quiet_imports(name: str, status: int) -> Iterator[None]:
-    """End the process at once if SIGINT arrives inside the context, where no open resource needs closing yet.
+    """End the process at once if SIGINT arrives inside the ``with`` block, in which no resources are open.
 
-    KeyboardInterrupt is not enough: libraries catch it while they probe for optional packages, and continue. A
+    KeyboardInterrupt is not sufficient, because libraries that look for optional packages catch it and continue. A
     dependency that is too old also ends the process, with a message of one line.
     """
 

@@ -11,14 +11,14 @@ class GdfeError(Exception):
 
 
 ENDED = "the derivatives were ended before they were found"
-"""Message if the computation of derivatives is interrupted."""
+"""Error message after the computation of derivatives was interrupted."""
 
 
 class DefectsError(GdfeError):
-    """An input with one or more defects, all named at once.
+    """An input with one or more defects; the error lists all of them.
 
     Args:
-        heading: the input, e.g. ``scene config/scenes/bar.yaml``.
+        heading: name of the input, e.g. ``scene config/scenes/bar.yaml``.
         defects: one line of text for each defect.
     """
 
@@ -29,7 +29,7 @@ class DefectsError(GdfeError):
         super().__init__("\n  - ".join([f"{heading}: {count}", *self.defects]))
 
     def __reduce__(self) -> tuple[type[DefectsError], tuple[str, list[str]]]:
-        """Let the error pass from a worker process to its caller."""
+        """Return the arguments for pickling, with which the error is passed from a worker process to its caller."""
         return type(self), (self.heading, self.defects)
 
 

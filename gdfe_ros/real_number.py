@@ -8,7 +8,7 @@ import numbers
 
 
 def is_number(value: object, kind: type = numbers.Real) -> bool:
-    """Return whether a value is a number of the given kind; True and False are not, contrary to Python."""
+    """Return whether a value is a number of the given kind. True and False are no numbers, unlike in Python."""
     return isinstance(value, kind) and not isinstance(value, bool)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Location of the files beside the code (scenes, launch files, parameters)."""
+"""Location of the package's files that are not code: scenes, launch files, parameters."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _PACKAGE = "gdfe_ros"
 def share_dir() -> Path:
     """Return the directory that contains ``package.xml``, ``config/`` and ``launch/``.
 
-    It depends only on the location of this module, so that code and scenes always have one version. For a clone, ``pip
-    install -e`` and ``colcon build --symlink-install`` it is the source tree. Otherwise it is
-    ``<prefix>/share/gdfe_ros`` below the prefix of the installation (colcon, apt, pip, venv).
+    It depends only on the location of this module, so that code and scenes always have the same version. For a clone,
+    ``pip install -e`` and ``colcon build --symlink-install``, the directory is the source tree. Otherwise it is
+    ``<prefix>/share/gdfe_ros``, with the prefix of the installation (colcon, apt, pip, venv).
 
     Returns:
         Absolute path of the directory.

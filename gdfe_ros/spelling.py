@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Suggestion of the known word that a misspelt one probably means."""
+"""Suggestion of a known word for a misspelt word."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 LIKENESS = 0.5
-"""A known word is suggested if the ratio of matching letters, between 0 and 1, is at least this."""
+"""Least fraction of matching letters, from 0 to 1, at which a known word is suggested."""
 
 
 def closest(given: str, known: Iterable[str]) -> str | None:

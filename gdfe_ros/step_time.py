@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Limits of a step's duration, in simulation and wall time."""
+"""Limits of a step's duration, in simulation time and wall time."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ MOST_STEPS = 100_000
 
 
 def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
-    """Check the duration ``dt`` [s], the ``deadline`` [s] and the count ``cut_after``; None stands for no limit.
+    """Check the duration ``dt`` [s], the ``deadline`` [s] and the count ``cut_after``; None means no limit.
 
     Returns:
-        ``dt`` in double precision, because a sum of times in lower precision stops growing.
+        ``dt`` in double precision. In lower precision, the sum of many time steps stops growing.
 
     Raises:
         CommandError: a time is not finite, below zero, or above `LONGEST`, or the count is no whole number.
@@ -32,10 +32,10 @@ def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
 
 
 def require_countable(*, dt: float, step: float) -> None:
-    """Raise an error for a ``dt`` [s] of more than `MOST_STEPS` internal steps of at most ``step`` [s].
+    """Check that ``dt`` [s] has at most `MOST_STEPS` internal steps of ``step`` [s].
 
     Raises:
-        CommandError: there are more.
+        CommandError: it has more internal steps.
     """
     if dt > MOST_STEPS * step:
         raise CommandError(

@@ -27,13 +27,13 @@ RELATIVE_STEPS = 20
 def make_stepper(
     scene: Scene, settings: SolverSettings, body: Body, makers: Sequence[Callable[[Body], Term]] = ()
 ) -> Stepper | MotionStepper:
-    """Return the stepper of a body of the scene.
+    """Return the stepper of a scene's body.
 
     Args:
-        scene: its actuators and loads.
+        scene: scene with the actuators, loads and dynamics.
         settings: of the solver.
-        body: the discretised body.
-        makers: of further terms, each called with the body.
+        body: discretised body.
+        makers: functions that make further terms; each is called with the body.
     """
 
     def acting(more: Sequence[Term] = ()) -> Actuation:
@@ -49,7 +49,7 @@ def make_stepper(
 def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Torsion.CELL) -> Body:
     """Return the discretised body of a scene, with positions relative to ``origin`` (3,) [m].
 
-    The vertices of rigid bodies follow those of the mesh.
+    The vertices of the mesh come first, then those of rigid bodies.
     """
     handles = [handle.seen_from(origin) for handle in scene.handles]
     rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
@@ -70,7 +70,7 @@ def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Tor
 
 
 def usual_steps(scene: Scene, policy: Policy) -> int | None:
-    """Return the default number of load steps of a scene's program; None for one at each keyframe."""
+    """Return the default number of load steps of a scene's program; None means one load step for each keyframe."""
     if scene.dynamics is not None:
         return math.ceil(scene.program.duration / scene.dynamics.step)
     return RELATIVE_STEPS if policy is Policy.RELATIVE else None

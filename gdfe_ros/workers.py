@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Worker processes of one thread each."""
+"""Worker processes with one thread each."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 
 THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""Environment variables that limit the threads of a process; libraries read them when they are imported."""
+"""Environment variables that limit the number of threads; libraries read them when they are imported."""
 
 
 @contextmanager
 def open_workers(count: int) -> Iterator[ProcessPoolExecutor]:
     """Yield an executor of ``count`` new processes with one thread each.
 
-    Processes start with their first tasks, so these variables stay set in this process while the executor is open.
+    The processes start with their first tasks. Therefore `THREAD_COUNTS` are set in this process while the executor is
+    open.
     """
     before = {name: os.environ.get(name) for name in THREAD_COUNTS}
     os.environ.update(dict.fromkeys(THREAD_COUNTS, "1"))

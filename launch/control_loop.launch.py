@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start a simulation and a controller that leads its tip round: ros2 launch gdfe_ros control_loop.launch.py."""
+"""Start a simulation and a controller that moves its tip in a circle: ros2 launch gdfe_ros control_loop.launch.py."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CONTROLLER = {
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe the two nodes, in lockstep by default: the run is the same every time."""
+    """Describe the two nodes. By default they run in lockstep, so that every run gives the same results."""
     declared = [
         DeclareLaunchArgument("namespace", default_value="", description="namespace of both nodes"),
         DeclareLaunchArgument(

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hang the soft gripper on a simulated arm: ros2 launch gdfe_ros gripper_on_arm.launch.py.
+"""Mount the soft gripper on a simulated arm: ros2 launch gdfe_ros gripper_on_arm.launch.py.
 
-The gripper's wrist follows the pose of the arm's tool; ``~/handles/wrist/force_torque`` is what a sensor between the
-two reads. For an arm of your own, give ``arm:=false`` and ``follow``: a topic (``wrist=topic:/arm/tool_pose``) or,
-where tf2_msgs is installed, a frame (``wrist=frame:tool0``).
+The gripper's wrist follows the pose of the arm's tool. ``~/handles/wrist/force_torque`` is the reading of a
+force-torque sensor between the tool and the wrist. For an arm of your own, give ``arm:=false`` and ``follow``: a topic
+(``wrist=topic:/arm/tool_pose``) or, if tf2_msgs is installed, a frame (``wrist=frame:tool0``).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ WEIGHT = "loads.weight={gravity: [0, 0, -9.81]}"
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe ``sim_node`` with the gripper, and ``carrying_arm``."""
+    """Describe ``sim_node`` with the gripper, and the node ``carrying_arm``."""
     declared = [
         DeclareLaunchArgument(
             "follow", default_value=FOLLOW, description="what the wrist follows, as handle=kind:name"

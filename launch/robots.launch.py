@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start several simulations, each in a namespace and a process: ros2 launch gdfe_ros robots.launch.py.
+"""Start several simulations, each in its own namespace and process: ros2 launch gdfe_ros robots.launch.py.
 
-The argument ``robots`` lists them as ``namespace:scene``, separated by blanks; the one that ``clock_of``
-names publishes /clock.
+The argument ``robots`` lists the simulations as ``namespace:scene``, separated by blanks. The simulation in the
+namespace ``clock_of`` publishes /clock.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from launch import LaunchContext, LaunchDescription
 
 
 def make_nodes(context: LaunchContext) -> list[Node]:
-    """Make a node for each entry of ``robots``."""
+    """Describe a ``sim_node`` for each entry of ``robots``."""
     robots = LaunchConfiguration("robots").perform(context).split()
     owner = LaunchConfiguration("clock_of").perform(context)
     nodes = []
@@ -37,7 +37,7 @@ def make_nodes(context: LaunchContext) -> list[Node]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe as many ``sim_node`` as ``robots`` lists."""
+    """Describe the arguments, and the nodes that `make_nodes` describes from them."""
     return LaunchDescription(
         [
             DeclareLaunchArgument(

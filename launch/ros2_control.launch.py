@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start tendon_finger behind ros2_control: ros2 launch gdfe_ros ros2_control.launch.py.
+"""Start the scene tendon_finger with ros2_control: ros2 launch gdfe_ros ros2_control.launch.py.
 
-Needs the packages controller_manager, forward_command_controller, joint_state_broadcaster, robot_state_publisher and
-joint_state_topic_hardware_interface. For a robot of your own, give ``scene``, ``urdf``, ``controllers`` and ``spawn``.
+This needs the packages controller_manager, forward_command_controller, joint_state_broadcaster, robot_state_publisher
+and joint_state_topic_hardware_interface. For a robot of your own, give ``scene``, ``urdf``, ``controllers`` and
+``spawn``.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ ARGUMENTS = {
 
 
 def make_nodes(context: LaunchContext) -> list[Node]:
-    """Describe the simulation, the URDF's publisher, the controller manager and its spawner."""
+    """Describe the simulation, the publisher of the URDF, the controller manager and the spawner of controllers."""
     value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     description = Path(value["urdf"]).read_text(encoding="utf-8")
     return [
@@ -43,7 +44,7 @@ def make_nodes(context: LaunchContext) -> list[Node]:
         Node(
             package="robot_state_publisher",
             executable="robot_state_publisher",
-            # As text: YAML would make something else of it.
+            # A text, because launch would otherwise parse the URDF as YAML.
             parameters=[{"robot_description": ParameterValue(description, value_type=str)}],
         ),
         Node(
@@ -57,7 +58,7 @@ def make_nodes(context: LaunchContext) -> list[Node]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe a simulation with ros2_control in front of it."""
+    """Describe the arguments, and the nodes that `make_nodes` describes from them."""
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=meaning)
         for name, (default, meaning) in ARGUMENTS.items()

@@ -18,8 +18,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch import LaunchContext, LaunchDescription
 
 SHARE = Path(get_package_share_directory("gdfe_ros"))
-# Arguments that are parameters of the node: type, meaning. Those that are given win over the file; the others are left
-# to the file, and to the node's defaults.
+# Arguments that are parameters of the node: type, meaning. A given argument takes precedence over the parameter file.
+# Without the argument, the value is that of the file or the node's default.
 PARAMETERS = {
     "scene": (str, "name of a scene in config/scenes, or path of a scene file"),
     "clock": (str, "what makes a step begin: wall, fast or lockstep"),
@@ -44,7 +44,7 @@ SHOWN = ("markers", "mesh", "strain")
 
 
 def make_nodes(context: LaunchContext) -> list[Node]:
-    """Describe ``sim_node``, and RViz where it is asked for."""
+    """Describe ``sim_node`` and, if the argument ``rviz`` is true, RViz."""
     value = {name: LaunchConfiguration(name).perform(context) for name in (*ARGUMENTS, *PARAMETERS)}
     full = "/".join(["", *filter(None, value["namespace"].split("/")), value["name"]])
     require_match(value["params_file"], full)
@@ -68,7 +68,7 @@ def make_nodes(context: LaunchContext) -> list[Node]:
 
 
 def make_rviz(full: str, frame_id: str) -> Node:
-    """Describe RViz with the topics of a node [full name]."""
+    """Describe RViz with the topics of a node; ``full`` is the node's full name."""
     return Node(
         package="rviz2",
         executable="rviz2",
@@ -78,10 +78,10 @@ def make_rviz(full: str, frame_id: str) -> Node:
 
 
 def require_match(path: str, full: str) -> None:
-    """Refuse a parameter file of which nothing is for the node: ROS would ignore it without a word.
+    """Check that a parameter file has parameters for the node, because ROS would ignore another file without a warning.
 
     Raises:
-        RuntimeError: the file cannot be read, or names other nodes only.
+        RuntimeError: the file cannot be read, or has parameters for other nodes only.
     """
     try:
         data = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
@@ -94,7 +94,7 @@ def require_match(path: str, full: str) -> None:
 
 
 def node_names(data: Any, path: str = "") -> Iterator[str]:
-    """Give the names that a parameter file is for; namespaces may be keys of their own."""
+    """Yield the full names of the nodes in a parameter file; a namespace may be a key of its own."""
     for key, value in data.items() if isinstance(data, dict) else ():
         if key == "ros__parameters":
             yield f"/{path.strip('/')}"
@@ -103,7 +103,7 @@ def node_names(data: Any, path: str = "") -> Iterator[str]:
 
 
 def pattern(name: str) -> str:
-    """Give the regular expression of a name in a parameter file: * is one token, ** any number of them."""
+    """Return the regular expression of a node's name in a parameter file: * is one token, ** any number of tokens."""
     tokens = {"**": r"(/[^/]+)*", "*": r"/[^/]+"}
     return "".join(tokens.get(part, f"/{re.escape(part)}") for part in name.strip("/").split("/"))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Isolation of tests: a ROS domain for each worker, one thread, strict message fields, logs in a folder of their own.
+"""Isolation of tests: a ROS domain per worker, one thread, strict message fields, logs in their own folder.
 
 The environment is set before anything imports rclpy, a message package or numba; subprocesses inherit it.
 """
@@ -39,7 +39,7 @@ WAITING = (
     "benchmarks",
     "commands",
 )
-"""Rooms whose tests wait for other processes, those that wait longest first."""
+"""Folders whose tests wait for other processes, those with the longest waits first."""
 LONG = (
     "test_contact_scenes",
     "test_same_bits",
@@ -53,9 +53,9 @@ LONG = (
     "test_folds",
     "test_threads",
 )
-"""Files that compute longest: begun before the others, lest one is left over when all workers but one are done."""
+"""Files that compute longest. They start first, so that none is left over when the other workers are done."""
 APART = ("materials", "mesh", "packaging")
-"""Rooms whose tests neither solve nor start nodes."""
+"""Folders whose tests neither solve nor start nodes."""
 KERNELS = (
     ("bend5", {}),
     ("bend5", {"solver.policy": "relative"}),
@@ -64,16 +64,16 @@ KERNELS = (
     ("drop", {}),
     ("whip", {}),
 )
-"""Scenes and overrides that between them use nearly every kernel of one thread."""
+"""Scenes and overrides that together use nearly every single-threaded kernel."""
 _READY: list[bool] = []
 SHIFT = "GDFE_TEST_SHIFT"
-"""Variable with the seed of a shift of rest vertices (`test/elsewhere.py`); unset or empty: none."""
+"""Environment variable with the seed of a shift of undeformed vertices (`test/elsewhere.py`); unset or empty: none."""
 SHIFTED_BY = 1e-13
-"""Largest shift of a coordinate over the body's size."""
+"""Largest shift of a coordinate divided by the body's size."""
 
 
 def _domain() -> str:
-    """Choose a ROS domain from 1 to 100 (above 101, ports collide with those that Linux gives out).
+    """Return a ROS domain from 1 to 100 (above 101, ports collide with those that Linux gives out).
 
     It differs between the workers of one run, and between runs at the same time on this machine.
     """
@@ -85,7 +85,7 @@ def _domain() -> str:
 
 
 def _lock(domain: int) -> bool:
-    """Take a domain for as long as this process lives: by an abstract socket, which has the network's scope (Linux)."""
+    """Reserve a domain until this process ends, by an abstract socket, whose scope is the network's (Linux)."""
     lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
         lock.bind(f"\0gdfe_ros_test_domain_{domain}")
@@ -120,13 +120,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_configure() -> None:
-    """Shift the rest vertices of every body, if that is asked for."""
+    """Shift the undeformed vertices of every body, if the environment variable `SHIFT` is set."""
     if os.environ.get(SHIFT):
         _shift_bodies(int(os.environ[SHIFT]))
 
 
 def _shift_bodies(seed: int) -> None:
-    """Have every body begin from rest vertices that are off by `SHIFTED_BY`: equal bodies by the same."""
+    """Shift the undeformed vertices of each new body by up to `SHIFTED_BY`; equal bodies are shifted equally."""
     from gdfe_ros.solver.body import Body
 
     build = Body.build.__func__
@@ -142,9 +142,9 @@ def _shift_bodies(seed: int) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mix files whose tests wait with those that compute, the long ones first: cores are neither idle nor crowded.
+    """Mix files whose tests wait with files that compute, the long ones first, so that cores are always in use.
 
-    Where vertices are shifted, tests that are marked ``exact`` are left out.
+    If vertices are shifted, tests marked ``exact`` are skipped.
     """
     if os.environ.get(SHIFT):
         reason = f"{SHIFT} is set"
@@ -159,13 +159,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _rank(path: Path) -> int:
-    """Return the place of a file in `LONG`, or that after them all."""
+    """Return the index of a file in `LONG`, or the length of `LONG` for other files."""
     return LONG.index(path.stem) if path.stem in LONG else len(LONG)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Before a worker's first test that solves or starts nodes, and before the fixtures of its module: get ready."""
+    """Compile kernels and prepare forking before a worker's first test that solves or starts nodes.
+
+    This happens before the fixtures of that test's module.
+    """
     if not _READY and _room(item.path) not in APART:
         from gdfe_ros.testing import forking
 
@@ -175,7 +178,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def _compile() -> None:
-    """Compile what most tests need, once for all workers: who comes second waits, and loads it."""
+    """Compile what most tests need, once for all workers: later workers wait for the lock and load it."""
     from gdfe_ros import Simulation, load_scene
 
     with Path(tempfile.gettempdir(), f"gdfe_ros_kernels_{zlib.crc32(str(TESTS).encode())}").open("w") as lock:
@@ -185,7 +188,7 @@ def _compile() -> None:
 
 
 def _room(path: Path) -> str:
-    """Name the folder below test/ that a test is in."""
+    """Return the name of a test's folder below test/."""
     return path.relative_to(TESTS).parts[0]
 
 
@@ -200,19 +203,19 @@ obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.0205]}}
 bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.05, 0, 0.031]}}
 dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
 """
-"""Of a soft slab, a table below it, and a rigid box above it."""
+"""Scene text of a soft slab, a table below it, and a rigid box above it."""
 
 
 @pytest.fixture
 def slab(tmp_path: Path) -> Path:
-    """Give the path of a scene in which a slab falls on a table, and a box on the slab."""
+    """Return the path of a scene in which a slab falls on a table, and a box on the slab."""
     path = tmp_path / "slab.yaml"
     path.write_text(SLAB)
     return path
 
 
 class RosSession:
-    """A ROS context of its own with an executor; nodes made here are destroyed with it.
+    """A ROS context with its own executor; nodes made here are destroyed with it.
 
     Attributes:
         context: the rclpy context.
@@ -229,7 +232,7 @@ class RosSession:
         self._nodes: list[Any] = []
 
     def node(self, kind: str | Callable[..., Any], **options: Any) -> Any:
-        """Make a plain node of this name, or an instance of this class, and add it to the executor."""
+        """Make a node, a plain one by name or an instance of a class, and add it to the executor."""
         import rclpy
 
         make = (lambda **more: rclpy.create_node(kind, **more)) if isinstance(kind, str) else kind
@@ -259,7 +262,7 @@ def ros() -> Iterator[RosSession]:
 
 @pytest.fixture
 def kept_bags() -> dict[Path, float]:
-    """Give the bags of the repository, and the factor on the tolerance that their README states for elsewhere."""
+    """Return a dict from each bag in bags/ to README's factor on the tolerance for other machines."""
     folder = Path(__file__).parents[1] / "bags"
     text = (folder / "README.md").read_text(encoding="utf-8")
     cells = [re.split(r"\s*\|\s*", line) for line in text.splitlines() if line.startswith("| `")]

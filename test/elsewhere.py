@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tests with the rounding of other processors, and with rest vertices that are off by 1e-13 of the body's size.
+"""The tests with the rounding of other processors, and with undeformed vertices shifted by 1e-13 of the body's size.
 
 ``python test/elsewhere.py [--only NAME] [--twice] [arguments of pytest]`` runs the tests of `COMPUTING`, or those that
 are named, once for each entry of `ROUNDINGS`. It prints the failures of each run and a table of all. The exit status is
-1 where a test failed.
+1 if a test failed.
 
-numba and OpenBLAS can be set to compute as another processor would, NumPy to leave AVX-512 out: sums are taken in
-another order, or without fused multiplication. Each processor has a cache of kernels of its own below
-``build/elsewhere``, which is kept: the first run compiles, and later ones do not. What pytest says while a rounding
-runs is in ``build/elsewhere/NAME.log``.
+numba and OpenBLAS can be set to compute like another processor, and NumPy to use no AVX-512: sums are then taken in
+another order, or without fused multiplication. Each processor has its own cache of kernels below ``build/elsewhere``,
+which is kept: the first run compiles, and later ones do not. The output of pytest for a rounding is in
+``build/elsewhere/NAME.log``.
 
-The folders beside `COMPUTING` start processes, open pages, install, or check text. Rounding decides nothing there, and
-`make test` runs them.
+The folders that are not in `COMPUTING` start processes, open pages, install, or check text. Their results do not depend
+on rounding, and `make test` runs them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ import numpy as np
 
 ROOT = Path(__file__).parents[1]
 KEPT = ROOT / "build" / "elsewhere"
-"""Where caches of kernels and pytest's words are kept from run to run."""
+"""Folder of the kernel caches and of pytest's output."""
 COMPUTING = (
     "solver",
     "state",
@@ -51,21 +51,21 @@ COMPUTING = (
 )
 """Folders and files of tests whose results depend on rounding."""
 WIDE = ("X86_V4", "AVX512")
-"""How NumPy's names of what only processors with AVX-512 have begin."""
+"""First letters of NumPy's names for features of processors with AVX-512."""
 CHOOSING = ("NUMBA_CPU_NAME", "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GDFE_TEST_SHIFT")
-"""Variables that decide on rounding."""
+"""Environment variables that determine the rounding."""
 
 
 @dataclass(frozen=True)
 class Rounding:
-    """What decides how results are rounded.
+    """Settings that determine how results are rounded.
 
     Attributes:
         numba: the processor that kernels are compiled for; empty: this one.
-        openblas: the processor whose kernels OpenBLAS takes; empty: this one.
-        wide: whether NumPy uses AVX-512 where this machine has it.
-        shift: seed of the shift of rest vertices, as `test/conftest.py` takes it; empty: none.
-        needs: instructions that this machine must have, as Linux names them.
+        openblas: the processor whose kernels OpenBLAS uses; empty: this one.
+        wide: whether NumPy uses AVX-512 if this machine has it.
+        shift: seed of the shift of undeformed vertices, as in `test/conftest.py`; empty: none.
+        needs: instructions that this machine must have, with Linux's names.
     """
 
     numba: str = ""
@@ -75,7 +75,7 @@ class Rounding:
     needs: tuple[str, ...] = ()
 
     def environment(self, cache: Path) -> dict[str, str]:
-        """Return this process's environment with what decides on rounding, and the kernels in ``cache``."""
+        """Return this process's environment with the settings of the rounding and the kernel cache ``cache``."""
         given = {name: value for name, value in os.environ.items() if name not in CHOOSING}
         known = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
         narrow = "" if self.wide else " ".join(name for name in known if name.startswith(WIDE))
@@ -91,17 +91,17 @@ ROUNDINGS: Mapping[str, Rounding] = {
     "skylake-avx512": Rounding("skylake-avx512", "SkylakeX", needs=("avx512f", "avx512dq", "avx512vl")),
     "shifted": Rounding(shift="1"),
 }
-"""This machine; AVX2 with fused multiplication, of Intel and AMD; Intel without either; AVX-512; shifted vertices."""
+"""This machine; Intel and AMD with AVX2 and fused multiplication; Intel without both; AVX-512; shifted vertices."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run of the tests came to.
+    """The outcome of a run of the tests.
 
     Attributes:
-        name: of the rounding.
+        name: name of the rounding.
         passed, failed: numbers of tests; an error counts as failed.
-        seconds: that it took.
+        seconds: duration of the run.
         sound: whether the tests ran, and none failed.
         report: pytest's last lines; with failures the report of each.
     """
@@ -118,14 +118,14 @@ class Outcome:
 
 
 def lacking(needs: Sequence[str]) -> list[str]:
-    """Return which instructions this machine lacks; none where it does not tell."""
+    """Return the instructions that this machine lacks; an empty list if /proc/cpuinfo does not exist."""
     told = Path("/proc/cpuinfo")
     flags = re.search(r"^flags\s*:(.*)$", told.read_text(encoding="utf-8"), re.MULTILINE) if told.exists() else None
     return [name for name in needs if flags and name not in flags[1].split()]
 
 
 def run(name: str, arguments: Sequence[str]) -> Outcome:
-    """Run the tests with a rounding; what they say is in a file that can be followed."""
+    """Run the tests with a rounding, write their output to a log file, and return the outcome."""
     command = [sys.executable, "-m", "pytest", "-q", "--no-header", "-p", "no:cacheprovider", *arguments]
     rounding, log = ROUNDINGS[name], KEPT / f"{name}.log"
     KEPT.mkdir(parents=True, exist_ok=True)
@@ -142,7 +142,7 @@ def run(name: str, arguments: Sequence[str]) -> Outcome:
 
 
 def main() -> int:
-    """Run the tests with each rounding; exit status 1 where one failed."""
+    """Run the tests with each rounding; return exit status 1 if one failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", action="append", choices=list(ROUNDINGS), help="may be given several times")
     parser.add_argument("--twice", action="store_true", help="each rounding twice")

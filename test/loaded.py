@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tests several times in a row beside processes that keep cores busy: finds those that only pass at leisure.
+"""Repeated runs of the tests beside processes that keep cores busy, to find tests that pass on an idle machine only.
 
-``python test/loaded.py [--runs 5] [--loops 2] [arguments of pytest]`` prints what each run took and every failure.
+``python test/loaded.py [--runs 5] [--loops 2] [arguments of pytest]`` prints the time of each run and every failure.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _BUSY = [sys.executable, "-c", "while True: pass"]
 
 @contextmanager
 def busy(loops: int) -> Iterator[None]:
-    """Keep as many cores busy for the duration."""
+    """Keep ``loops`` cores busy inside the context."""
     running = [subprocess.Popen(_BUSY) for _ in range(loops)]
     try:
         yield
@@ -29,7 +29,7 @@ def busy(loops: int) -> Iterator[None]:
 
 
 def run(arguments: Sequence[str]) -> tuple[bool, str]:
-    """Run the tests once; tell whether they passed, and give the end of their report: failures and counts."""
+    """Run the tests once; return whether they passed, and the end of their report: failures and counts."""
     command = [sys.executable, "-m", "pytest", "-q", "--no-header", *arguments]
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
     if done.returncode != 0:
@@ -38,7 +38,7 @@ def run(arguments: Sequence[str]) -> tuple[bool, str]:
 
 
 def main() -> int:
-    """Run the tests; exit status 1 where one failed."""
+    """Run the tests; return exit status 1 if one failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--loops", type=int, default=2)

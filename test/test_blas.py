@@ -14,12 +14,12 @@ from gdfe_ros.solver.matrix import supernodes
 
 
 def counts() -> set[int]:
-    """Return how many threads the libraries of BLAS would use now."""
+    """Return the number of threads of each BLAS library."""
     return {library.num_threads for library in ThreadpoolController().select(user_api="blas").lib_controllers}
 
 
 def test_a_matrix_is_factored_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Allow two threads and build a body with supernodes: its factor is made with one, two are left after it."""
+    """With two threads allowed, a body's factor is made with one BLAS thread, and two are allowed afterwards."""
     seen: list[set[int]] = []
 
     def watched(*given: object, original: Callable = supernodes._factor) -> None:
@@ -35,7 +35,7 @@ def test_a_matrix_is_factored_with_one_thread(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_contexts_of_two_threads_may_overlap() -> None:
-    """Open a second context before the first one ends: one thread until the second ends, too, then two again."""
+    """In overlapping contexts of two threads, BLAS has one thread until the second context ends, and then two again."""
     with ThreadpoolController().limit(limits=2, user_api="blas"):
         first, second = one_blas_thread(), one_blas_thread()
         first.__enter__()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Saved states: what follows is the same to the last bit; what is no state, or another scene's, is refused."""
+"""Saved states: later steps have the same bits; invalid states, and those of other scenes, are refused."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _command(step: int) -> Command:
 @pytest.mark.parametrize("scene", ["bend5", "twist90", "tensile_curve"])
 @pytest.mark.parametrize("policy", ["energy", "relative"])
 def test_a_restored_simulation_goes_on_to_the_bit(scene: str, policy: str) -> None:
-    """Save in the middle of a motion, restore into a fresh simulation: both make the same steps."""
+    """A state saved during a motion and restored into a fresh simulation gives the same steps."""
     first, second = (_simulation(scene, **{"solver.policy": policy}) for _ in range(2))
     for step in range(6):
         first.step(_command(step), dt=0.1)
@@ -43,7 +43,7 @@ def test_a_restored_simulation_goes_on_to_the_bit(scene: str, policy: str) -> No
 
 
 def test_states_with_former_names_are_read() -> None:
-    """Write a state with the names of classes and fields of older versions: it is the same state."""
+    """A state with the class and field names of older versions is read as the same state."""
     first, second = _simulation(), _simulation()
     first.step(_command(3), dt=0.1)
     older = io.BytesIO()
@@ -60,7 +60,7 @@ def test_states_with_former_names_are_read() -> None:
 
 
 def test_a_state_can_be_restored_more_than_once() -> None:
-    """Go on from the same state twice in one simulation: the same steps."""
+    """A state restored twice in one simulation gives the same steps."""
     simulation = _simulation()
     simulation.step(_command(3), dt=0.1)
     state, results = save_state(simulation), []
@@ -71,7 +71,7 @@ def test_a_state_can_be_restored_more_than_once() -> None:
 
 
 def test_a_state_of_another_scene_is_refused() -> None:
-    """Load a state into another scene, or other settings: the error says what differs, nothing changes."""
+    """A state of another scene or with other settings is refused with the differences, and nothing changes."""
     state = save_state(_simulation())
     other = _simulation("twist90")
     before = other.positions.copy()
@@ -81,7 +81,7 @@ def test_a_state_of_another_scene_is_refused() -> None:
 
 
 def test_a_state_is_an_archive_of_arrays() -> None:
-    """Open a state with numpy and json alone: format, version and positions are there, nothing needs unpickling."""
+    """A state can be opened with numpy and json: format, version and positions are there, without pickling."""
     simulation = _simulation()
     simulation.step(_command(3))
     with zipfile.ZipFile(io.BytesIO(save_state(simulation))) as archive:
@@ -94,7 +94,7 @@ def test_a_state_is_an_archive_of_arrays() -> None:
 
 @pytest.mark.parametrize("damage", ["noise", "cut", "flipped", "no array", "another class", "hostile", "old"])
 def test_damaged_and_hostile_states_are_refused(damage: str) -> None:
-    """Load noise, a damaged state, one of other parts, and pickles: an error, nothing runs, nothing changes."""
+    """Noise, a damaged state, one with other parts, and pickles are refused without execution or a change."""
     simulation = _simulation()
     before, state = simulation.step(_command(2)).positions, save_state(simulation)
     flipped = bytearray(state)
@@ -114,7 +114,7 @@ def test_damaged_and_hostile_states_are_refused(damage: str) -> None:
 
 
 def _replaced(state: bytes, name: str, content: bytes | None) -> bytes:
-    """Return an archive with other content for an entry, or without it."""
+    """Return an archive with other content for an entry, or without the entry."""
     stream = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(state)) as old, zipfile.ZipFile(stream, "w") as new:
         for entry in old.namelist():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the kernels are compiled."""
+"""Compilation of the kernels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _both(values):
 
 
 def test_a_kernel_rounds_the_same_whoever_has_it_compiled() -> None:
-    """Compile sums as parts of a kernel that may reorder them: they keep their order all the same."""
+    """Sums inside a kernel that may reorder them keep their order."""
     values = np.random.default_rng(1).normal(size=1000)
     in_order = 0.0
     for value in values:

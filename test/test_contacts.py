@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Points that touch and contact sensors, without ROS."""
+"""Contact points and contact sensors, without ROS."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ dynamics: {scheme: bdf2, step: 0.005}
 
 
 def test_sensors_share_what_a_lid_presses() -> None:
-    """Press a lid on a slab: halves feel the same, a vertex of both in both; the moment is about their centres."""
+    """Under a pressed lid, the sensors of both halves have equal forces; a vertex of both counts in both.
+
+    Their moments are about the sensors' centres.
+    """
     simulation = Simulation(scene_from_text(SLAB))
     assert not simulation.scene.sensors["left"].wrench(simulation.step()).any()
     result = simulation.step(Command(handles={"lid": Pose((0.0, 0.0, -0.003))}))
@@ -48,7 +51,7 @@ def test_sensors_share_what_a_lid_presses() -> None:
 
 
 def test_what_begins_inside_is_pushed_out_by_the_first_step() -> None:
-    """Begin a lid 1 mm in the slab: nothing counts as settled before, and the slab is below it after a step."""
+    """A lid that starts 1 mm inside the slab is not settled, and the slab is below it after one step."""
     simulation = Simulation(scene_from_text(SLAB, overrides={"obstacles.lid.at": [0, 0, 0.019]}))
     assert not simulation.settled
     touch = simulation.step().contacts["lid"]
@@ -59,14 +62,14 @@ def test_what_begins_inside_is_pushed_out_by_the_first_step() -> None:
 
 
 def test_what_lies_on_the_body_has_not_begun_inside() -> None:
-    """Begin a lid on the slab: it is at rest as it is."""
+    """A lid that starts on the slab is settled."""
     simulation = Simulation(scene_from_text(SLAB, overrides={"obstacles.lid.at": [0, 0, 0.020]}))
     assert simulation.settled
     assert simulation.step().iterations == 0
 
 
 def test_names_are_those_of_the_results() -> None:
-    """Name the contacts of obstacles and two rigid bodies: as the simulation does, in its order."""
+    """The contact names of obstacles and two rigid bodies are those of the simulation, in its order."""
     simulation = Simulation(scene_from_text(SLAB + BODIES))
     names = contact_names(simulation.scene.handles)
     assert names == list(simulation.step().contacts)
@@ -74,12 +77,12 @@ def test_names_are_those_of_the_results() -> None:
 
 
 def test_nothing_touches_where_there_is_nothing_to_touch() -> None:
-    """Take points of no contact at all: none, of the right kind."""
+    """Without contacts there are no points, in an array of the right type."""
     points = contact_points({})
     assert (len(points), points.dtype, contact_names(())) == (0, POINT, [])
 
 
 def test_a_sensor_without_faces_is_refused() -> None:
-    """Place a sensor where no boundary face is: the file's key, and what is there."""
+    """A sensor without boundary faces is refused with the file's key and what is there."""
     with pytest.raises(SceneError, match=r"sensors\.left\.where[\s\S]*no boundary face is there; the mesh spans"):
         scene_from_text(SLAB, overrides={"sensors.left.where": {"box": {"x": [1.0, 2.0]}}})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""README and docs/: their code runs, their links lead somewhere, what is printed into them is up to date."""
+"""README and docs/: their code runs, their links are valid, and their printed parts are current."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PAGES = {str(page.relative_to(ROOT)): page.read_text(encoding="utf-8") for page 
 
 
 def blocks(language: str) -> list[pytest.param]:
-    """Return the code blocks of a language, each named by its page and number."""
+    """Return the code blocks of a language, each with its page and number as name."""
     found = []
     for name, text in PAGES.items():
         code = re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.S | re.M)
@@ -46,7 +46,7 @@ def links(text: str) -> list[str]:
 
 @pytest.mark.parametrize("code", blocks("python"))
 def test_python_code_runs(code: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run every Python block, and the tests that it defines: none raises, and each leaves the names that it binds."""
+    """Every Python block and its tests run without an exception, and each block binds at least one name."""
     monkeypatch.chdir(ROOT)
     names: dict[str, object] = {}
     exec(compile(code, "page", "exec"), names)
@@ -57,13 +57,13 @@ def test_python_code_runs(code: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("text", [item for item in blocks("yaml") if item.values[0].startswith("name:")])
 def test_whole_scenes_are_valid(text: str) -> None:
-    """Read every scene that a page shows as a whole."""
+    """Every complete scene on a page is valid."""
     assert scene_from_text(text).mesh.n_cells > 0
 
 
 @pytest.mark.parametrize("name", PAGES)
 def test_links_lead_somewhere(name: str) -> None:
-    """Follow every link inside of the repository: the file is there, and the heading in it."""
+    """Every link inside of the repository leads to an existing file and heading."""
     for link in links(PAGES[name]):
         if link.startswith(("http://", "https://")):
             continue
@@ -76,7 +76,7 @@ def test_links_lead_somewhere(name: str) -> None:
 
 @pytest.mark.parametrize("name", PAGES)
 def test_commands_exist(name: str) -> None:
-    """Look up every subcommand, make target and module that a page tells to run."""
+    """Every subcommand, make target and module on the pages exists."""
     text, makefile = PAGES[name], (ROOT / "Makefile").read_text()
     assert set(re.findall(r"(?:`|^|/)gdfe ([a-z]+)", text, flags=re.M)) <= set(COMMANDS)
     for target in re.findall(r"`make ([a-z-]+)", text) + re.findall(r"^make ([a-z-]+)", text, flags=re.M):
@@ -87,7 +87,7 @@ def test_commands_exist(name: str) -> None:
 
 
 def test_what_is_printed_is_up_to_date() -> None:
-    """Print tables and references from the code and the kept reports: no page changes (remedy: make docs)."""
+    """Tables and references printed from the code and the kept reports are those on the pages (remedy: make docs)."""
     printed = texts()
     assert [name for name, text in PAGES.items() if replace_tables(text, printed) != text] == []
     shown = "".join(PAGES.values())
@@ -95,18 +95,18 @@ def test_what_is_printed_is_up_to_date() -> None:
 
 
 def test_every_constant_has_a_reason() -> None:
-    """Read the constants that decide about results: none stands without a reason."""
+    """Every constant that affects results has a reason in its docstring."""
     assert [item.names for item in constants() if not item.reason] == []
 
 
 def test_the_whole_contract_of_a_term_is_on_its_page() -> None:
-    """Find every public member of `Term` in the tables of docs/terms.md."""
+    """Every public member of `Term` is in the tables of docs/terms.md."""
     page = (ROOT / "docs" / "terms.md").read_text(encoding="utf-8")
     assert [name for name in vars(Term) if name[0] != "_" and f"`{name}" not in page] == []
 
 
 def test_readme_is_a_page() -> None:
-    """Hold README to 150 lines, with commands for a shell, code, a scene, and one table of measurements."""
+    """README has at most 150 lines, with shell commands, code, a scene, and one table of measurements."""
     readme = PAGES["README.md"]
     assert len(readme.splitlines()) <= 150
     assert readme.count("<!-- end ") == 1
@@ -115,21 +115,21 @@ def test_readme_is_a_page() -> None:
 
 @pytest.mark.parametrize("text", blocks("sh"))
 def test_shell_code_calls_what_is_there(text: str) -> None:
-    """Split shell code into words as a shell does: each command is one of ours, of ROS or of every machine."""
+    """Every command in shell code is one of ours, of ROS or of every machine."""
     lines = (shlex.split(line, comments=True) for line in text.replace("\\\n", " ").splitlines())
     programs = {words[0].removeprefix(".venv/bin/") for words in lines if words and "=" not in words[0]}
     assert programs <= {".", "make", "gdfe", "sim_node", "python", "ros2", "git"}
 
 
 def test_no_file_of_somewhere_else_is_cited() -> None:
-    """Find no citation of a design that this repository does not hold, outside of the solver."""
+    """Outside of the solver, no design document is cited that is not in this repository."""
     sources = [path for room in ("gdfe_ros", "benchmarks", "docs") for path in (ROOT / room).rglob("*.py")]
     citing = [path for path in sources if re.search(r"\bDESIGN\b", path.read_text(encoding="utf-8"))]
     assert [path for path in citing if "solver" not in path.parts] == []
 
 
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
-    """Build the site strictly; every formula becomes MathML."""
+    """The site builds without a warning, and every formula becomes MathML."""
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", tmp_path]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, ""), done.stdout

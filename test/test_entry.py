@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Console scripts that are interrupted while they start end without a traceback."""
+"""Console scripts that are interrupted at their start end without a traceback."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ sys.exit(entry.{script}())
 def test_an_interrupt_during_the_imports_leaves_no_traceback(
     script: str, arguments: list[str], module: str, status: int, name: str
 ) -> None:
-    """Interrupt a script while it imports: one line, and the status that shells or launch expect."""
+    """An interrupt during the imports gives one line, and the exit status that shells and launch expect."""
     code = _INTERRUPTER.format(script=script, arguments=arguments, module=module)
     done = _run(code)
     assert (done.returncode, done.stdout, done.stderr) == (status, "", f"{name}: interrupted while starting\n")
 
 
 def test_an_interrupt_during_a_command_leaves_no_traceback() -> None:
-    """Interrupt `gdfe solve` while it solves: one line on stderr, status 130."""
+    """An interrupt of `gdfe solve` during a solve gives one line on stderr and status 130."""
     code = (
         "import os, signal, sys\n"
         "from gdfe_ros import entry\n"
@@ -59,7 +59,7 @@ def test_an_interrupt_during_a_command_leaves_no_traceback() -> None:
 
 
 def test_the_imports_are_kept_out_of_the_search_for_cycles() -> None:
-    """Import a command, and another one that fails: collection goes on, and passes over what was imported."""
+    """Imports of commands, successful or not, leave garbage collection enabled, and imported objects out of it."""
     code = (
         "import gc\n"
         "from gdfe_ros import entry\n"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Importing the package is cheap, needs no ROS, and goes in one direction."""
+"""Importing the package is cheap, needs no ROS, and has no cycles."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def _loaded(code: str) -> set[str]:
-    """Run code in a fresh process and name the top-level modules it has loaded."""
+    """Run code in a fresh process; return the top-level modules that it has loaded."""
     report = "import sys; print(*{name.partition('.')[0] for name in sys.modules})"
     done = subprocess.run(
         [sys.executable, "-c", f"{code}; {report}"],
@@ -33,7 +33,7 @@ def _loaded(code: str) -> set[str]:
 
 
 def test_importing_the_package_loads_nothing_heavy() -> None:
-    """Import gdfe_ros alone: neither arrays nor compilers nor ROS come with it."""
+    """Importing gdfe_ros loads neither numpy nor a compiler nor ROS."""
     loaded = _loaded("import gdfe_ros")
     assert "gdfe_ros" in loaded
     assert not loaded & {"numpy", "scipy", "numba", "pydantic", "rclpy", "mcap"}
@@ -41,40 +41,40 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
 
 @pytest.mark.parametrize("name", ["load_scene", "Simulation"])
 def test_public_names_come_without_ros(name: str) -> None:
-    """Fetch a public name: it is there, and ROS is not."""
+    """Importing a public name does not load ROS."""
     loaded = _loaded(f"from gdfe_ros import {name}")
     assert "numpy" in loaded
     assert not loaded & {"rclpy", "sensor_msgs", "std_msgs", "geometry_msgs"}
 
 
 def test_a_scene_without_tables_interpolates_none() -> None:
-    """Solve a scene whose materials are formulas: scipy's interpolation, which is slow to import, is not."""
+    """Solving a scene whose materials are formulas does not load scipy's interpolation, which is slow to import."""
     code = "from gdfe_ros import Simulation, load_scene; Simulation(load_scene('bend5'))"
     report = "import sys; sys.exit('scipy.interpolate' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", f"{code}; {report}"], check=False).returncode == 0
 
 
 def test_public_names_are_listed_and_others_refused() -> None:
-    """List what the package offers, and name it when something else is asked for."""
+    """The public names are listed, and another name is refused with that list."""
     assert set(gdfe_ros.__all__) <= set(dir(gdfe_ros))
     with pytest.raises(AttributeError, match=r"no attribute 'solve'; it offers .*load_scene"):
         _ = gdfe_ros.solve
 
 
 def test_the_share_directory_of_a_clone_is_the_tree() -> None:
-    """Find scenes and parameters beside the code."""
+    """In a clone, scenes and parameters are found beside the code."""
     assert (share_dir() / "config" / "sim.yaml").is_file()
 
 
 def test_a_missing_share_directory_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Copy the code away from its files: the error says how to install."""
+    """Code copied without its files raises an error that says how to install."""
     monkeypatch.setattr("gdfe_ros.share.__file__", str(tmp_path / "gdfe_ros" / "share.py"))
     with pytest.raises(GdfeError, match=r"share/gdfe_ros/package.xml.*make install"):
         share_dir.__wrapped__()
 
 
 def _imports(path: Path) -> set[str]:
-    """Return the modules of the package that a file imports, also inside of functions."""
+    """Return the modules of the package that a file imports, also inside functions."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module:
@@ -85,7 +85,7 @@ def _imports(path: Path) -> set[str]:
 
 
 def test_no_module_imports_itself_by_way_of_others() -> None:
-    """Sort the modules so that each comes after those that it imports: there is such an order."""
+    """The modules can be sorted so that each comes after those that it imports."""
     files = {
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
         for path in (ROOT / "gdfe_ros").rglob("*.py")

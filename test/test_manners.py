@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of manners in the pages: of the questions that ``make manners`` asks today, and without a difference."""
+"""The table of manners in the pages has the present questions of ``make manners``, and no unexpected answer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def _script() -> ModuleType:
-    """Read the script; what it asks is imported only when it runs."""
+    """Load the script ``make manners`` without running it."""
     spec = importlib.util.spec_from_file_location("manners", ROOT / "test" / "manners" / "__main__.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -21,13 +21,13 @@ def _script() -> ModuleType:
 
 
 def test_the_table_is_of_these_questions() -> None:
-    """Compare the mark of the questions; where it differs: make measure ONLY=manners."""
+    """The report has the digest of the present questions (remedy: make measure ONLY=manners)."""
     report = read_report(KEPT / "manners.json").data
     assert report["questions"] == _script().questions()
 
 
 def test_nothing_was_found_that_was_not_expected() -> None:
-    """Compare the columns of the table."""
+    """In each row of the report, the found answer is the expected one."""
     rows = read_report(KEPT / "manners.json").data["rows"]
     assert [(asked, expected, found) for _, asked, expected, found in rows if expected != found] == []
     assert len({group for group, *_ in rows}) == 20

@@ -12,10 +12,10 @@ from gdfe_ros.spelling import closest, did_you_mean
     ("given", "expected"), [("tipp", "did you mean 'tip'? "), ("base", "did you mean 'base'? "), ("xyz", "")]
 )
 def test_the_word_most_like_the_given_one_is_suggested(given: str, expected: str) -> None:
-    """Suggest a word for a misspelt one, and none for one that is like nothing."""
+    """A misspelt word gives the closest known word, and an unrelated one gives none."""
     assert did_you_mean(given, ("tip", "base")) == expected
 
 
 def test_nothing_is_close_where_nothing_is_known() -> None:
-    """Look among no words."""
+    """Without known words nothing is close."""
     assert closest("tip", ()) is None

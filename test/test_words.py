@@ -21,9 +21,9 @@ SECOND = {
     "way": r"\bways?\b(?!:)",
     "stream": r"\bstreams? of (?:bytes|commands|messages)\b|\bbyte streams?\b",
 }
-"""Expressions of second meanings; names of arguments in docstrings end with a colon."""
+"""Dict from word to the expression of its second meanings; names of arguments in docstrings end with a colon."""
 RIGHT = r"\b(?:a body|body is|vertices|is) at rest\b|\bshare director|\*on their way\*"
-"""Expressions that look like those, and are right."""
+"""Expressions that match `SECOND` but have the right meaning."""
 
 
 def prose(page: Path) -> str:
@@ -45,7 +45,7 @@ def docstrings(path: Path) -> str:
 
 @cache
 def texts() -> dict[Path, str]:
-    """Return every page and the docstrings of every module, each in one line; read once."""
+    """Return a dict from path to text, in one line, for every page and every module's docstrings; cached."""
     found = {page: prose(page) for page in PAGES}
     found |= {path: docstrings(path) for path in (ROOT / "gdfe_ros").rglob("*.py")}
     return {path: " ".join(text.split()) for path, text in found.items()}
@@ -53,7 +53,7 @@ def texts() -> dict[Path, str]:
 
 @pytest.mark.parametrize("word", SECOND)
 def test_a_word_has_one_meaning(word: str) -> None:
-    """Look for second meanings in every page and every docstring of the package."""
+    """No page and no docstring of the package uses the word in a second meaning."""
     found = []
     for path, text in texts().items():
         plain = re.sub(RIGHT, "", text, flags=re.I)
@@ -64,6 +64,6 @@ def test_a_word_has_one_meaning(word: str) -> None:
 
 @pytest.mark.parametrize("word", SECOND)
 def test_the_words_are_in_the_table(word: str) -> None:
-    """Read the table: it has each of these words, and what stands for its other meanings."""
+    """The table has a row for the word with its one meaning and the words for other meanings."""
     table = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8").partition(TABLE)[2].partition("\n## ")[0]
     assert re.search(rf"^\| {word} \| [^|]+ \| [^|]+ \|$", table, flags=re.M)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Workers have one thread each, and the environment is as before them."""
+"""Worker processes have one thread each, and this process's environment is unchanged afterwards."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gdfe_ros.workers import THREAD_COUNTS, open_workers
 
 
 def test_workers_are_told_to_use_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ask two fresh processes for their environment, and this one after them."""
+    """Two fresh workers have one thread in their environment, and this process has its own settings."""
     monkeypatch.setenv("NUMBA_NUM_THREADS", "7")
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     with open_workers(2) as executor:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands and times of the wrong kind: named, and nothing has changed."""
+"""Commands and times of a wrong type are refused by name, and nothing changes."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ LIFT = Command(handles={"tip": Pose((0.0, 0.0, 0.01))})
     ids=str,
 )
 def test_times_are_refused_before_anything_moves(times: dict[str, Any]) -> None:
-    """Give a time that is none: named, and neither time nor target has moved."""
+    """An invalid time is refused by name, and neither time nor target changes."""
     simulation = Simulation(scene_from_text(SCENE))
     with pytest.raises(CommandError, match=next(iter(times))):
         simulation.step(LIFT, **{"dt": 1.0, **times})
@@ -73,7 +73,7 @@ def test_times_are_refused_before_anything_moves(times: dict[str, Any]) -> None:
 )
 @pytest.mark.parametrize("motion", ["", "dynamics: {}"], ids=["statics", "motion"])
 def test_values_of_the_wrong_kind_are_named(command: Command, motion: str) -> None:
-    """Command what is no finite number and no pose: named with what is allowed, without and with dynamics."""
+    """A command that is no finite number or no pose is refused with what is allowed, with and without dynamics."""
     simulation = Simulation(scene_from_text(SCENE + motion))
     with pytest.raises(CommandError, match=r"(pull|weight|tip)'.*allowed"):
         simulation.step(command)
@@ -83,7 +83,7 @@ def test_values_of_the_wrong_kind_are_named(command: Command, motion: str) -> No
 @pytest.mark.parametrize("part", ["handles", "actuators", "loads", "bodies"])
 @pytest.mark.parametrize("given", [None, [], "tip"], ids=str)
 def test_parts_of_a_command_are_mappings(part: str, given: Any) -> None:
-    """Give a list, a word or nothing instead: named, nothing has changed."""
+    """A list, a word or None in place of a mapping is refused by name, and nothing changes."""
     simulation = Simulation(scene_from_text(SCENE))
     with pytest.raises(CommandError, match=f"{part} of a Command are a mapping by name"):
         simulation.step(Command(**{part: given}))
@@ -91,14 +91,14 @@ def test_parts_of_a_command_are_mappings(part: str, given: Any) -> None:
 
 
 def test_positions_that_are_no_numbers_are_named() -> None:
-    """Give a word as positions: refused."""
+    """A word in place of positions is refused."""
     with pytest.raises(CommandError, match="no array of numbers"):
         Simulation(scene_from_text(SCENE)).set_positions("abc")
 
 
 @pytest.mark.parametrize("given", [5, "tip", {"tip": Pose()}], ids=str)
 def test_what_is_no_command_and_no_snapshot_is_named(given: Any) -> None:
-    """Step with, and restore, something else: refused with what is taken, nothing has changed."""
+    """A wrong object in place of a command or snapshot is refused with what is allowed, and nothing changes."""
     simulation = Simulation(scene_from_text(SCENE))
     with pytest.raises(CommandError, match="a step follows a Command, or None; got"):
         simulation.step(given)
@@ -109,7 +109,7 @@ def test_what_is_no_command_and_no_snapshot_is_named(given: Any) -> None:
 
 
 def test_a_time_of_too_many_internal_steps_is_refused() -> None:
-    """Let a body with mass move for a year in one step: refused with what is allowed; at rest it may."""
+    """A year in one step is refused with what is allowed for a body with mass, and accepted without dynamics."""
     simulation = Simulation(scene_from_text(SCENE.partition("loads")[0] + "dynamics: {step: 1.0e-3}"))
     with pytest.raises(CommandError, match=r"3.15e\+10 internal steps of 0.001 s.*allowed: 0 to 100 s"):
         simulation.step(Command(actuators={"pull": 0.1}), dt=3.15e7)
@@ -122,7 +122,7 @@ def test_a_time_of_too_many_internal_steps_is_refused() -> None:
 
 @pytest.mark.parametrize("value", [1e20, 1e150, 1e300])
 def test_a_command_out_of_all_proportion_ends(value: float) -> None:
-    """Pull with far more than any body stands, with and without dynamics: the step ends, unconverged, with a reason."""
+    """A pull far beyond the body's strength ends unconverged with a reason, with and without dynamics."""
     for motion in ("", "dynamics: {}"):
         simulation = Simulation(scene_from_text(SCENE + motion))
         result = simulation.step(Command(actuators={"pull": value}), dt=0.01)
@@ -133,7 +133,7 @@ def test_a_command_out_of_all_proportion_ends(value: float) -> None:
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_numbers_of_a_scene_made_in_python_are_finite(value: float) -> None:
-    """Make dynamics, gravity and settings with a number that is not finite: refused by name."""
+    """Dynamics, gravity and settings made in Python refuse a number that is not finite, by name."""
     for name, given in (("velocity", (0.0, value, 0.0)), ("spin", (value, 0.0, 0.0)), ("viscosity", value)):
         with pytest.raises(ValueError, match=f"{name} must be"):
             Dynamics(**{name: given})

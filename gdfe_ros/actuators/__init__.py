@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cables, chambers, growth and loads: everything that moves a body besides its handles."""
+"""Actuators and loads of a body: cables, chambers, growth, gravity, forces and tractions."""
 
 from __future__ import annotations
 

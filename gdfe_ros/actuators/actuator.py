@@ -25,7 +25,7 @@ class Mode(str, Enum):
 
     @property
     def unit(self) -> str:
-        """SI unit of the command; empty for a number."""
+        """SI unit of the command; empty if it has no unit."""
         return {"tension": "N", "length": "m", "shortening": "m", "pressure": "Pa", "volume": "m^3"}.get(self.value, "")
 
 
@@ -34,10 +34,10 @@ class Actuator:
     """Base class of actuators.
 
     Attributes:
-        name: unique in the scene among actuators and loads; part of topic names.
-        mode: quantity that its command prescribes.
+        name: name, unique among the actuators and loads of the scene; part of topic names.
+        mode: quantity that the command prescribes.
         low, high: range of the command, in the unit of the mode.
-        rate: largest change of the command in a second of simulation time; infinite for none.
+        rate: largest change of the command in a second of simulation time; infinite for no limit.
     """
 
     name: str
@@ -48,21 +48,21 @@ class Actuator:
 
     @property
     def constrains(self) -> bool:
-        """Whether its command is a length or a volume that a constraint keeps, with any force."""
+        """Whether the command is a constraint on a length or a volume, whose tension or pressure is an unknown."""
         return self.mode is Mode.VOLUME
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cable(Actuator):
-    """A frictionless polyline through material points; it pulls and never pushes.
+    """A frictionless cable along a polyline of length L through material points; it pulls and never pushes.
 
-    Its energy is T L under a commanded tension T. A commanded length l is the constraint L <= l: the cable is slack
-    while its path is shorter. With a ``stiffness`` k the cable is elastic instead, with the energy k/2 (L - l)^2 for
+    With a commanded tension T its energy is T L. A commanded length l is the constraint L <= l: while L < l, the cable
+    is slack. With a finite ``stiffness`` k the cable is elastic instead of constrained: its energy is k/2 (L - l)^2 for
     L > l.
 
     Attributes:
-        points: two or more points of the body, from end to end.
-        stiffness: of the whole cable [N/m]; infinite for an inextensible one.
+        points: two or more points of the body, from one end of the cable to the other.
+        stiffness: stiffness k of the whole cable [N/m]; infinite for an inextensible cable.
     """
 
     points: Embedding
@@ -70,18 +70,20 @@ class Cable(Actuator):
 
     @property
     def constrains(self) -> bool:
-        """Whether a constraint keeps its length; an elastic cable stretches instead."""
+        """Whether the command is a constraint on the cable's length; an elastic cable has no constraint."""
         return self.mode is not Mode.TENSION and not math.isfinite(self.stiffness)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Chamber(Actuator):
-    """A closed surface inside the body filled with a fluid: energy -p V, or a given volume V and an unknown pressure.
+    """A closed surface inside the body that is filled with a fluid.
+
+    With a commanded pressure p its energy is -p V. A commanded volume is a constraint, whose pressure is an unknown.
 
     Attributes:
-        quads: int32 vertices of the faces, (q, 4), or (q, 6) for tetrahedra; normals point into the material. If
+        quads: int32 vertex ids of the faces, (q, 4), or (q, 6) for tetrahedra; normals point into the material. If
             ``points`` are given, indices (q, 4) of these points; a triangle repeats its last corner.
-        points: points carried by the body, if the surface does not lie between vertices.
+        points: material points as corners of the faces; None if the corners are vertices.
     """
 
     quads: NDArray[np.int32]
@@ -89,27 +91,28 @@ class Chamber(Actuator):
 
     @property
     def vertices(self) -> NDArray[np.int32]:
-        """Vertices (k,) that carry the surface; some occur more than once."""
+        """Vertices (k,) on which the surface's position depends; some occur more than once."""
         return self.quads.ravel() if self.points is None else self.points.corners[self.points.weights != 0.0]
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions (k, 3) [m] that ``quads`` index: of ``points`` if given, else of the vertices.
+        """Return the positions (k, 3) [m] to which ``quads`` refer: those of ``points`` if given, else of the vertices.
 
         Args:
-            positions: (n, 3) [m] of the mesh's vertices.
+            positions: positions of the mesh's vertices (n, 3) [m].
         """
         return positions if self.points is None else self.points.at(positions)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Growth(Actuator):
-    """Cells with another rest size (shape memory, swelling, fibres): F_e = F G^-1, energy det G W(F_e).
+    """Cells whose stress-free shape changes (shape memory, swelling, fibres): F_e = F G^-1, energy det G W(F_e).
 
-    At command c the stretch is G = 1 + c (G_1 - 1). If several growths have a cell in common, their G - 1 add up.
+    At command c the growth stretch is G = 1 + c (G_1 - 1). If several growths have a cell in common, their tensors
+    G - 1 are added.
 
     Attributes:
         cells: (k,) int32 cells that grow.
-        stretch: (3, 3) symmetric stretch G_1 at command 1, positive definite.
+        stretch: (3, 3) growth stretch G_1 at command 1, symmetric and positive definite.
     """
 
     cells: NDArray[np.int32]
@@ -123,8 +126,8 @@ class ActuatorState:
     Attributes:
         mode: quantity that the command prescribes.
         command: present command, in the unit of the mode.
-        extent: length of a cable [m], volume of a chamber [m^3], mean det G of a growth.
-        effort: tension of a cable [N], pressure of a chamber over its surroundings [Pa], 0 for a growth.
+        extent: length of a cable [m], volume of a chamber [m^3], mean of det G over the cells of a growth.
+        effort: tension of a cable [N], pressure of a chamber relative to its surroundings [Pa], 0 for a growth.
     """
 
     mode: Mode
@@ -138,7 +141,7 @@ class ActuatorState:
         return self.mode.unit
 
     def readings(self) -> list[tuple[str, float, str]]:
-        """Return the reported values of the actuator, as (quantity, value, unit)."""
+        """Return the values to report for the actuator, as a list of (quantity, value, unit)."""
         if self.mode is Mode.GROWTH:
             return [("volume over that at rest", self.extent, "")]
         if self.mode in (Mode.PRESSURE, Mode.VOLUME):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Material points: fixed weights of the vertices of the cell around each point."""
+"""Material points: each point is a weighted mean, with fixed weights, of the vertices of the cell around it."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from gdfe_ros.mesh.tetrahedra import barycentric, quadratic_weights
 from gdfe_ros.mesh.trilinear import reference_coordinates, trilinear_weights
 
 SLACK = 1e-5
-"""A point counts as on a cell's face if it is outside by at most this, in the cell's reference coordinates (-1 .. 1, or
-barycentric).
+"""Largest distance outside of a cell at which a point still counts as on the cell's face, in the cell's reference
+coordinates (-1 .. 1) or barycentric coordinates.
 """
 NEIGHBOURS = 64
-"""Number of cells, those with the nearest centres, that are searched for the cell around a point."""
+"""Number of candidate cells for a point: the cells with the nearest centroids."""
 
 
 @dataclass(frozen=True, eq=False)
 class Embedding:
-    """Points that move with the body.
+    """Material points, which move with the body.
 
     Attributes:
         corners: (p, c) int32 vertices of the cell around each point; (p, 1) for points that are vertices.
-        weights: (p, c) or (p, 1) float64 weights, each row sums to one.
+        weights: (p, c) or (p, 1) float64 weights of these vertices; each row sums to one.
     """
 
     corners: NDArray[np.int32]
@@ -37,7 +37,7 @@ class Embedding:
 
     @classmethod
     def of_vertices(cls, vertices: NDArray[np.int32]) -> Embedding:
-        """Return vertices (p,) as points."""
+        """Return the material points at given vertices (p,)."""
         return cls(vertices[:, None], np.ones((len(vertices), 1)))
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -46,15 +46,15 @@ class Embedding:
 
 
 def embed(mesh: Mesh, points: ArrayLike, *, what: str) -> Embedding:
-    """Find the cell and the weights of each point (p, 3) [m].
+    """Return the material points at given positions in the undeformed body.
 
     Args:
         mesh: the undeformed body.
-        points: coordinates [m]; on a face between cells the weights are the same from either side.
+        points: positions (p, 3) [m]; a point on the common face of two cells has the same weights in both.
         what: name of the points in an error.
 
     Raises:
-        MeshError: a point lies outside of the body; every such point is named with the nearest point of the body.
+        MeshError: a point is outside of the body; the error names every such point and a point of the body near it.
     """
     points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     corners = mesh.vertices[mesh.cells]
@@ -80,7 +80,10 @@ def embed(mesh: Mesh, points: ArrayLike, *, what: str) -> Embedding:
 def _in_hexahedra(
     point: NDArray[np.float64], corners: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return how far (k,) a point lies outside of cells (k, 8, 3), in reference coordinates, and its weights (k, 8)."""
+    """Return the distance (k,) of a point outside of cells with corners (k, 8, 3), and the corners' weights (k, 8).
+
+    The distance is in reference coordinates, negative inside. The weights are those of the nearest point in the cell.
+    """
     reference = reference_coordinates(point, corners)
     return np.abs(reference).max(axis=1) - 1.0, trilinear_weights(np.clip(reference, -1.0, 1.0))
 
@@ -88,7 +91,10 @@ def _in_hexahedra(
 def _in_tetrahedra(
     point: NDArray[np.float64], nodes: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return how far (k,) a point lies outside of cells (k, 10, 3), in barycentric coordinates, and weights (k, 10)."""
+    """Return the distance (k,) of a point outside of cells with nodes (k, 10, 3), and the nodes' weights (k, 10).
+
+    The distance is in barycentric coordinates, negative inside. The weights are those of a point near it in the cell.
+    """
     place = barycentric(point, nodes)
     inside = np.clip(place, 0.0, None)
     return -place.min(axis=1), quadratic_weights(inside / inside.sum(axis=1, keepdims=True))

@@ -16,19 +16,19 @@ from gdfe_ros.mesh.tetrahedra import quadratic_slopes, quadratic_weights, simple
 from gdfe_ros.mesh.trilinear import CORNERS, trilinear_weights
 
 GAUSS = 3.0**-0.5
-"""Coordinate of the two Gauss points of each direction, up to the sign."""
+"""Absolute value of the reference coordinates of the two Gauss points in each direction."""
 TET_ORDER = 3
 """Number of integration points of a tetrahedron along each direction; products of two shape functions have degree 4."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttachedMass:
-    """A mass attached to points of the body, in equal parts.
+    """A mass that is attached to material points of the body in equal parts.
 
     Attributes:
-        name: unique among attached masses.
-        points: positions of the parts.
-        mass: in total [kg].
+        name: name, unique among attached masses.
+        points: material point of each part.
+        mass: total mass [kg].
     """
 
     name: str
@@ -41,19 +41,19 @@ class AttachedMass:
         return self.mass / len(self.points.corners)
 
     def forces(self, count: int, acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the weight at each of ``count`` vertices (n, 3) [N] under an acceleration (3,) [m/s^2]."""
+        """Return the weight (count, 3) [N] at each of ``count`` vertices, under an acceleration (3,) [m/s^2]."""
         return _collect(count, self.points.corners, (self.part * self.points.weights)[..., None] * acceleration)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Gravity:
-    """The weight of every cell.
+    """The weight of the cells and of attached masses.
 
     Attributes:
-        name: unique in the scene among actuators and loads.
-        acceleration: (3,) finite [m/s^2].
-        density: (m,) of each cell [kg/m^3].
-        attached: masses that have weight too.
+        name: name, unique among the actuators and loads of the scene.
+        acceleration: (3,) gravitational acceleration [m/s^2], finite.
+        density: (m,) density of each cell [kg/m^3].
+        attached: attached masses.
         filling: filled fraction of the cells; None if every cell is entirely filled.
     """
 
@@ -67,7 +67,10 @@ class Gravity:
         _require_finite(self.name, "acceleration", self.acceleration)
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Return the force at each vertex (n, 3) [N]; each corner's part of the mass is exact for trilinear cells."""
+        """Return the weight at each vertex, (n, 3) [N], integrated exactly for trilinear cells.
+
+        ``rest`` (n, 3) [m] are the undeformed vertices, ``cells`` (m, c) their ids in each cell.
+        """
         share = corner_volumes(rest, cells, self.filling)
         forces = _collect(len(rest), cells, (self.density[:, None] * share)[..., None] * self.acceleration)
         for item in self.attached:
@@ -80,9 +83,9 @@ class PointLoad:
     """A force at a material point.
 
     Attributes:
-        name: unique in the scene among actuators and loads.
-        point: point of application, a single one.
-        force: (3,) finite [N].
+        name: name, unique among the actuators and loads of the scene.
+        point: the single material point at which the force acts.
+        force: (3,) force [N], finite.
     """
 
     name: str
@@ -93,20 +96,20 @@ class PointLoad:
         _require_finite(self.name, "force", self.force)
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Return the force at each vertex (n, 3) [N]."""
+        """Return the force at each vertex, (n, 3) [N]; ``rest`` (n, 3) [m] are the undeformed vertices."""
         return _collect(len(rest), self.point.corners, self.point.weights[..., None] * self.force)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceLoad:
-    """A traction on faces, over their undeformed area.
+    """A traction on faces: a force per undeformed area.
 
     Attributes:
-        name: unique in the scene among actuators and loads.
-        quads: int32 vertices of the faces, (q, 4), or (q, 6) for tetrahedra. If ``points`` are given, indices (q, 4) of
-            these points; a triangle repeats its last corner.
-        traction: (3,) finite [Pa].
-        points: points carried by the body, if the faces do not lie between vertices.
+        name: name, unique among the actuators and loads of the scene.
+        quads: int32 vertex ids of the faces, (q, 4), or (q, 6) for tetrahedra. If ``points`` are given, indices (q, 4)
+            of these points; a triangle repeats its last corner.
+        traction: (3,) traction [Pa], finite.
+        points: material points as corners of the faces; None if the corners are vertices.
     """
 
     name: str
@@ -118,7 +121,7 @@ class SurfaceLoad:
         _require_finite(self.name, "traction", self.traction)
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Return the force at each vertex (n, 3) [N]."""
+        """Return the force at each vertex, (n, 3) [N]; ``rest`` (n, 3) [m] are the undeformed vertices."""
         places = rest if self.points is None else self.points.at(rest)
         pulls = _collect(len(places), self.quads, corner_areas(places, self.quads)[..., None] * self.traction)
         if self.points is None:
@@ -132,17 +135,18 @@ Load = Gravity | PointLoad | SurfaceLoad
 def corner_volumes(
     rest: NDArray[np.float64], cells: NDArray[np.int32], filling: Filling | None = None
 ) -> NDArray[np.float64]:
-    """Return the integral of each corner's shape function over each cell, (m, c) [m^3]; see `gauss_points`."""
+    """Return the integral of each node's shape function over each cell, (m, c) [m^3], by the rule of `gauss_points`."""
     return sum(volume[:, None] * shape for volume, shape in gauss_points(rest, cells, filling))
 
 
 def gauss_points(
     rest: NDArray[np.float64], cells: NDArray[np.int32], filling: Filling | None = None
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Yield the volume (m,) [m^3] and the shape functions (1 or m, c) of each of a cell's integration points.
+    """Yield, for each integration point, its volume in each cell (m,) [m^3] and the shape functions there (1 or m, c).
 
-    A hexahedron has 2 x 2 x 2 Gauss points. A partly filled cell has the points of its box, and the volume of its
-    material. A quadratic tetrahedron has 27 points, so that its mass is exact with straight edges.
+    A hexahedron has 2 x 2 x 2 Gauss points. In a partly filled cell they are the points of its box, and their volumes
+    add up to the volume of its material. A quadratic tetrahedron has 27 points, so that the mass of a tetrahedron with
+    straight edges is exact.
     """
     corners = rest[cells]
     if cells.shape[1] == 10:
@@ -159,16 +163,16 @@ def gauss_points(
 
 
 def _tet_points(nodes: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Yield volumes and shape functions as `gauss_points` does, for tetrahedra with ``nodes`` (m, 10, 3) [m]."""
+    """Yield the volumes and shape functions of `gauss_points` for tetrahedra with ``nodes`` (m, 10, 3) [m]."""
     for place, weight in zip(*simplex_rule(TET_ORDER), strict=True):
         volume = np.linalg.det(np.einsum("eai,aj->eij", nodes, quadratic_slopes(place))) / 6.0
         yield weight * volume, quadratic_weights(place)[None]
 
 
 def corner_areas(rest: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the area [m^2] that belongs to each node of each face (q, 4) or (q, 6), in the same shape.
+    """Return the integral of each node's shape function over each face [m^2], in the shape of ``quads``.
 
-    Bilinear quads have 2 x 2 Gauss points; for the six nodes of a quadratic triangle see `node_areas`.
+    Bilinear quads (q, 4) have 2 x 2 Gauss points. For six-node faces (q, 6) see `node_areas`.
     """
     if quads.shape[1] == 6:
         return node_areas(rest, quads)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Positions of actuators for messages, in the quantities of their commands."""
+"""Positions of actuators, for messages."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Mode
 
 
 class Readings:
-    """Converts actuator states to positions, in the quantity of each command if this is geometric.
+    """Converter of actuator states to positions.
 
-    A position is the shortening or the length of a cable [m], the volume of a chamber [m^3], or the command of a
-    growth.
+    The position of a cable is its shortening [m] if the command is a shortening, else its length [m]. The position of a
+    chamber is its volume [m^3], and the position of a growth is its command.
 
     Args:
-        actuators: of a scene.
-        rest: (n, 3) undeformed vertices [m].
+        actuators: actuators of a scene.
+        rest: undeformed vertices (n, 3) [m].
     """
 
     def __init__(self, actuators: Iterable[Actuator], rest: NDArray[np.float64]) -> None:
@@ -30,7 +30,7 @@ class Readings:
         }
 
     def positions(self, states: Mapping[str, ActuatorState]) -> NDArray[np.float64]:
-        """Return the position of each of the named states."""
+        """Return the positions (k,) of actuators from a dict from name to state, in the order of the dict."""
         return np.array([self._position(name, state) for name, state in states.items()])
 
     def _position(self, name: str, state: ActuatorState) -> float:

@@ -35,9 +35,9 @@ class BagRun:
 
     Attributes:
         reader: of the bag.
-        roles: names of the topics by their roles in the node, e.g. ``handles/tip/pose``. Remapping a topic does not
-            change its role. In bags without roles, the role of a topic is its name relative to the node's; topics of
-            others have their whole name.
+        roles: dict from role to topic name. The role is the topic's default name in the node, such as
+            ``handles/tip/pose``; remapping does not change it. If a bag has no roles, the role is the topic's name
+            without the node's name, or the full name of another node's topic.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -54,35 +54,35 @@ class BagRun:
 
     @cached_property
     def scene(self) -> Scene:
-        """The scene that was simulated."""
+        """Scene that was simulated."""
         return scene_from_text(self.reader.run.scene, origin=f"of bag {self.reader.path}")
 
     @property
     def mesh(self) -> HexMesh:
-        """The rest mesh."""
+        """Undeformed mesh."""
         return self.scene.mesh
 
     @cached_property
     def records(self) -> list[StepRecord]:
-        """The record of each step, in order."""
+        """Records of all steps, in order."""
         return [StepRecord.from_json(message.data) for _, message in self.messages(f"/{RECORD}")]
 
     def topics(self, ending: str) -> list[str]:
-        """Return the names of the topics whose role ends with ``ending``, sorted; roles are preceded by ``/``."""
+        """Return the sorted names of the topics for which ``/`` followed by the role ends with ``ending``."""
         return sorted(name for role, name in self.roles.items() if f"/{role}".endswith(ending))
 
     def messages(self, ending: str) -> Iterator[tuple[int, Any]]:
-        """Yield log time [ns] and decoded message of the topics whose role ends with ``ending``."""
+        """Yield log time [ns] and decoded message, for each message of the topics that match ``ending``."""
         for message in self.reader.messages(self.topics(ending)):
             yield message.log_time, self._decode(message.type, message.data)
 
     def last_positions(self) -> NDArray[np.float64]:
-        """Return the vertices (n, 3) [m] of the last mesh message."""
+        """Return the vertex positions (n, 3) [m] of the last mesh message."""
         columns = cloud_values(_last(self.messages("/mesh"))[1])
         return np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
 
     def last_wrenches(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
-        """Return the last force [N] and moment [N m] of each handle, obstacle and sensor on the body."""
+        """Return dict from handle, obstacle or sensor to its last force [N] and moment [N m] on the body."""
         wrenches = {}
         for role in sorted(role for role in self.roles if role.endswith("/wrench")):
             _, message = _last(self.messages(f"/{role}"))
@@ -94,7 +94,7 @@ class BagRun:
 
 
 def _roles(topics: Iterable[TopicInfo]) -> dict[str, str]:
-    """Return the names of the topics by their roles."""
+    """Return dict from role to topic name."""
     known = {topic.name: topic.role for topic in topics}
     record = next((name for name in known if name.endswith(f"/{RECORD}")), "")
     prefix = record.removesuffix(RECORD) or "//"

@@ -16,8 +16,8 @@ from gdfe_ros.recording.step_record import StepRecord
 
 _INPUTS = frozenset({"actuation", "commands", "trajectory"})
 _HANDLE_INPUTS = frozenset({"target", "velocity", "follow", "set"})
-"""Last parts of the names of a handle's input topics; a topic named only ``velocity`` is an output. The step record has
-the consumed commands.
+"""Last parts of the names of a handle's input topics. The topic named only ``velocity`` is an output. Inputs are not
+compared, because the step record has the consumed commands.
 """
 CONTACTS = "contacts"
 """Topic of the contact points. A message has a row for each point; the number of points changes from step to step."""
@@ -35,7 +35,7 @@ class BagStep:
     Attributes:
         record: consumed commands and outcome.
         key: identifies the same step in different runs.
-        samples: arrays by topic (its role) and field, including ``step_record``.
+        samples: dict from topic (its role) to dict from field to array, with ``step_record`` as one of the topics.
     """
 
     record: StepRecord
@@ -62,20 +62,21 @@ def step_keys(records: Collection[StepRecord]) -> list[StepKey]:
 class BagSteps:
     """The steps of a bag, read one after the other, so that a long bag is never in memory as a whole.
 
-    The messages of a step are consecutive in the bag, around its record, and have the step's log time. Two successive
-    steps may have the same log time, after a reset or for a republished state. A topic that occurs again then belongs
-    to the second step.
+    The messages of a step are consecutive in the bag, before and after the step's record, and have its log time. Two
+    successive steps have the same log time after a reset, or if a state is published again. If a topic then occurs
+    twice, its second message belongs to the second step.
 
     Args:
         run: the recorded run.
-        topics: topic names without the node's name, e.g. ``mesh``; None for all that are published once a step.
+        topics: topic names without the node's name, e.g. ``mesh``; None for all topics published once per step.
 
     Attributes:
-        topics: full name of each topic read; the keys are roles.
+        topics: dict from role to full name, of the topics that are read.
         foreign: topics of unknown type, which cannot be compared.
-        strays: for each topic, the number of messages so far whose step has no record in the bag, because it was
-            dropped or lost.
-        tail: number of messages after the last record, by topic; the end of the recording may have truncated this step.
+        strays: dict from topic to the number of messages read so far whose step has no record in the bag. Such a
+            record was dropped or lost.
+        tail: dict from topic to the number of messages after the last step. They belong to a step whose record is
+            missing at the end of the recording.
     """
 
     def __init__(self, run: BagRun, *, topics: Collection[str] | None = None) -> None:
@@ -118,7 +119,7 @@ class BagSteps:
         self.tail.update(short for short, _, _ in early)
 
     def _of(self, moment: int, early: list[tuple[str, int, Any]]) -> dict[str, Values]:
-        """Return the messages that precede their step's record; messages of another time are strays."""
+        """Return the arrays of the ``early`` messages with log time ``moment`` [ns]; count the others as strays."""
         self.strays.update(short for short, time, _ in early if time != moment)
         return {short: message_values(content) for short, time, content in early if time == moment}
 
@@ -128,7 +129,7 @@ def _is_step_topic(role: str) -> bool:
 
 
 def _is_known(role: str) -> bool:
-    """Return whether a topic of the node needs no comparison."""
+    """Return whether a topic is an input of the node, or is not published once per step."""
     owner, _, last = role.rpartition("/")
     is_input = last in _INPUTS or ("/" in owner and last in _HANDLE_INPUTS)
     return role in _OTHERS or (is_input and not role.startswith("/"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The calibration of Sec. 4.2.1: a bar of two shape factors is stretched by 100 %, for several of their ratios R_G."""
+"""Calibration of the paper's Sec. 4.2.1: bars with two shape factors are stretched by 100 %, one bar for each R_G."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ RATIOS = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, CALIBRATED_TO)
 
 @dataclass(frozen=True)
 class CalibrationPoint:
-    """One bar: the ratio of stiffness that results from a ratio of shape factors.
+    """Result for one bar: the stiffness ratio that results from a ratio of shape factors.
 
     Attributes:
         geometric: R_G, ratio of the shape factors.
-        published: R_M, ratio of the moduli that Eq. 7 assigns to R_G.
+        published: R_M, the ratio of the moduli that Eq. 7 assigns to R_G.
         strain: mean eps_eq of the right half over that of the left half.
-        energy: mean 1/2 eps_eq^2 of the right half over that of the left half: the ratio of strain energies for equal
-            moduli.
+        energy: mean 1/2 eps_eq^2 of the right half over that of the left half. For equal moduli this is the ratio of
+            the strain energies.
         converged: whether every load step converged.
     """
 
@@ -38,14 +38,14 @@ class CalibrationPoint:
 
 
 def calibrate(steps: int) -> list[CalibrationPoint]:
-    """Stretch a bar for each of ``RATIOS`` in ``steps`` load steps with the ``relative`` policy."""
+    """Return the result of a bar for each of ``RATIOS``, stretched in ``steps`` steps with the ``relative`` policy."""
     return [_point(ratio, steps) for ratio in RATIOS]
 
 
 def published_ratio(geometric: float) -> float:
-    """Return the mechanical ratio R_M that Eq. 7 assigns to a geometric ratio R_G >= 1.
+    """Return the ratio of moduli R_M that Eq. 7 assigns to a ratio of shape factors R_G >= 1.
 
-    It is 1 below the R_G that belongs to R_M = 1.
+    R_M is 1 for every R_G below the one that Eq. 7 assigns to R_M = 1.
     """
     if geometric <= geometric_ratio(1.0):
         return 1.0

@@ -20,9 +20,9 @@ class Comparison:
 
     Attributes:
         differences: of the common steps.
-        only: two numbers of steps: those that only the first bag has, and those that only the second bag has.
+        only: number of steps that only the first bag has, and number of steps that only the second bag has.
         foreign: topics of unknown type in the first and in the second bag, which are not compared.
-        scene_changes: differing values of the first and the second scene, by dotted key.
+        scene_changes: dict from dotted key to the values in the first and in the second scene, where they differ.
     """
 
     differences: Differences
@@ -31,7 +31,7 @@ class Comparison:
     scene_changes: dict[str, tuple[Any, Any]]
 
     def verdict(self, factor: float = 0.0) -> Difference:
-        """Return ``Differences.verdict``; different if the steps differ, incomplete if something was not compared."""
+        """Return ``differences.verdict``, but DIFFERENT for other steps and INCOMPLETE for topics not compared."""
         if any(self.only) or not self.differences.steps:
             return Difference.DIFFERENT
         verdict = self.differences.verdict(factor)
@@ -39,7 +39,7 @@ class Comparison:
 
 
 def compare_bags(first: str | Path, second: str | Path) -> Comparison:
-    """Compare every array of the common steps of two bags; steps are paired by their stamp.
+    """Compare all arrays of the steps that two bags have in common; equal `StepKey`s identify a common step.
 
     Raises:
         RecordingError: a bag cannot be read or was not recorded by this package's node.
@@ -55,7 +55,7 @@ def compare_bags(first: str | Path, second: str | Path) -> Comparison:
     steps = [BagSteps(run) for run in runs]
     pairs = zip(*(_chosen(source, common) for source in steps), strict=True)
     waiting: tuple[dict[StepKey, BagStep], dict[StepKey, BagStep]] = {}, {}
-    # A reset sets stamps back, so that equal keys may occur in another order.
+    # A reset sets stamps back, so the second bag may have the same keys in another order.
     for pair in pairs:
         for side, step in enumerate(pair):
             waiting[side][step.key] = step
@@ -77,7 +77,7 @@ def _scene_changes(first: BagRun, second: BagRun) -> dict[str, tuple[Any, Any]]:
 
 
 def _entries(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the entries of the scene by dotted key; lists of numbers are not divided."""
+    """Yield dotted key and value of each entry of a scene; a list without mappings is one value."""
     if isinstance(data, dict):
         parts = data.items()
     elif isinstance(data, list) and any(isinstance(item, dict) for item in data):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Differences of two runs: bit by bit, and in size."""
+"""Comparison of two runs: which arrays are not bit-identical, and by how much they differ."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LENGTHS = frozenset({"x", "y", "z", "ux", "uy", "uz"})
 VELOCITIES = ("vx", "vy", "vz")
 _RATIOS = ("eps_eq", "J", "omega", "min_det")
 CUT = 100.0
-"""Error, in tolerances, that is assumed for a step with a cut solve: its distance to the equilibrium is unknown."""
+"""Assumed error estimate, divided by the tolerance, of a step without a finite estimate, e.g. because of a deadline."""
 _COSTS = ("iterations", "substeps", "error_estimate", "skipped")
 
 
@@ -38,12 +38,12 @@ class Difference(Enum):
 
 @dataclass(frozen=True)
 class Place:
-    """One number of a run.
+    """One number of a field, in both runs.
 
     Attributes:
         key: of the step.
-        element: vertex, cell or entry.
-        values: in the first and in the second run.
+        element: index of the vertex, cell or entry.
+        values: the number in the first and in the second run.
     """
 
     key: StepKey
@@ -62,14 +62,14 @@ class FieldDifference:
 
     Attributes:
         topic: without the node's name.
-        field: of its messages.
-        compared: number of arrays.
-        differing: number of arrays with a different bit.
+        field: name of the field in the topic's messages.
+        compared: number of pairs of arrays.
+        differing: number of pairs of arrays that are not bit-identical.
         resized: number of pairs of arrays with different lengths; their numbers are not compared.
         first: the first number that differs.
         most: the number that differs most; NaN counts as the largest difference.
         scale: largest magnitude in the first run.
-        gaps: for each tolerance, the largest difference among the steps that were solved to it.
+        gaps: dict from the accuracy of a step to the largest difference in all steps with this accuracy.
     """
 
     topic: str
@@ -90,7 +90,7 @@ class FieldDifference:
         return _gap(*self.most.values)
 
     def add(self, key: StepKey, first: NDArray[Any], second: NDArray[Any], *, tolerance: float = 0.0) -> None:
-        """Compare two arrays of a step that was solved to ``tolerance``."""
+        """Compare two arrays of a step whose accuracy is ``tolerance``."""
         self.compared += 1
         if first.size and np.isfinite(first).any():
             self.scale = max(self.scale, float(np.nanmax(np.abs(first), where=np.isfinite(first), initial=0.0)))
@@ -117,12 +117,12 @@ class Differences:
     """Differences of two runs, collected step by step.
 
     Args:
-        scene: of the first run; its tolerance, size, shortest edge and stiffness define small differences.
+        scene: of the first run; `allowed` uses its tolerance, size, shortest edge and stiffness.
 
     Attributes:
-        fields: by topic and field, in the order of occurrence.
+        fields: dict from topic and field to their difference, in the order of occurrence.
         steps: number of steps compared.
-        unmatched: arrays that only one of the runs has, by topic.
+        unmatched: dict from topic to the number of steps in which only one of the runs has it.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -146,7 +146,7 @@ class Differences:
                 self._add_topic(key, topic, first[topic], second[topic], tolerance)
 
     def _reached(self, record: Values) -> float:
-        """Return a step's accuracy: the tolerance, or the largest error estimate since the last converged step."""
+        """Return a step's accuracy: the tolerance if it converged, else the largest estimate since a converged step."""
         if "converged" not in record or record["converged"].item():
             self._open = self._tolerance
         else:
@@ -172,22 +172,22 @@ class Differences:
         return sum(entry.compared for entry in self.fields.values())
 
     def allowed(self, entry: FieldDifference, factor: float, tolerance: float | None = None) -> float:
-        """Return the largest difference that ``factor`` tolerances of the solver explain, in the unit of the field.
+        """Return the largest difference that an error of ``factor`` tolerances can cause, in the unit of the field.
 
-        Errors accumulate over steps that did not converge in the first run, e.g. because a deadline cut them. For such
-        steps, ``tolerance`` is the largest error estimate since the last converged step. None stands for the largest
-        tolerance at which the field differs. Convergence of the other run does not matter.
+        ``tolerance`` is the accuracy of the step: the solver's tolerance, or the largest error estimate of the first
+        run since its last converged step. Errors accumulate in steps that did not converge, e.g. because of a deadline.
+        None means the largest accuracy value at which the field differs. Convergence of the second run does not matter.
 
-        The tolerance bounds the displacement over the body's size. Lengths may differ by this displacement, and strains
-        by this displacement over the shortest edge. Moduli, energies and forces may differ by the tolerance times the
-        largest value of their kind. A force may also differ by the axial force of such a displacement: Young's modulus
-        times the mean cross section times the tolerance.
+        The tolerance is a displacement error divided by the body's size. Lengths may differ by this displacement.
+        Strains may differ by this displacement divided by the shortest edge. Moduli, energies and forces may differ by
+        that strain times the largest magnitude of the field. For a force, the limit is at least Young's modulus times
+        the mean cross section times the tolerance; for a moment, at least this force times the body's size.
 
-        For values published as float32, one unit in the last place is added. Some fields may differ by any amount.
-        Iterations, substeps, error estimates and skipped work are the cost of a solve, not its result. Velocities of
-        joint states are differences of positions, and positions are compared. Contact points with negligible forces may
-        be missing in one run, which shifts all rows of the contact points; the compared wrenches contain the contact
-        forces.
+        One unit in the last place of float32 is added, because many fields are published as float32. Some fields may
+        differ by any amount. Iterations, substeps, error estimates and skipped work are the cost of a solve, not its
+        result. Velocities of joint states are differences of positions, and positions are compared. Contact points with
+        negligible forces may be missing in one run, which shifts the rows of all other points. Wrenches contain the
+        contact forces and are compared.
         """
         if entry.topic == CONTACTS:
             return np.inf
@@ -244,7 +244,7 @@ class Differences:
         return max(scale, self._axial * self._size) if ".torque." in entry.field else scale
 
     def _kin(self, entry: FieldDifference) -> Iterator[FieldDifference]:
-        """Yield the components of the same vector; together they give the scale, because one component may be zero."""
+        """Yield the field and all other components of its vector; one component alone may be zero and has no scale."""
         stem = entry.field.rpartition(".")[0]
         vector = VELOCITIES if entry.field in VELOCITIES else ()
         for other in self.fields.values():
@@ -260,7 +260,7 @@ def _shortest_edge(mesh: Mesh) -> float:
 
 
 def _bits(values: NDArray[Any]) -> NDArray[np.unsignedinteger]:
-    """Return the bits of numbers, widened to double: NaN equals NaN, 0 differs from -0."""
+    """Return the bits of numbers converted to double: NaN equals NaN, and 0 differs from -0."""
     return np.ascontiguousarray(values, dtype=np.float64).view(np.uint64)
 
 

@@ -35,7 +35,7 @@ def difference_table(differences: Differences, *, factor: float) -> Table:
 
     Args:
         differences: of two runs.
-        factor: number of solver tolerances that the column ``allowed`` shows; 0 for a table without this column.
+        factor: number of solver tolerances for the column ``allowed``; 0 for a table without this column.
     """
     table = Table(title="differences", title_justify="left")
     for heading in ("topic", "field", "arrays", "first at", "largest", "of", "at"):

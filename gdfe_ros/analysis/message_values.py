@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 from gdfe_ros.recording.step_record import StepRecord
 
 Values = dict[str, NDArray[Any]]
-"""Arrays (k,) of one message by field name, e.g. ``eps_eq`` or ``wrench.force.x``."""
+"""Dict from field name, e.g. ``eps_eq`` or ``wrench.force.x``, to array (k,), of one message."""
 
 RECORD_FIELDS = ("converged", "iterations", "substeps", "error_estimate", "energy", "min_det")
-"""Outcomes of a step that are the same in two equal runs; wall times and texts are not among them."""
+"""Fields of a step record that are equal in two equal runs; wall times and texts are left out."""
 
 _DESCRIPTION = frozenset({"header", "layout", "__msgtype__"})
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 
 
 def message_values(message: Any) -> Values:
-    """Return the numbers of a message that ``array_decoder`` decoded.
+    """Return the numbers of a message decoded by ``array_decoder``.
 
-    Columns of a PointCloud2 have the names of its fields, numbers of nested messages their dotted path;
-    headers, layouts, covariances and texts are left out.
+    The columns of a PointCloud2 have the names of its fields. Numbers of nested messages have their dotted path as
+    name. Headers, layouts, covariances and texts are left out.
     """
     if hasattr(message, "point_step"):
         return cloud_values(message)
@@ -33,7 +33,7 @@ def message_values(message: Any) -> Values:
 
 
 def cloud_values(cloud: Any) -> Values:
-    """Return the columns of a PointCloud2, (width,) of the type of each field."""
+    """Return the columns of a PointCloud2: for each field an array (width,) of the field's type."""
     order = ">" if cloud.is_bigendian else "<"
     kind = np.dtype(
         {
@@ -48,7 +48,7 @@ def cloud_values(cloud: Any) -> Values:
 
 
 def record_values(record: StepRecord) -> Values:
-    """Return the part of a step's record that a replay must reproduce."""
+    """Return the numbers of a step record that a replay must reproduce, (1,) each."""
     values = {name: np.array([getattr(record, name)], dtype=float) for name in RECORD_FIELDS}
     parts = {f"skipped.{name}": count for name, count in record.skipped.items()}
     parts |= {f"energies.{name}": value for name, value in record.energies.items()}

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 _POSE = (*(f"position.{axis}" for axis in "xyz"), *(f"orientation.{axis}" for axis in "xyzw"))
 BEYOND = 0.25
-"""Margin of a drawn plane beyond the points in front of it, as a fraction of their extent."""
+"""Margin of a drawn plane around the points in front of it, divided by the larger extent of the points."""
 
 
 def faces_of(simulation: Simulation) -> list[NDArray[np.float64]]:
-    """Return the faces (f, k, 3) [m] of each obstacle of a simulation, at their present poses."""
+    """Return the faces (f, k, 3) [m] of each obstacle of a simulation, at its present pose."""
     obstacles = [handle for handle in simulation.scene.handles if isinstance(handle, Obstacle)]
     return [obstacle_faces(each, simulation.handle_pose(each.name), simulation.positions) for each in obstacles]
 
@@ -37,7 +37,7 @@ def recorded_faces(
 
     Args:
         scene: the recorded scene.
-        samples: arrays of a step, by topic and field; an obstacle without a pose among them is at its initial pose.
+        samples: arrays of a step, by topic and field. If the pose of an obstacle is missing, it is at its initial pose.
         positions: of the body's vertices (n, 3) [m].
     """
     faces = []
@@ -59,7 +59,7 @@ def pose_topic(obstacle: Obstacle) -> str:
 def obstacle_faces(obstacle: Obstacle, pose: Pose, before: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the faces (f, k, 3) [m] of an obstacle at a ``pose``.
 
-    A plane is one square, which extends beyond the points ``before`` it (n, 3) [m].
+    A plane is one rectangle. It extends by a margin (`BEYOND`) beyond the points ``before`` the plane (n, 3) [m].
     """
     origin, axes = obstacle.frame(pose)
     if isinstance(obstacle.form, Plane):

@@ -19,7 +19,7 @@ from gdfe_ros.colour_map import colour_range
 from gdfe_ros.mesh import HexMesh
 
 Surface = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""Faces (f, k, 3) [m], their colours (f, 4) and those of their edges (f, 4)."""
+"""Faces (f, k, 3) [m], colours of the faces (f, 4), and colours of their edges (f, 4)."""
 VIEW = {"elev": 18.0, "azim": -64.0}
 COLOURS = "viridis"
 LIGHT = np.array([0.35, -0.75, 0.65]) / np.linalg.norm([0.35, -0.75, 0.65])
@@ -28,8 +28,8 @@ OBSTACLE = (0.80, 0.62, 0.45, 0.35)
 CABLE, FORCE = (0.75, 0.10, 0.10), (0.95, 0.15, 0.55)
 CHAMBER, CHAMBER_EDGES = (0.55, 0.80, 1.0, 0.12), (0.75, 0.90, 1.0, 0.45)
 PIECES = 24
-"""Pieces along the body's size into which faces of obstacles among its own are divided, because each is drawn before or
-behind another as a whole."""
+"""Obstacles that are sorted together with the body's faces have faces no longer than the body's size divided by this
+number. Larger faces are divided, because each face is drawn as a whole before or behind another face."""
 TICKS = 5
 """Number of intervals between ticks along the longest axis. Shorter axes have fewer, so that labels do not overlap."""
 
@@ -46,20 +46,20 @@ def draw_body(
     around: NDArray[np.float64] | None = None,
     scenery: Scenery | None = None,
 ) -> None:
-    """Draw the surface at ``positions`` (n, 3) [m] coloured by cell ``values`` (m,), over the undeformed outline.
+    """Draw the deformed surface of a body, coloured by values of its cells, with the undeformed bounding box.
 
-    If the mesh has a skin, this is the surface.
+    The surface is the skin of the mesh if it has one.
 
     Args:
         path: PNG file, or a binary file object.
-        mesh: undeformed.
-        positions: of the vertices.
-        values: of the cells.
+        mesh: undeformed mesh.
+        positions: of the vertices (n, 3) [m].
+        values: of the cells (m,).
         title: above the picture.
         label: of the colour bar.
-        limits: least and largest value of the colours; None for those of ``values``. If they differ by less than
-            `NOISE`, the body has one colour.
-        around: points (k, 3) [m] that the axes include, for pictures on one scale.
+        limits: values at both ends of the colour bar; None for the least and largest of ``values``. If they differ by
+            less than `NOISE`, the body has one colour.
+        around: points (k, 3) [m] that the axes must include, so that several pictures have one length scale.
         scenery: obstacles, cables, chambers and contact forces.
 
     Raises:
@@ -90,7 +90,7 @@ def draw_body(
 
 
 def _draw_surfaces(axes: Axes3D, body: Surface, positions: NDArray[np.float64], obstacles: list[NDArray]) -> None:
-    """Draw the body and the obstacles; those that are no larger than the body are sorted with it, face by face."""
+    """Draw the body and the obstacles; faces of obstacles no larger than the body are sorted with the body's faces."""
     size, drawn = float(np.ptp(positions, axis=0).max()), [body]
     for solid in obstacles:
         if np.ptp(solid.reshape(-1, 3), axis=0).max() <= size:
@@ -106,14 +106,14 @@ def _draw_surfaces(axes: Axes3D, body: Surface, positions: NDArray[np.float64], 
 
 
 def obstacle_collection(faces: NDArray[np.float64], *, zorder: float = 0.0) -> Poly3DCollection:
-    """Return the pale, translucent faces (f, k, 3) [m] of an obstacle."""
+    """Return a matplotlib collection of an obstacle's faces (f, k, 3) [m], pale and translucent."""
     _, colours, edges = _looks(faces)
     look = {"facecolors": colours, "edgecolors": edges, "linewidths": 0.2, "clip_on": False, "zorder": zorder}
     return Poly3DCollection(faces, **look)
 
 
 def _looks(faces: NDArray[np.float64]) -> Surface:
-    """Return the faces (f, k, 3) of an obstacle with their colours."""
+    """Return the faces (f, k, 3) [m] of an obstacle with the colours of the faces and of their edges."""
     colours = shaded(np.tile(OBSTACLE, (len(faces), 1)), faces)
     return faces, colours, np.tile((0.0, 0.0, 0.0, 0.08), (len(faces), 1))
 
@@ -145,7 +145,7 @@ def _draw_inside(axes: Axes3D, scenery: Scenery, arrows: NDArray[np.float64]) ->
 
 
 def shaded(colours: NDArray[np.float64], faces: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return colours (q, 4) of triangles or quads (q, 3 or 4, 3) shaded by a light from the upper left."""
+    """Return the ``colours`` (q, 4) of triangles or quads (q, 3 or 4, 3), shaded by a light from the upper left."""
     normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, -1] - faces[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-300
     brightness = 1.0 - SHADE + SHADE * np.clip(normals @ LIGHT, -1.0, 1.0)

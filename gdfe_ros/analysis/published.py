@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arrays that the node would publish for the present state of a simulation, without ROS."""
+"""The arrays that the node would publish for the present state of a simulation, made without ROS."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class Publication:
         self._joints: tuple[float, NDArray[np.float64]] | None = None
 
     def values(self, result: StepResult, record: StepRecord, topics: Collection[str]) -> dict[str, Values]:
-        """Return arrays by topic and field.
+        """Return the arrays of the last step's messages, by topic and field.
 
         Args:
             result: of the last step.
-            record: record of the repeated step.
-            topics: names without the node's; topics for which the simulation has no arrays are left out.
+            record: record of the recorded step that was repeated.
+            topics: names without the node's name; topics for which the simulation has no arrays are left out.
         """
         makers = self._makers(result, record)
         return {topic: makers[topic]() for topic in topics if topic in makers}
@@ -72,7 +72,7 @@ class Publication:
         return makers
 
     def _joint_states(self, record: StepRecord) -> Values:
-        """Return joint states; velocities are over the time since the last step, as in the node."""
+        """Return joint states; a velocity is the change of position divided by the time since the last step."""
         states, time = self._simulation.actuator_states(), record.time
         positions = self._readings.positions(states)
         if record.stamp is None:  # an old bag, in which a shortening cable reports its length
@@ -126,7 +126,7 @@ def _handle(simulation: Simulation, name: str) -> Values:
 
 
 def _probe(simulation: Simulation, name: str, positions: NDArray[np.float64]) -> Values:
-    """Return the position of a material point, and the rotation that best fits the corners of its cell."""
+    """Return the pose of a probe: its position, and the rotation that best fits the corners of its cell."""
     point = simulation.scene.probes[name]
     before, now = simulation.mesh.vertices[point.corners[0]], positions[point.corners[0]]
     turn, _ = Rotation.align_vectors(now - now.mean(axis=0), before - before.mean(axis=0))

@@ -29,16 +29,18 @@ class ReplayReport:
     """Result of a replay.
 
     Attributes:
-        differences: between the bag (first) and the replay (second).
+        differences: between the bag (first run) and the replay (second run).
         unknown: topics of the bag that the replay does not reproduce; they are not compared.
-        strays: messages of the bag without a record of their step, by topic.
-        cuts: number of steps that a deadline had cut; the replay ended them at the same check of the time.
+        strays: dict from topic to the number of messages in the bag without a record of their step.
+        cuts: number of recorded steps whose deadline passed; the replay ends their solves at the same check of the
+            deadline. 0 with overrides.
         not_converged: number of other steps that did not converge in the replay.
         duration: simulation time that was replayed [s].
         wall_time: of the replay, comparison included [s].
         inexact: number of commands that no message expresses exactly; only in a replay over topics.
-        tail: messages after the last step, by topic; they belong to a step that the end of the recording truncated.
-        end: place and reason if the replay ends before the bag does; empty if it is complete.
+        tail: dict from topic to the number of messages after the last step. They belong to a step whose record is
+            missing at the end of the recording.
+        end: last step and reason, if the replay ends before the bag does; empty if it is complete.
     """
 
     differences: Differences
@@ -53,7 +55,7 @@ class ReplayReport:
     end: str = ""
 
     def verdict(self, factor: float = 0.0) -> Difference:
-        """Return ``Differences.verdict``, but incomplete instead of equal if parts could not be compared."""
+        """Return ``differences.verdict``, but INCOMPLETE if the runs are equal and parts could not be compared."""
         verdict = self.differences.verdict(factor)
         incomplete = self.end or self.unknown or self.strays or not self.differences.compared
         return Difference.INCOMPLETE if incomplete and verdict is not Difference.DIFFERENT else verdict
@@ -64,17 +66,18 @@ class Replay:
 
     Args:
         run: the recorded run.
-        overrides: of the scene, by dotted key; the runs then differ, and no solve is cut.
+        overrides: dict from dotted scene key to value. With overrides the runs differ, and no solve is ended at the
+            check at which the recorded solve was ended.
 
     Raises:
         RecordingError: the bag lacks data that a replay needs.
         SceneError: the overrides do not fit the scene.
 
     Attributes:
-        scene: of the replay.
-        simulation: of the replay.
+        scene: the recorded scene with the overrides.
+        simulation: of this scene.
         count: number of steps that can be replayed.
-        end: place and reason if the replay ends before the bag does; empty if it is complete.
+        end: last step and reason, if the replay ends before the bag does; empty if it is complete.
 
     Example:
         >>> report = Replay(BagRun("bags/bend5")).run()
@@ -91,7 +94,7 @@ class Replay:
         self.begin()
 
     def begin(self) -> None:
-        """Set the simulation to the initial state of the first step: rest, or the state in the bag.
+        """Set the simulation to the initial state of the first step: the scene's state, or the state stored in the bag.
 
         Raises:
             RecordingError: the state belongs to another scene or version.
@@ -105,7 +108,7 @@ class Replay:
             raise RecordingError(f"bag {self._run.reader.path} begins in the middle of a run; {error}") from error
 
     def run(self) -> ReplayReport:
-        """Replay the bag up to the first step with an initial state that the bag does not determine."""
+        """Repeat and compare all steps before the first step whose initial state the bag does not determine."""
         started = time.perf_counter()
         differences = Differences(self._run.scene)
         steps = BagSteps(self._run)
@@ -130,7 +133,7 @@ class Replay:
         )
 
     def steps(self, steps: BagSteps) -> Iterator[tuple[BagStep, StepResult]]:
-        """Make the steps one after the other; yield each recorded step and the result of its repetition."""
+        """Repeat the steps in order; yield each recorded step with the result of its repetition."""
         self.begin()
         for number, step in enumerate(steps, start=1):
             if step.record.begin is Begin.REST:
@@ -140,14 +143,14 @@ class Replay:
                 return
 
     def _repeat(self, record: StepRecord) -> StepResult:
-        # If a deadline ended the solve, only a replay of the identical run can end it at the same place.
+        # A solve that a deadline ended can be ended at the same iteration only if the scene is the same.
         cut_after = None if self._changed else record.cut_after
         # A run that can be interrupted asks between iterations whether to go on, which may change a step that fails.
         return self.simulation.step(command_of(record), dt=record.dt, cut_after=cut_after, interrupted=lambda: False)
 
 
 def command_of(record: StepRecord) -> Command:
-    """Return the command that a step consumed; a record has the attribute names of ``Command``."""
+    """Return the command that a step consumed; the record's attributes have the names of ``Command``'s."""
     parts = {
         part.name: getattr(record, part.name) for part in dataclasses.fields(Command) if hasattr(record, part.name)
     }
@@ -155,13 +158,13 @@ def command_of(record: StepRecord) -> Command:
 
 
 def replayable(run: BagRun) -> tuple[int, str]:
-    """Return the number of steps with states that the bag can reproduce, and the reason for the end.
+    """Return the number of steps that can be replayed, and the reason why the next step cannot.
 
     Returns:
-        Number of steps from the first on, and why the next one cannot be reproduced; empty if all can.
+        Number of replayable steps from the start, and the reason; the reason is empty if all steps can be replayed.
 
     Raises:
-        RecordingError: it has no steps, or lacks the initial state of the first one.
+        RecordingError: the bag has no steps, or lacks the initial state of the first step.
     """
     bag, records = run.reader.path, run.records
     if not records:
@@ -182,7 +185,7 @@ def replayable(run: BagRun) -> tuple[int, str]:
 
 
 def _gap(before: StepRecord, after: StepRecord) -> str:
-    """Return the reason why a step does not continue from the previous one in the bag; empty if it does."""
+    """Return the reason why step ``after`` does not continue from ``before``; empty if it can be replayed."""
     if after.begin is Begin.LOADED:
         return f"step {after.step} continued from a state that was loaded from a file, which the bag does not hold"
     if after.step != before.step + 1 and after.begin is not Begin.REST:

@@ -16,10 +16,10 @@ from gdfe_ros.solver.result import StepResult
 def write_result(path: Path, simulation: Simulation, result: StepResult, *, steps: int, wall_time: float) -> None:
     """Write positions, element fields, reactions and metadata, SI units.
 
-    Keys: ``X, x`` (n, 3) rest and current vertices [m]; ``cells`` (m, 8); ``eps_eq, J, omega`` (m,); ``energy`` [J];
-    ``reaction_<handle>`` (6,) force [N] and moment [N m] about the handle's deformed centre that the handle exerts on
-    the body; ``actuator_<name>`` (3,) command, length [m] or volume [m^3], tension [N] or pressure [Pa];
-    ``probe_<name>`` (3,) position [m]; ``meta``: JSON text.
+    Keys: ``X, x`` (n, 3) undeformed and current vertices [m]; ``cells`` (m, 8 or 4); ``eps_eq, J, omega`` (m,);
+    ``energy`` [J]; ``reaction_<handle>`` (6,) force [N] and moment [N m] of the handle on the body, the moment about
+    the handle's deformed centre; ``actuator_<name>`` (3,) command, length [m] or volume [m^3], tension [N] or pressure
+    [Pa]; ``probe_<name>`` (3,) position [m]; ``meta``: JSON text.
 
     Raises:
         OSError: the file cannot be written.

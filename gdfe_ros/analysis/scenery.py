@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Items in a picture besides the body: obstacles, rigid bodies, cables, chambers and contact forces."""
+"""Things drawn in addition to the body: obstacles, rigid bodies, cables, chambers and contact forces."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from gdfe_ros.simulation import Simulation
 
 ARROW = 0.25
-"""Length, over the size of the body, of the arrow for the largest force."""
+"""Length of the arrow for the largest force, divided by the size of the body."""
 LEAST_FORCE = 0.02
-"""A force has no arrow if it is below this fraction of the largest force."""
+"""Forces below this fraction of the largest force have no arrow."""
 CONTACTS = "contacts"
 """Topic of the contact points, without the node's name."""
 
@@ -33,14 +33,14 @@ def _no_points() -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Scenery:
-    """Everything around and inside of a body, at one moment.
+    """The things around and inside a body, at one moment.
 
     Attributes:
         obstacles: faces (f, k, 3) [m] of each obstacle and rigid body.
         cables: points (k, 3) [m] of each cable, from end to end.
         chambers: faces (f, 4, 3) [m] of each chamber.
-        places: (c, 3) [m] of the contact points.
-        forces: (c, 3) [N] on the body, or on the rigid body to which the points belong.
+        places: positions of the contact points (c, 3) [m].
+        forces: contact forces (c, 3) [N] on the soft body, or on the rigid body to which the point belongs.
     """
 
     obstacles: list[NDArray[np.float64]] = field(default_factory=list)
@@ -62,7 +62,7 @@ class Scenery:
     ) -> Scenery:
         """Return the scenery of a recorded step.
 
-        Without their topics, forces are missing and obstacles have their initial poses.
+        If a topic is missing, there are no forces, or the obstacle has its initial pose.
 
         Args:
             scene: the recorded scene.
@@ -85,9 +85,9 @@ def force_arrows(
     """Return arrows (a, 2, 3) [m]; each ends at the point on which its force acts.
 
     Args:
-        places: of the points (c, 3) [m].
+        places: positions of the points (c, 3) [m].
         forces: on the points (c, 3) [N].
-        largest: force [N] of an arrow with the length `ARROW`.
+        largest: magnitude of force [N] whose arrow has the length `ARROW` times ``size``.
         size: of the body [m].
     """
     some = np.linalg.norm(forces, axis=1) > LEAST_FORCE * largest
@@ -105,7 +105,7 @@ def _inside(
 
 
 def _pushes(points: NDArray | Mapping[str, NDArray] | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return places and forces of contact points, given with the fields of `gdfe_ros.contacts.POINT`."""
+    """Return positions (c, 3) [m] and forces (c, 3) [N] of contact points with the fields of `contacts.POINT`."""
     if points is None:
         return _no_points(), _no_points()
     places = np.stack([points[axis] for axis in "xyz"], axis=1)

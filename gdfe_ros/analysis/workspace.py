@@ -20,11 +20,11 @@ from gdfe_ros.solver.result import StepResult
 from gdfe_ros.workers import open_workers
 
 FLAT = 1e-3
-"""A point cloud counts as a line or a sheet without volume if its thickness over its length is below this."""
+"""Thickness of a point cloud over its length, below which the cloud counts as a line or a sheet without volume."""
 CLOSE = 1e-3
-"""A position counts as reached up to this estimated distance to the equilibrium, over the body's size."""
+"""Largest error estimate (distance to the equilibrium over the body's size) at which a position counts as reached."""
 RETRIES = 8
-"""Number of equal steps from rest to a command that could not be reached from the previous command."""
+"""Number of equal steps from the initial state to a command that could not be reached from the previous command."""
 LONG = 1e6
 """Duration of a step [s]; it is so long that no rate limit restricts a command."""
 MOST_GRID = 2
@@ -38,10 +38,10 @@ class ReachableSet:
     Attributes:
         probe: name of the probe.
         actuators: names (a,).
-        commands: (k, a) in the unit of each.
-        points: (k, 3) [m]; NaN if the body found no equilibrium.
-        rest: position of the probe without a command (3,) [m].
-        messages: (k,) reason why a command has no equilibrium; empty if it has one.
+        commands: (k, a) in the unit of each actuator.
+        points: positions of the probe (k, 3) [m]; NaN for a command without an equilibrium.
+        rest: position of the probe in the undeformed body (3,) [m].
+        messages: (k,) reason why no equilibrium was found for a command; empty if one was found.
     """
 
     probe: str
@@ -53,7 +53,7 @@ class ReachableSet:
 
     @property
     def reached(self) -> NDArray[np.bool_]:
-        """Whether each command (k,) has an equilibrium."""
+        """Whether an equilibrium was found for each command (k,)."""
         return np.isfinite(self.points).all(axis=1)
 
     @property
@@ -72,10 +72,10 @@ class ReachableSet:
 
 
 def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, float]]) -> NDArray[np.float64]:
-    """Return least and largest command (a, 2) of actuators.
+    """Return the least and largest command (a, 2) of the actuators ``names``, from ``given`` or from the scene.
 
     Raises:
-        GdfeError: no such actuator, or its range is unbounded and none is given.
+        GdfeError: there is no such actuator, its range is not finite, or a given range exceeds that of the scene.
     """
     known = {actuator.name: actuator for actuator in scene.actuators}
     for name in (*names, *given):
@@ -95,8 +95,8 @@ def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, flo
 def command_samples(limits: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return about ``count`` commands (k, a) that fill the ranges (a, 2).
 
-    They are a grid for up to `MOST_GRID` actuators; for more, the corners of the ranges and points of Sobol's sequence.
-    Each command is close to the previous one, because the solver starts from the previous equilibrium.
+    For up to `MOST_GRID` actuators they are a grid. For more, they are the corners of the ranges and points of Sobol's
+    sequence. Each command is close to the previous one, because the solver starts from the previous equilibrium.
     """
     dimensions = len(limits)
     if dimensions <= MOST_GRID:
@@ -116,7 +116,7 @@ def _to_and_fro(grid: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _tour(unit: NDArray[np.float64]) -> list[int]:
-    """Return an order of points (k, a): each point is the nearest remaining one to the previous point."""
+    """Return an order of points (k, a) in which each point is followed by the nearest remaining point."""
     left, order = set(range(1, len(unit))), [0]
     while left:
         places = np.array(sorted(left))
@@ -129,13 +129,13 @@ def _tour(unit: NDArray[np.float64]) -> list[int]:
 def find_workspace(
     scene: Scene, probe: str, actuators: Sequence[str], commands: NDArray[np.float64], *, workers: int = 1
 ) -> ReachableSet:
-    """Find the equilibrium at each command, in parallel.
+    """Return the positions of a probe at the equilibrium of each command, computed in parallel.
 
     Args:
-        scene: the scene; with dynamics its equilibria are computed.
-        probe: name of the probe whose positions are computed.
-        actuators: names (a,); the other actuators keep their rest commands.
-        commands: (k, a).
+        scene: the scene; its dynamics are switched off.
+        probe: name of the probe.
+        actuators: names (a,); the other actuators keep their neutral commands.
+        commands: (k, a) in the unit of each actuator.
         workers: number of processes; with 1 no other process is started.
 
     Raises:
@@ -157,7 +157,7 @@ def find_workspace(
 
 
 def _reach(given: tuple[str, str, tuple[str, ...], NDArray[np.float64]]) -> tuple[NDArray[np.float64], list[str]]:
-    """Return the probe's positions (k, 3) [m] at successive commands, NaN without an equilibrium, and messages (k,)."""
+    """Return a probe's positions (k, 3) [m] and messages (k,) for successive commands; NaN without an equilibrium."""
     text, probe, names, commands = given
     simulation = Simulation(scene_from_text(text, origin="of the workspace", overrides={"dynamics": None}))
     neutral = dict(simulation.rest_command().actuators)
@@ -179,5 +179,5 @@ def _reach(given: tuple[str, str, tuple[str, ...], NDArray[np.float64]]) -> tupl
 
 
 def _near(result: StepResult) -> bool:
-    """Return whether the probe's position is accurate enough."""
+    """Return whether the step converged, or came within `CLOSE` of the equilibrium without inverted cells."""
     return result.converged or (result.error_estimate <= CLOSE and result.min_det > 0.0)

@@ -15,7 +15,7 @@ _PAIRS = (("x", "z", 0, 2), ("y", "z", 1, 2), ("x", "y", 0, 1))
 
 
 def workspace_rows(found: ReachableSet) -> list[tuple[str, str]]:
-    """Return the results as pairs of name and value."""
+    """Return the results as pairs of name and text."""
     points = found.points[found.reached]
     rows = [("commands", f"{len(found.points)} of {', '.join(found.actuators)}"), ("reached", f"{len(points)}")]
     if len(points):
@@ -44,7 +44,7 @@ def write_workspace(path: Path, found: ReachableSet) -> None:
 
 
 def draw_workspace(path: Path, found: ReachableSet, *, title: str) -> None:
-    """Draw the points in 3-D and from three sides, coloured by the first command.
+    """Draw the points in 3-D and in three projections, coloured by the first command.
 
     Raises:
         OSError: the picture cannot be written.

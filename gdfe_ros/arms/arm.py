@@ -25,8 +25,8 @@ class Visual:
     """A drawn shape of a link.
 
     Attributes:
-        link: name of its link.
-        faces: (f, k, 3) [m] its faces in the link's frame.
+        link: name of the link.
+        faces: faces of the shape (f, k, 3) [m], in the link's frame.
         colour: red, green, blue, from 0 to 1; None if the description states none.
     """
 
@@ -39,20 +39,20 @@ class Visual:
 class Arm:
     """An arm that carries a handle.
 
-    The handle keeps its rest pose relative to the flange. With the flange at (p, R), initially (p0, R0), a handle with
-    the rest centre c has the pose
+    The handle is fixed to the flange. Let p be the flange's position and R its rotation, with the initial values p0 and
+    R0, and let c be the handle's initial centre. The handle's pose is
 
         rotation R R0^T, translation p + R R0^T (c - p0) - c.
 
     Attributes:
         name: of the arm.
-        dynamics: kinematics and dynamics of its links.
+        dynamics: kinematics and dynamics of the arm's links.
         flange: name of the link that carries the handle.
         handle: name of the handle.
-        centre: (3,) [m] centre of the handle in its rest pose.
-        start: (n,) initial positions of its commanded joints [rad] or [m].
-        links: pieces of its links that touch.
-        visuals: drawn shapes of its links.
+        centre: centre of the handle in its rest pose (3,) [m].
+        start: initial positions of the arm's commanded joints (n,) [rad] or [m].
+        links: obstacles with the shapes of those links that can touch the body.
+        visuals: drawn shapes of the arm's links.
     """
 
     name: str
@@ -66,30 +66,30 @@ class Arm:
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """Its commanded joints."""
+        """Commanded joints of the arm."""
         return self.dynamics.joints
 
     @property
     def text(self) -> str:
-        """Its URDF, with the prefix."""
+        """URDF of the arm, with the prefix on the names of links and joints."""
         return self.dynamics.description.text
 
     @cached_property
     def limits(self) -> JointLimits:
-        """Limits of its commanded joints."""
+        """Limits of the arm's commanded joints."""
         return JointLimits([joint.limits for joint in self.joints])
 
     @cached_property
     def rest(self) -> dict[str, LinkFrame]:
-        """Initial frame of each link."""
+        """Dict from link to its initial frame."""
         return self.dynamics.frames(self.start)
 
     def poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return the poses of its handle and of its touching links, relative to rest.
+        """Return dict from the handle and each piece of ``links`` to its pose, relative to its initial pose.
 
         Args:
             q: positions of the joints (n,) [rad] or [m].
-            last: previous poses, whose rotation vectors are continued beyond 180 degrees.
+            last: previous poses. Rotation vectors continue from these, also beyond 180 degrees.
         """
         if np.array_equal(q, self.start):
             return {name: Pose(rotation=_whole_turns(last.get(name))) for name, *_ in self._carried}
@@ -106,22 +106,22 @@ class Arm:
         return found
 
     def placed(self, q: Vector) -> Iterator[tuple[Joint, float]]:
-        """Return each commanded joint with its position in ``q`` (n,)."""
+        """Return pairs of each commanded joint and its position in ``q`` (n,) [rad] or [m]."""
         return zip(self.joints, q.tolist(), strict=True)
 
     def known_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return the ``last`` poses of an arm that has not moved since; if some are unknown, those of `poses`."""
+        """Return the ``last`` poses of an arm that has not moved; if a pose is missing, return those of `poses`."""
         names = [name for name, *_ in self._carried]
         return {name: last[name] for name in names} if all(name in last for name in names) else self.poses(q, last)
 
     @cached_property
     def _carried(self) -> list[tuple[str, str, Vector, bool]]:
-        """Name, link and rest centre of the handle and of each piece; also whether its link is immovable."""
+        """Name, link and initial centre [m] of the handle and of each piece, and whether its link is immovable."""
         mounted = self.dynamics.description.rigid_with(self.dynamics.description.root)
         pieces = [(piece.name, piece.link, np.array(piece.origin), piece.link in mounted) for piece in self.links]
         return [(self.handle, self.flange, self.centre, False), *pieces]
 
 
 def _whole_turns(last: Pose | None) -> tuple[float, float, float]:
-    """Return the rotation vector of whole turns nearest to the ``last`` pose's rotation; zero without a last pose."""
+    """Return the whole turns [rad] that are nearest to the rotation of the ``last`` pose; zero without such a pose."""
     return (0.0, 0.0, 0.0) if last is None else nearest_turn((0.0, 0.0, 0.0, 1.0), last)

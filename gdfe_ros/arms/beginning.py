@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check for arms with a link inside of the soft body, an obstacle or a rigid body at the start."""
+"""Check that no link of an arm is initially inside the soft body, an obstacle or a rigid body."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.mesh import HexMesh
 
 TOUCHING = 1e-3
-"""Depth [m] up to which a link only touches; the meshes of links are not exact."""
+"""Largest penetration depth [m] that counts as contact, not as inside; the meshes of links are not exact."""
 
 
 def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterator[str]:
-    """Yield a message, with a remedy, for each link with contact that begins inside the soft body or an obstacle.
+    """Yield a message with a remedy for each link with contact that is initially inside the body or an obstacle.
 
-    Immovable links may be mounted in an obstacle, such as a table; they are compared with the soft body only.
+    Immovable links are only checked against the soft body, because they may be mounted in an obstacle such as a table.
     """
     if not arm.links:
         return
@@ -48,7 +48,7 @@ def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterato
 
 
 def _depth(one: object, other: object) -> float:
-    """Return the depth [m] of the surface points of one obstacle inside the other; 0 if there is none."""
+    """Return the largest depth [m] of surface points of ``one`` obstacle inside the ``other``; 0 if none is inside."""
     points = _points(one.thing)
     if not len(points):
         return 0.0
@@ -56,7 +56,7 @@ def _depth(one: object, other: object) -> float:
 
 
 def _points(thing: Obstacle) -> NDArray[np.float64]:
-    """Return points (k, 3) [m] of an obstacle's surface, in its frame; none of a plane."""
+    """Return points (k, 3) [m] of an obstacle's surface in the obstacle's frame; no points (0, 3) for a plane."""
     match thing.form:
         case Box() | Cylinder():
             return thing.form.skin
@@ -72,7 +72,7 @@ def _points(thing: Obstacle) -> NDArray[np.float64]:
 
 
 def _directions() -> NDArray[np.float64]:
-    """Return directions (k, 3) spread over a sphere, by the golden angle."""
+    """Return unit vectors (k, 3) evenly spread over a sphere, by the golden angle."""
     count = 64
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)

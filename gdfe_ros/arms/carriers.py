@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All arms of a scene in a simulation: commands of their joints, motion, and efforts."""
+"""All arms of a scene in a simulation: joint commands, joint motion, and joint efforts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gdfe_ros.spelling import did_you_mean
 
 Vector = NDArray[np.float64]
 Motions = dict[str, JointMotion]
-"""Motion of the joints of each arm, by its name."""
+"""Dict from arm to the motion of its joints."""
 
 
 class JointReading(NamedTuple):
@@ -32,8 +32,8 @@ class JointReading(NamedTuple):
         goal: commanded position [rad] or [m].
         position: [rad] or [m].
         velocity: [rad/s] or [m/s].
-        effort: of its motor [N m] or [N].
-        told: text about limits that cut the motion, or that the effort exceeds; empty if there are none.
+        effort: torque [N m] or force [N] of the motor.
+        told: message about limits that restricted the motion or that the effort exceeds; empty if there are none.
     """
 
     goal: float
@@ -48,9 +48,9 @@ class ArmsStep:
     """Outcome of a step of all arms.
 
     Attributes:
-        motions: of the joints.
-        poses: of handles and links.
-        cuts: by joint, the limit that cut its motion.
+        motions: of the joints after the step.
+        poses: dict from handle or obstacle of a link to its pose.
+        cuts: dict from joint to the limits that restricted its motion, e.g. ``velocity and acceleration``.
     """
 
     motions: Motions
@@ -73,19 +73,19 @@ class Carriers:
         return bool(self._arms)
 
     def at_rest(self) -> Motions:
-        """Return the initial state of the joints."""
+        """Return the initial motion of the joints: initial positions and no velocity."""
         return {arm.name: JointMotion.at(arm.start) for arm in self._arms}
 
     @staticmethod
     def restored(motions: Mapping[str, Sequence[Vector]]) -> Motions:
-        """Return the joints of a snapshot."""
+        """Return the motion of the joints that a snapshot contains."""
         return {name: JointMotion(*parts) for name, parts in motions.items()}
 
     def checked(self, command: Command | None) -> dict[str, float]:
-        """Return the positions of joints in a command [rad] or [m].
+        """Return dict from joint to its commanded position [rad] or [m], after a check of the command.
 
         Raises:
-            CommandError: there is no such joint, or a position is no finite number or beyond its limits.
+            CommandError: there is no such joint, or a position is not a finite number within the joint's limits.
         """
         found = {}
         for name, value in (command.joints if command else {}).items():
@@ -105,24 +105,24 @@ class Carriers:
         return found
 
     def parts(self, motions: Motions, part: str) -> dict[str, float]:
-        """Return a ``part`` of the motions, e.g. ``positions``, by joint."""
+        """Return dict from joint to one ``part`` of its motion, e.g. ``positions``."""
         return {name: float(getattr(motions[arm.name], part)[i]) for name, (arm, i) in self._places.items()}
 
     def frames(self, motions: Motions) -> dict[str, LinkFrame]:
-        """Return the frames of all links in the world, by name."""
+        """Return dict from link to its frame in the world."""
         found: dict[str, LinkFrame] = {}
         for arm in self._arms:
             found |= arm.dynamics.frames(motions[arm.name].positions)
         return found
 
     def advance(self, motions: Motions, goals: Mapping[str, float], dt: float, last: Mapping[str, Pose]) -> ArmsStep:
-        """Return all arms after a step.
+        """Return motions and poses of all arms after a step.
 
         Args:
             motions: before the step.
-            goals: new commanded positions by joint; others stay.
-            dt: duration [s].
-            last: poses of handles and links before.
+            goals: dict from joint to its new commanded position [rad] or [m]; other joints keep their last command.
+            dt: duration of the step [s].
+            last: poses of handles and of obstacles of links before the step.
         """
         found, poses, cuts = {}, {}, {}
         for arm in self._arms:
@@ -144,7 +144,7 @@ class Carriers:
 
     @staticmethod
     def part_way(before: Motions, after: Motions, fraction: float) -> Motions:
-        """Return the joints after the ``fraction`` of a step that was completed before a deadline."""
+        """Return the motions with positions at ``fraction`` of a step, the part completed before a deadline."""
         return {
             name: now._replace(positions=before[name].positions + fraction * (now.positions - before[name].positions))
             for name, now in after.items()
@@ -152,7 +152,7 @@ class Carriers:
 
     @staticmethod
     def arrived(motions: Motions) -> bool:
-        """Return whether every joint stays where it is without a new command."""
+        """Return whether all joints are at their commanded positions and do not move."""
         return all(motion.arrived for motion in motions.values())
 
     def readings(
@@ -164,15 +164,15 @@ class Carriers:
         gravity: Vector,
         cuts: Mapping[str, str],
     ) -> dict[str, JointReading]:
-        """Return the state of each joint.
+        """Return dict from joint to its state.
 
         Args:
             motions: of the joints.
-            poses: of handles and links.
-            reactions: wrenches (6,) that handles and links exert on the soft body.
-            contacts: contact points by name of the contact; only contacts of rigid bodies with links are used.
+            poses: of handles and of obstacles of links.
+            reactions: dict from handle or obstacle to its wrench on the soft body (6,) [N] and [N m].
+            contacts: dict from contact to its points; only contacts of rigid bodies with links are used.
             gravity: (3,) [m/s^2].
-            cuts: by joint, the limit that cut its motion in the last step.
+            cuts: dict from joint to the limits that restricted its motion in the last step.
         """
         found = {}
         for arm in self._arms:
@@ -191,7 +191,7 @@ class Carriers:
 def _pushes(
     arm: Arm, poses: Mapping[str, Pose], reactions: Mapping[str, Vector], contacts: Mapping[str, Touch]
 ) -> dict[str, Push]:
-    """Return the wrenches of the soft body and of rigid bodies on an arm's links, about the world's origin."""
+    """Return dict from link to the wrench of soft and rigid bodies on it; moments are about the world's origin."""
     total: dict[str, Vector] = {}
 
     def add(link: str, force: Vector, moment: Vector, point: Vector) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The description of a robot: its links, joints and shapes, as a URDF states them."""
+"""Description of a robot: the links, joints and shapes that its URDF states."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 
 class GeometryKind(str, Enum):
-    """Kind of a geometry."""
+    """Kind of a link's shape."""
 
     BOX = "box"
     CYLINDER = "cylinder"
@@ -35,11 +35,11 @@ class Geometry:
 
     Attributes:
         kind: box, cylinder, sphere or mesh.
-        numbers: edges of a box [m]; radius and length of a cylinder about z [m]; radius of a sphere [m]; for a mesh,
-            the metres per unit of the file along x, y, z.
+        numbers: edge lengths of a box [m]; radius and length of a cylinder about z [m]; radius of a sphere [m]; for a
+            mesh, the scale from the file's unit to metres along x, y, z.
         file: URI of a mesh, as in the description.
-        origin: (3,) [m] of its frame in the link's.
-        axes: (3, 3) rotation of its frame in the link's.
+        origin: origin of the shape's frame (3,) [m], in the link's frame.
+        axes: rotation of the shape's frame (3, 3) relative to the link's frame.
         colour: red, green, blue, from 0 to 1; None if the description states none.
     """
 
@@ -57,8 +57,8 @@ class Link:
 
     Attributes:
         name: of the link.
-        visuals: its shapes for pictures.
-        collisions: its shapes for contact.
+        visuals: shapes for pictures.
+        collisions: shapes for contact.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Link:
 
 @dataclass(frozen=True, kw_only=True)
 class Mimic:
-    """A joint that follows another ``joint``: its position is ``multiplier`` times that joint's, plus ``offset``."""
+    """Coupling of a joint to another ``joint``: position = ``multiplier`` * position of ``joint`` + ``offset``."""
 
     joint: str
     multiplier: float = 1.0
@@ -80,9 +80,9 @@ class UrdfLimits:
     """Limits of a joint.
 
     Attributes:
-        lower, upper: of its position [rad] or [m].
-        velocity: largest [rad/s] or [m/s].
-        acceleration: largest [rad/s^2] or [m/s^2]; infinite if no file states one.
+        lower, upper: least and largest position [rad] or [m].
+        velocity: largest speed [rad/s] or [m/s].
+        acceleration: largest acceleration [rad/s^2] or [m/s^2]; infinite if neither URDF nor scene states one.
         effort: largest torque [N m] or force [N].
     """
 
@@ -99,10 +99,10 @@ class Joint:
 
     Attributes:
         name: of the joint.
-        motion: its kind.
-        parent, child: names of its links.
-        limits: of a joint that moves; None for a fixed one.
-        mimic: the joint that it follows; None if it is commanded itself.
+        motion: kind of the joint.
+        parent, child: names of the two links that it connects.
+        limits: limits of a joint that moves; None for a fixed joint.
+        mimic: coupling to another joint; None for a joint without a coupling.
     """
 
     name: str
@@ -114,12 +114,12 @@ class Joint:
 
     @property
     def moves(self) -> bool:
-        """Whether it is not fixed."""
+        """Whether the joint can move: it is not fixed."""
         return self.motion is not JointKind.FIXED
 
     @property
     def unit(self) -> str:
-        """Unit of its position."""
+        """Unit of the joint's position: m or rad."""
         return "m" if self.motion is JointKind.PRISMATIC else "rad"
 
 
@@ -129,10 +129,11 @@ class Description:
 
     Attributes:
         name: of the robot.
-        text: its URDF, with the prefix on the names of links and joints.
+        text: URDF, with the prefix on the names of links and joints.
         root: name of the link without a parent.
-        links: by name, in the order of the file.
-        joints: by name, in the order of the file.
+        links: dict from name to link, in the order of the file.
+        joints: dict from name to joint, in the order of the file.
+        parents: dict from link to the joint that connects it to its parent.
     """
 
     name: str
@@ -147,11 +148,11 @@ class Description:
 
     @property
     def commanded(self) -> tuple[Joint, ...]:
-        """The joints that take commands, in the order of the file: those that move and do not mimic another joint."""
+        """Joints that accept commands: they move and do not mimic another joint. In the order of the file."""
         return tuple(joint for joint in self.joints.values() if joint.moves and joint.mimic is None)
 
     def chain(self, link: str) -> list[Joint]:
-        """Return the joints from the root to a link."""
+        """Return the joints between the root and a ``link``, from the root on."""
         found = []
         while link in self.parents:
             found.append(self.parents[link])
@@ -159,7 +160,7 @@ class Description:
         return found[::-1]
 
     def rigid_with(self, link: str) -> set[str]:
-        """Return the names of the links that fixed joints connect with a link, itself included."""
+        """Return the names of the links that only fixed joints connect with a ``link``, this link included."""
         found, added = {link}, True
         while added:
             ends = [{joint.parent, joint.child} for joint in self.joints.values() if not joint.moves]
@@ -169,6 +170,6 @@ class Description:
         return found
 
     def mesh_files(self) -> Iterator[str]:
-        """Yield the URI of each mesh once."""
+        """Yield the URI of each mesh file once."""
         shapes = (shape for link in self.links.values() for shape in (*link.collisions, *link.visuals))
         yield from dict.fromkeys(shape.file for shape in shapes if shape.kind is GeometryKind.MESH)

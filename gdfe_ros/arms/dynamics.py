@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinematics and dynamics of an arm, by pinocchio."""
+"""Kinematics and dynamics of an arm, computed by pinocchio."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ FARTHEST = 1e9
 
 
 class LinkFrame(NamedTuple):
-    """Origin (3,) [m] and rotation (3, 3) of a frame in the world."""
+    """Frame of a link in the world: origin (3,) [m] and rotation (3, 3)."""
 
     origin: Vector
     axes: Vector
 
 
 class Push(NamedTuple):
-    """A force (3,) [N] and a moment (3,) [N m] about a point (3,) [m], in the world's axes."""
+    """A wrench in the world's axes: force (3,) [N], and moment (3,) [N m] about a point (3,) [m]."""
 
     force: Vector
     moment: Vector
@@ -37,17 +37,17 @@ class Push(NamedTuple):
 class LinkDynamics:
     """Kinematics and dynamics of an arm of rigid links.
 
-    q (n,) are the positions of the commanded joints; joints that mimic others follow them.
-    With M(q) q'' + C(q, q') q' + g(q) from the recursive Newton-Euler algorithm (Featherstone, *Rigid Body Dynamics
-    Algorithms*, 2008, section 5.3), the efforts of the motors are
+    q (n,) are the positions of the commanded joints; joints that mimic others follow them. The efforts of the motors
+    are
 
-        tau = M q'' + C q' + g - sum_k J_k^T w_k
+        tau = M(q) q'' + C(q, q') q' + g(q) - sum_k J_k^T w_k
 
-    where w_k are the wrenches on the links and J_k the Jacobians of their points.
+    w_k is the wrench on link k, and J_k the Jacobian of the link's frame. The first three terms come from the recursive
+    Newton-Euler algorithm (Featherstone, *Rigid Body Dynamics Algorithms*, 2008, section 5.3).
 
     Args:
         description: of the robot.
-        base: frame of its root link in the world.
+        base: frame of the robot's root link in the world.
 
     Raises:
         ArmError: pinocchio is not installed, or refuses the description.
@@ -66,7 +66,7 @@ class LinkDynamics:
         self._frames = {name: self._model.getFrameId(name) for name in description.links}
 
     def _couplings(self) -> tuple[Vector, Vector]:
-        """Return S (m, n) and o (m,): pinocchio's positions are S q + o."""
+        """Return S (m, n) and o (m,): the positions of pinocchio's m joints, mimic joints included, are S q + o."""
         places = {name: self._model.joints[self._model.getJointId(name)].idx_q for name in self.description.joints
                   if self._model.existJointName(name)}  # fmt: skip
         columns = {joint.name: place for place, joint in enumerate(self.joints)}
@@ -79,7 +79,7 @@ class LinkDynamics:
         return spread, offset
 
     def frames(self, q: Vector) -> dict[str, LinkFrame]:
-        """Return the frame of each link in the world."""
+        """Return dict from link to its frame in the world, at joint positions ``q`` (n,) [rad] or [m]."""
         self._pin.framesForwardKinematics(self._model, self._data, self._full(q))
         found = {}
         for name, number in self._frames.items():
@@ -89,14 +89,14 @@ class LinkDynamics:
         return found
 
     def efforts(self, q: Vector, v: Vector, a: Vector, *, gravity: Vector, pushes: Mapping[str, Push]) -> Vector:
-        """Return the efforts (n,) of the commanded joints [N m] or [N].
+        """Return the efforts of the commanded joints (n,) [N m] or [N].
 
         Args:
-            q: positions (n,).
-            v: velocities (n,).
-            a: accelerations (n,).
+            q: positions (n,) [rad] or [m].
+            v: velocities (n,) [rad/s] or [m/s].
+            a: accelerations (n,) [rad/s^2] or [m/s^2].
             gravity: (3,) [m/s^2] in the world.
-            pushes: wrenches on the links, by link.
+            pushes: dict from link to the wrench on it.
         """
         self._model.gravity.linear = self._base.axes.T @ gravity
         rates = self._spread @ v, self._spread @ a
@@ -114,7 +114,7 @@ class LinkDynamics:
         return float(self._pin.computeKineticEnergy(self._model, self._data, self._full(q), self._spread @ v))
 
     def potential_energy(self, q: Vector, gravity: Vector) -> float:
-        """Return the potential energy of the links in ``gravity`` (3,) [m/s^2], in joules."""
+        """Return the potential energy [J] of the links under ``gravity`` (3,) [m/s^2]."""
         self._model.gravity.linear = self._base.axes.T @ gravity
         return float(self._pin.computePotentialEnergy(self._model, self._data, self._full(q)))
 
@@ -127,7 +127,7 @@ class LinkDynamics:
         return self._pin.getFrameJacobian(self._model, self._data, self._frames[link], frame)
 
     def _wrench(self, link: str, push: Push) -> Vector:
-        """Return a wrench (6,) about the origin of a link's frame, in the base's axes."""
+        """Return a wrench (6,) in the base's axes, with the moment about the origin of the link's frame."""
         back = self._base.axes.T
         arm = back @ (push.point - self._base.origin) - self._data.oMf[self._frames[link]].translation
         force = back @ push.force
@@ -135,7 +135,7 @@ class LinkDynamics:
 
 
 def _plain(description: Description) -> str:
-    """Return URDF text with hinges in place of continuous joints; pinocchio describes the latter by two numbers."""
+    """Return URDF text without shapes and mimics, and with hinges in place of continuous joints (see `FARTHEST`)."""
     robot = ElementTree.fromstring(description.text)
     for item in robot.findall("joint"):
         for mimic in item.findall("mimic"):

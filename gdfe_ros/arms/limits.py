@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion of joints towards their commanded positions, within their limits of velocity and acceleration."""
+"""Motion of joints towards their commanded positions, within their velocity and acceleration limits."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from gdfe_ros.arms.description import UrdfLimits
 
 Vector = NDArray[np.float64]
 SHORTFALL = 1e-9
-"""Two velocities count as equal up to this relative difference; this decides whether a joint reaches its goal or a
-limit.
+"""Relative difference up to which two velocities count as equal. It decides whether a joint reaches its goal, and
+whether it is at a limit.
 """
 
 
@@ -24,8 +24,8 @@ class JointMotion(NamedTuple):
     Attributes:
         goals: commanded positions [rad] or [m].
         positions: present positions [rad] or [m].
-        velocities: mean velocities over the last step [rad/s] or [m/s].
-        accelerations: changes of the velocities over the duration of the step [rad/s^2] or [m/s^2].
+        velocities: mean velocities in the last step [rad/s] or [m/s].
+        accelerations: changes of the velocities divided by the duration of the step [rad/s^2] or [m/s^2].
     """
 
     goals: Vector
@@ -35,13 +35,13 @@ class JointMotion(NamedTuple):
 
     @classmethod
     def at(cls, positions: Sequence[float]) -> JointMotion:
-        """Return joints that do not move."""
+        """Return joints that do not move, at ``positions`` (n,) [rad] or [m]."""
         q = np.array(positions, dtype=np.float64)
         return cls(q, q.copy(), np.zeros(len(q)), np.zeros(len(q)))
 
     @property
     def arrived(self) -> bool:
-        """Whether every joint stays where it is without a new command."""
+        """Whether all joints are at their commanded positions and do not move."""
         return bool((self.goals == self.positions).all() and not self.velocities.any() and not self.accelerations.any())
 
 
@@ -55,14 +55,14 @@ class Cut(NamedTuple):
 class JointLimits:
     """Limits of an arm's joints.
 
-    A joint follows a moving goal if the goal's velocity is within the limits. It brakes in time for a goal that does
-    not move. Let e be the distance to the goal [rad] or [m], h the time step [s] and a the largest acceleration. A
-    joint that changes its velocity by -a h in each step can stop at the goal if its velocity is at most
+    A joint follows a moving goal if the goal's velocity is within the limits. It stops at a goal that does not move,
+    without overshoot. Let e be the distance to the goal [rad] or [m], h the time step [s] and a the largest
+    acceleration. A joint that changes its velocity by -a h in each step can stop at the goal if its velocity is at most
 
-        u(e) = a (sqrt(h^2 / 4 + 2 |e| / a) - h / 2),  or |e| / h within the last step.
+        u(e) = min(a (sqrt(h^2 / 4 + 2 |e| / a) - h / 2), |e| / h).
 
-    The velocity v of the step is sign(e) u(e) plus the goal's own velocity, limited to +-v_max and to +-a h about the
-    last velocity. The position advances by v h.
+    The second bound applies in the last step. The velocity v of the step is sign(e) u(e) plus the goal's velocity. It
+    is limited to +-v_max, and to the previous velocity +-a h. The position advances by v h.
 
     Args:
         limits: of each joint.
@@ -75,15 +75,15 @@ class JointLimits:
         )
 
     def advance(self, last: JointMotion, goals: Vector, dt: float) -> tuple[JointMotion, Cut]:
-        """Return the joints after a step of ``dt`` [s], and the limits that cut their motion.
+        """Return the joints after a step of ``dt`` [s], and the limits that restricted their motion.
 
-        With ``dt`` 0, in a scene without dynamics, the joints are at their goals at once.
+        If ``dt`` is 0 (in a scene without dynamics), the joints are at their goals at once.
         """
         none = np.zeros(len(goals), dtype=bool)
         if dt <= 0.0:
             return JointMotion.at(goals), Cut(none, none)
         own = (goals - last.goals) / dt
-        own = np.where(np.abs(own) <= self._velocity, own, 0.0)  # a farther goal is a jump, without a velocity
+        own = np.where(np.abs(own) <= self._velocity, own, 0.0)  # a faster goal is a jump, which has no velocity
         left = goals - last.positions
         wanted = left / dt
         eager = np.clip(own + self._braking(left - own * dt, dt), -self._velocity, self._velocity)
@@ -100,7 +100,7 @@ class JointLimits:
         )
 
     def _braking(self, left: Vector, dt: float) -> Vector:
-        """Return the largest velocities (n,) from which the joints can still stop at distances ``left`` (n,)."""
+        """Return the velocities (n,), u(e) with the sign of e, at which joints can stop in distances ``left`` (n,)."""
         reach, a = np.abs(left), self._acceleration
         with np.errstate(invalid="ignore"):
             braked = a * (np.sqrt(0.25 * dt**2 + 2.0 * reach / a) - 0.5 * dt)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The meshes of a robot's links: their files, convex pieces, and one text that contains all of them."""
+"""The meshes of a robot's links: search of their files, reading, and division into convex pieces."""
 
 from __future__ import annotations
 
@@ -23,12 +23,13 @@ MARK = "package.xml"
 
 
 def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
-    """Return the file of a mesh.
+    """Return the path of a mesh file.
 
     Args:
-        uri: ``package://name/path``, ``file:///path``, or a path from the folder of the URDF.
-        folder: of the URDF.
-        packages: folders of packages by name. Other packages are searched in the index of ROS, and above the URDF.
+        uri: ``package://name/path``, ``file:///path``, or a path relative to the folder of the URDF.
+        folder: folder of the URDF.
+        packages: dict from package to its folder. Other packages are searched in ``AMENT_PREFIX_PATH``, and in and
+            beside the folders above the URDF.
 
     Raises:
         ArmError: there is no such file; the error lists the searched places.
@@ -49,7 +50,7 @@ def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
 
 
 def _package(name: str, folder: Path, packages: Mapping[str, Path]) -> list[Path]:
-    """Return the folders that may hold a package: the given one, those of ROS' index, and those above the URDF."""
+    """Return the possible folders of a package: the given folder, else folders in ROS' index and above the URDF."""
     if name in packages:
         return [packages[name]]
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
@@ -61,10 +62,10 @@ def _package(name: str, folder: Path, packages: Mapping[str, Path]) -> list[Path
 
 
 def read_surface(uri: str, path: Path) -> Surface:
-    """Return the triangles of a mesh file, in the file's unit.
+    """Return the vertices (n, 3) of a mesh file, in the file's unit, and its triangles (t, 3).
 
     Raises:
-        ArmError: it cannot be read.
+        ArmError: the file cannot be read.
     """
     try:
         vertices, triangles, _ = examine_surface(path, scale=1.0, closed=False)
@@ -74,7 +75,7 @@ def read_surface(uri: str, path: Path) -> Surface:
 
 
 def convex_pieces(surface: Surface) -> list[Surface]:
-    """Return the convex hull of each connected piece of a surface, with outward triangles.
+    """Return the convex hull of each connected piece of a surface; normals of its triangles point outward.
 
     Raises:
         MeshError: a piece is flat.

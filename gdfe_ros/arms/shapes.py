@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes of links: convex obstacles from collision shapes, and faces from visual ones."""
+"""Shapes of links: convex obstacles from collision shapes, and drawn faces from visual shapes."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ def touching_links(
     rest: Mapping[str, LinkFrame],
     friction: float,
 ) -> tuple[ArmLink, ...]:
-    """Return the obstacles of links, named ``<link>_piece`` and, if a link has several, ``<link>_piece_2``.
+    """Return the obstacles of links, named ``<link>_piece``, ``<link>_piece_2`` and so on.
 
     Args:
         arm: name of the arm.
-        robot: its description.
-        names: of the links that touch.
-        surfaces: of the meshes, by URI.
-        rest: initial frames of the links.
-        friction: Coulomb's coefficient.
+        robot: description of the arm.
+        names: names of the links that can touch the body.
+        surfaces: dict from URI of a mesh to its surface.
+        rest: dict from link to its initial frame.
+        friction: Coulomb's friction coefficient.
 
     Raises:
-        MeshError: a collision mesh bounds no solid.
+        MeshError: a piece of a collision mesh is flat.
     """
     found = []
     for name in names:
@@ -83,13 +83,13 @@ def _forms(link: str, shape: Geometry, surfaces: Mapping[str, Surface]) -> Itera
 
 @lru_cache(maxsize=64)
 def _solid(points: bytes, faces: bytes) -> Solid:
-    """Return the solid of a convex piece; recent ones are cached, because scenes are often loaded again."""
+    """Return the solid of a convex piece. Recent solids are cached, because scenes are often loaded again."""
     vertices, triangles = np.frombuffer(points).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64).reshape(-1, 3)
     return make_solid(vertices, triangles, where="the collision mesh")
 
 
 def visuals(robot: Description, surfaces: Mapping[str, Surface]) -> tuple[Visual, ...]:
-    """Return the drawn shapes of all links: the visual shapes of a link or, without any, its collision shapes."""
+    """Return the drawn shapes of all links. A link without visual shapes is drawn with its collision shapes."""
     found = []
     for name, link in robot.links.items():
         for shape in link.visuals or link.collisions:

@@ -15,17 +15,17 @@ Table = NDArray[np.float64]
 def spline(
     times: Sequence[float], values: Table, slopes: Table | None = None, bends: Table | None = None, *, at: float
 ) -> NDArray[np.float64]:
-    """Return the values (n,) at a time; before the first point and after the last one they stay constant.
+    """Return the positions (n,) of a trajectory at a time.
 
-    The interpolation is linear between points with positions only, cubic with velocities, and quintic with velocities
-    and accelerations.
+    The interpolation is linear for points with positions only, cubic with velocities, and quintic with velocities and
+    accelerations. Before the first point and after the last point, the positions are constant.
 
     Args:
         times: (k,) ascending [s].
-        values: (k, n) positions.
-        slopes: (k, n) velocities; None for none.
-        bends: (k, n) accelerations, only together with velocities; None for none.
-        at: the time [s].
+        values: positions (k, n).
+        slopes: velocities (k, n); None if the points have none.
+        bends: accelerations (k, n), only together with velocities; None if the points have none.
+        at: time [s] of the result.
     """
     place = bisect_right(times, at) - 1
     if place < 0 or place >= len(times) - 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that links and joints form a tree, and that a joint mimics only joints that move."""
+"""Checks that links and joints form a tree, and that joints mimic only commanded joints."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def root_of(names: set[str], joints: Sequence[Joint]) -> tuple[str, list[str]]:
 
 
 def _cycles(names: set[str], joints: Sequence[Joint]) -> list[str]:
-    """Return a message about links that form a loop and are therefore not connected with the root."""
+    """Return a message for links that form a loop and are therefore not connected with the root."""
     parents = {joint.child: joint.parent for joint in joints}
     for name in sorted(names):
         link, seen = name, []

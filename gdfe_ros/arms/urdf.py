@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading of URDF text, with every defect and its remedy."""
+"""Parser of URDF text, which reports every defect with a remedy."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from gdfe_ros.errors import ArmError
 from gdfe_ros.spelling import did_you_mean
 
 _NAMED = {"link": ("name",), "joint": ("name",), "parent": ("link",), "child": ("link",), "mimic": ("joint",)}
-"""Attributes that hold the name of a link or a joint, by element."""
+"""Dict from XML element to the attribute that contains the name of a link or a joint."""
 _NUMBERS = {GeometryKind.BOX: ("size",), GeometryKind.CYLINDER: ("radius", "length"), GeometryKind.SPHERE: ("radius",)}
-"""Attributes of the shapes that are not meshes."""
+"""Dict from kind of a shape to its XML attributes; meshes are not included."""
 
 
 def parse_urdf(
@@ -30,12 +30,12 @@ def parse_urdf(
 
     Args:
         text: the URDF.
-        where: its name in an error.
-        prefix: put before the name of every link and joint, so that two arms of one kind differ.
-        limits: by joint, in the names of the result: values of `UrdfLimits` that replace those of the URDF.
+        where: name of the URDF in an error.
+        prefix: text before the name of every link and joint, so that the names of two equal arms differ.
+        limits: dict from joint (with the prefix) to values of `UrdfLimits` that replace those of the URDF.
 
     Raises:
-        ArmError: every defect, with its remedy.
+        ArmError: the URDF has defects; each is listed with a remedy.
     """
     try:
         robot = ElementTree.fromstring(text)
@@ -57,7 +57,7 @@ def _add_prefix(robot: Element, prefix: str) -> None:
 
 
 class _Reader:
-    """Reads one robot and collects its defects."""
+    """Parser of one robot, which collects all defects."""
 
     def __init__(self, where: str, limits: Mapping[str, Mapping[str, float]]) -> None:
         self._where, self._limits, self._defects = where, limits, []

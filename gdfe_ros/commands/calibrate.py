@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the calibration and print it; return 0, or 3 if a bar did not converge."""
+    """Run the calibration and print its result; return 0, or 3 if a bar did not converge."""
     points = calibrate(arguments.steps)
     Console().print(_table(points))
     if arguments.picture:

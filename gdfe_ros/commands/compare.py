@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare; return 0 if the runs are equal, else 1."""
+    """Compare two runs and print the differences; return 0 if they agree, else 1."""
     comparison = compare_bags(arguments.first, arguments.second)
     differences, console = comparison.differences, wide_console()
     verdict = comparison.verdict(arguments.within)

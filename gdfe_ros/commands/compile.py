@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from gdfe_ros.scene import load_scene, scene_names
 
 FIRST = "bend5"
-"""Scene that is compiled before all others, because they share its kernels."""
+"""Scene that is compiled before all others, because they use the same kernels."""
 VARIANTS: tuple[tuple[str, dict[str, object]], ...] = (
     (FIRST, {"solver.threads": 2}),
     (FIRST, {"solver.policy": "relative"}),
@@ -41,12 +41,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def work() -> list[tuple[str, dict[str, object]]]:
-    """Return the scenes and overrides to compile; the first scene must be finished before the others begin."""
+    """Return pairs of scene and overrides to compile; the first must be completed before the others are started."""
     return [(FIRST, {}), *VARIANTS, *((name, {}) for name in scene_names() if name != FIRST)]
 
 
 def _compiled(jobs: int) -> Iterator[str]:
-    """Yield the name of each scene once its kernels are compiled."""
+    """Compile with ``jobs`` processes; yield the name of each scene when its kernels are compiled."""
     first, *others = work()
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         yield pool.submit(_compile, *first).result()
@@ -55,7 +55,7 @@ def _compiled(jobs: int) -> Iterator[str]:
 
 
 def _compile_surfaces() -> str:
-    """Compile the kernels for surface files of bodies and obstacles; no shipped scene uses them. Return a name."""
+    """Compile the kernels for surface files of bodies and obstacles, which no shipped scene uses; return a name."""
     from gdfe_ros.mesh import bar
     from gdfe_ros.mesh.outside import carry_skin
     from gdfe_ros.mesh.solid import make_solid

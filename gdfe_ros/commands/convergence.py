@@ -9,7 +9,7 @@ from typing import Protocol
 from rich.console import Console
 
 MOST_LINES = 3
-"""Limit of steps that are listed individually."""
+"""Largest number of steps that are listed individually."""
 
 
 class Outcome(Protocol):
@@ -35,7 +35,7 @@ def convergence(steps: Sequence[Outcome]) -> str:
 
 
 def print_failures(steps: Sequence[Outcome], *, first: int = 1) -> None:
-    """Print number, time and reason of steps that did not converge to stderr; ``first`` is the first step's number."""
+    """Print each step that did not converge to stderr: number, time, reason; ``first`` is the first step's number."""
     console = Console(stderr=True, soft_wrap=True)
     failed = [(number, step) for number, step in enumerate(steps, start=first) if not step.converged]
     for number, step in failed[:MOST_LINES]:

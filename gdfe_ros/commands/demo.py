@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe demo``: run a node in its own process, command it by a scene's program, record a bag and draw a picture."""
+"""``gdfe demo``: run a node in its own process, command it with a scene's program, record a bag, draw a picture."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Play the scene's program to a node; return 0, or 1 if a step did not converge."""
+    """Send the commands of the scene's program to a node; return 0, or 1 if a step did not converge."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     with waiting(f"loading {arguments.scene}"):
         scene = load_scene(arguments.scene)
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _play(scene: Scene, source: str, bag: Path, dt: float) -> float:
-    """Play the program to a node, with a progress bar; return the time from the node's start to its first step [s]."""
+    """Send the program to a node, with a progress bar; return the time [s] from the node's start to its first step."""
     from gdfe_ros.testing.player import play_program
 
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print messages; return 0 after the requested number."""
+    """Print messages; return 0 after the requested number of messages."""
     if arguments.count < 1:
         raise GdfeError(f"--count {arguments.count}; allowed: 1 or more")
     with open_peer() as peer:

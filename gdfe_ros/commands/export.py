@@ -15,7 +15,7 @@ from gdfe_ros.errors import GdfeError
 
 
 class Format(Enum):
-    """Output format, by the suffix of the file; VTK is a directory."""
+    """Output format. The suffix of the file determines it; VTK files are written into a directory."""
 
     VTK = "vtk"
     NPZ = "npz"
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Export; return 0."""
+    """Export a recorded run; return 0."""
     if arguments.every < 1:
         raise GdfeError(f"--every is {arguments.every}; allowed: 1 or more")
     kind = _format(arguments)

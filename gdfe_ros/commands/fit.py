@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe fit``: parameters of a scene from recordings of a robot, or a material from a tensile test."""
+"""``gdfe fit``: fit parameters of a scene to recordings of a robot, or a material to a tensile test."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fit; return 0."""
+    """Fit a scene or a material and write the results; return 0."""
     if arguments.tensile is not None:
         if arguments.scene or arguments.vary:
             raise GdfeError("--tensile cannot be combined with a scene and recordings; remedy: leave out one of them")

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Inspect; return 0, or 1 if the file has defects that prevent its use.
+    """Inspect a file and print the result; return 0, or 1 if it has defects that prevent its use.
 
     Raises:
         MeshError: there is no such file.

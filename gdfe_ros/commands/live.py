@@ -110,7 +110,7 @@ def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
 
 
 def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> LiveSession:
-    """Return the session of a scene, with its body and stepper."""
+    """Return a live session of a scene, which steps the scene in this process."""
     from gdfe_ros.live.session import LiveSession
     from gdfe_ros.simulation import Simulation
 
@@ -124,7 +124,7 @@ def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> Live
 
 
 def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
-    """Show a node; if it starts another scene later, show another page at the same address."""
+    """Show a node. Whenever the node starts another scene, replace the page at the same address."""
     _say(f"looking for the node {arguments.ros} in the ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}")
     with without_collection():
         from gdfe_ros.live.page import Page
@@ -158,7 +158,7 @@ def _end_on_signals(ending: threading.Event) -> None:
 
 
 def _require(arguments: argparse.Namespace) -> None:
-    """Raise a `GdfeError` for invalid arguments, before slow modules are imported."""
+    """Raise a `GdfeError` if arguments are invalid, before slow modules are imported."""
     if find_spec("viser") is None:
         raise GdfeError("the page needs viser; install it: pip install 'gdfe_ros[live]'")
     _require_source(arguments)
@@ -171,7 +171,7 @@ def _require(arguments: argparse.Namespace) -> None:
 
 
 def _require_source(arguments: argparse.Namespace) -> None:
-    """Raise a `GdfeError` unless either a scene or a node is given, with options for it only."""
+    """Raise a `GdfeError` unless the arguments name either a scene or a node, and only options of the named kind."""
     if (arguments.scene is None) == (arguments.ros is None):
         given = "neither" if arguments.ros is None else f"scene {arguments.scene!r} and --ros {arguments.ros}"
         raise GdfeError(f"{given} given; allowed: a scene, or --ros with the name of a running node")
@@ -188,7 +188,7 @@ def _require_source(arguments: argparse.Namespace) -> None:
 
 
 def _say(text: str) -> None:
-    """Print a message about the present wait to standard error, without buffering."""
+    """Print a message about the present waiting time to standard error, without buffering."""
     print(text, file=sys.stderr, flush=True)
 
 

@@ -19,9 +19,9 @@ from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 from gdfe_ros.scene.document import write_document
 
 PARTS = 15.0
-"""Default size of the tetrahedra: the longest side of the bounding box, divided by this."""
+"""Number of tetrahedra along the longest side of the bounding box; it determines their default size."""
 PRESSURE = 5e3
-"""Pressure [Pa] at the end of the program that is written for chambers."""
+"""Final pressure [Pa] of the program that is written for a scene with chambers."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the scene; return 0.
 
     Raises:
-        MeshError: a file cannot be used, with all its defects; or the scene exists already.
+        MeshError: a file cannot be used (all its defects are listed), or the scene already exists.
     """
     if arguments.scene.exists():
         raise MeshError(f"scene {arguments.scene}", ["there is such a file already; remedy: another name"])
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
-    """Return the entry `mesh` and the mesh itself."""
+    """Return the scene's entry `mesh`, and the mesh that it describes."""
     source, folder = arguments.source, arguments.scene.resolve().parent
     scale = {} if arguments.scale is None else {"scale": arguments.scale}
     if source.suffix.lower() in STEP_SUFFIXES:
@@ -98,14 +98,14 @@ def _joined(arguments: argparse.Namespace) -> Path:
 
 
 def _step_size(path: Path) -> float:
-    """Return the default size for a STEP file [m]."""
+    """Return the default size of the tetrahedra for a STEP file [m]."""
     from gdfe_ros.mesh.tetrahedralise import step_bounds
 
     return float(f"{np.ptp(step_bounds(path), axis=0).max() / PARTS:.2g}")
 
 
 def _relative(path: Path, folder: Path) -> str:
-    """Return a path as the scene file names it: from its folder if it lies there, else in full."""
+    """Return a path for the scene file: relative to the scene's ``folder`` if it is inside, else absolute."""
     path = path.resolve()
     return str(path.relative_to(folder)) if path.is_relative_to(folder) else str(path)
 

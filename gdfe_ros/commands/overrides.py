@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 
 def read_overrides(pairs: Iterable[str]) -> dict[str, str]:
-    """Return the overrides of ``KEY=VALUE`` entries; values stay text, which the scene reads as YAML.
+    """Return dict from key to value of ``KEY=VALUE`` entries. Values remain text; the scene parses them as YAML.
 
     Raises:
         argparse.ArgumentTypeError: an entry has no ``=``.

@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Recover; return 0."""
+    """Write a new bag with the recovered contents; return 0."""
     report = recover(arguments.bag, arguments.out)
     console = Console()
     console.print(_table(report))

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replay; return 0 if every bag passes, 1 if one differs or could not be compared entirely."""
+    """Replay bags; return 0 if every bag agrees with its replay, 1 if a bag differs or is not compared completely."""
     overrides = read_overrides(arguments.set)
     overrides |= {
         f"solver.{name}": getattr(arguments, name)
@@ -116,7 +116,7 @@ def _remarks(run: BagRun, report: ReplayReport, overrides: dict[str, object]) ->
 
 
 def _machines(run: BagRun) -> list[str]:
-    """Return remarks on differences between the recording machine and this one: the last bits depend on it."""
+    """Return remarks on differences between the recording machine and this machine, which change the last bits."""
     there, here = dict(run.reader.run.machine), describe_machine()
     changes = [f"{name} {there[name]} (here {here.get(name)})" for name in there if there[name] != here.get(name)]
     return [f"recorded with {'; '.join(changes)}"] if changes else []

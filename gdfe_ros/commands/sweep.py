@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Sweep; return 0, or 1 if a case failed or did not converge."""
+    """Run all cases and write the results; return 0, or 1 if a case failed or did not converge."""
     from gdfe_ros.analysis.export.table import write_parquet
     from gdfe_ros.analysis.sweep.results import draw_results, flat_row
 
@@ -82,7 +82,7 @@ def _cases(arguments: argparse.Namespace) -> list[Case]:
 
 
 def _complete(arguments: argparse.Namespace, scene: str, cases: list[Case], archive: Archive) -> None:
-    """Run the remaining cases."""
+    """Run the cases that have no result in the archive and, with ``--retry``, the failed cases; store the results."""
     from gdfe_ros.analysis.sweep.runner import connect, run_cases
 
     left = [case for case in cases if _is_left(archive, case, retry=arguments.retry)]

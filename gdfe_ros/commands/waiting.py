@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A line at the terminal while a command prepares something."""
+"""A line of text at the terminal while a command is waiting."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 SILENT = 1.0
-"""Time [s] before the text appears; most scenes are ready earlier."""
+"""Time [s] before the text appears; most scenes are loaded earlier."""
 
 
 @contextmanager
 def waiting(text: str, *, console: Console | None = None, silent: float = SILENT) -> Iterator[None]:
-    """Show a text and the elapsed time while the body of the `with` statement runs; remove both at its end.
+    """Show a text and the elapsed time during a ``with`` block; remove both at its end.
 
     Nothing is shown if standard error is not a terminal.
 
     Args:
-        text: what is being done, e.g. "loading gripper".
-        console: to write to; by default that of standard error.
+        text: description of the work, e.g. "loading gripper".
+        console: console for the text; by default that of standard error.
         silent: time before the text appears [s].
     """
     if not (sys.stderr.isatty() if console is None else console.is_terminal):

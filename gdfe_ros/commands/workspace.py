@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compute the workspace; return 0, or 3 if some commands have no equilibrium."""
+    """Compute the workspace; return 0, or 3 if no equilibrium was found for some commands."""
     from gdfe_ros.analysis.workspace import command_samples, find_workspace, ranges
     from gdfe_ros.analysis.workspace_report import draw_workspace, workspace_rows, write_workspace
 

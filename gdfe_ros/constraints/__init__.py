@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Handles: sets of vertices that are held, or move together as one rigid piece."""
+"""Handles: sets of vertices that are fixed, or move together as a rigid body."""
 
 from gdfe_ros.constraints.handle import Axis, Handle
 from gdfe_ros.constraints.pose import Pose

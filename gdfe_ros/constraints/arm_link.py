@@ -14,9 +14,9 @@ class ArmLink(Obstacle):
     """A convex piece of an arm's link: an obstacle that only the arm's joints move.
 
     Attributes:
-        fixed: it takes no commands of its own.
-        arm: name of its arm.
-        link: name of its link.
+        fixed: true, because the piece accepts no commands of its own.
+        arm: name of the arm.
+        link: name of the link.
     """
 
     noun: ClassVar[str] = "link"

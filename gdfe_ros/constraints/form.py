@@ -19,33 +19,35 @@ from gdfe_ros.mesh.solid import Solid
 NO_SAMPLES = np.zeros(0)
 
 RIM = 48
-"""Points on each rim of a freely moving cylinder."""
+"""Number of contact points on each rim of a freely moving cylinder."""
 INSET = 0.01
-"""Distance of the points of a box's face from its rim, over the half width. Points on the rim of an equal face would be
-nearer to a side that rounding decides.
+"""Distance of a box's contact points on a face from the rim of the face, divided by the half width of the face. For
+points exactly on the rim of another box's equal face, rounding would decide which face is the nearest.
 """
 MOST_ALONG = 8
-"""Limit of the number of intervals between points along a rigid body."""
+"""Limit of the number of intervals between contact points along a rigid body."""
 AROUND = 16
-"""Points on each circle of a round body's surface that are tested for being inside of the soft body."""
+"""Number of points on each circle of a sphere's or capsule's surface. The points are tested for being inside the soft
+body.
+"""
 
 
 @dataclass(frozen=True)
 class Plane:
-    """The half space below z = 0 of the obstacle's frame."""
+    """The half space z < 0 in the obstacle's frame."""
 
     kind: ClassVar[int] = 0
     samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """Parameters of the shape for the kernels."""
+        """Parameters of the shape for the kernels: a plane has none."""
         return 0.0, 0.0, 0.0
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """A ball of a ``radius`` [m] around the origin of the obstacle's frame."""
+    """A ball with the ``radius`` [m], centred at the origin of the obstacle's frame."""
 
     radius: float
     kind: ClassVar[int] = 1
@@ -53,43 +55,43 @@ class Sphere:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """Parameters of the shape for the kernels."""
+        """Parameters of the shape for the kernels: radius [m], 0, 0."""
         return self.radius, 0.0, 0.0
 
     @property
     def rounding(self) -> float:
-        """Distance [m] of its surface from its `corners`."""
+        """Distance [m] of the surface from the `corners`: the radius."""
         return self.radius
 
     @property
     def half(self) -> tuple[float, float, float]:
-        """Half edges [m] of the box around it."""
+        """Half edges [m] of the bounding box."""
         return self.radius, self.radius, self.radius
 
     @property
     def volume(self) -> float:
-        """Its volume [m^3]."""
+        """Volume of the shape [m^3]."""
         return 4.0 / 3.0 * math.pi * self.radius**3
 
     @property
     def moments(self) -> NDArray[np.float64]:
-        """Mean squares of x, y, z over its volume (3,) [m^2]."""
+        """Means of x^2, y^2 and z^2 over the volume, (3,) [m^2]."""
         return np.full(3, self.radius**2 / 5.0)
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Its centre (1, 3) [m]; the surface is one radius away from it."""
+        """Centre of the ball, (1, 3) [m]; the surface is one radius away from it."""
         return np.zeros((1, 3))
 
     @property
     def skin(self) -> NDArray[np.float64]:
-        """Points (k, 3) [m] of its surface."""
+        """Points of the surface, (k, 3) [m]."""
         return Capsule(self.radius, 0.0).skin
 
 
 @dataclass(frozen=True)
 class Box:
-    """A box of a ``size`` (x, y, z) [m] around the origin of the obstacle's frame."""
+    """A box with the edges ``size`` (x, y, z) [m], centred at the origin of the obstacle's frame."""
 
     size: tuple[float, float, float]
     kind: ClassVar[int] = 2
@@ -98,33 +100,33 @@ class Box:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """Parameters of the shape for the kernels."""
+        """Parameters of the shape for the kernels: the half edges [m]."""
         x, y, z = self.size
         return 0.5 * x, 0.5 * y, 0.5 * z
 
     @property
     def half(self) -> tuple[float, float, float]:
-        """Half edges [m]."""
+        """Half edges of the box [m]."""
         return self.numbers
 
     @property
     def volume(self) -> float:
-        """Its volume [m^3]."""
+        """Volume of the shape [m^3]."""
         return float(np.prod(self.size))
 
     @property
     def moments(self) -> NDArray[np.float64]:
-        """Mean squares of x, y, z over its volume (3,) [m^2]."""
+        """Means of x^2, y^2 and z^2 over the volume, (3,) [m^2]."""
         return np.square(self.size) / 12.0
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Its corners (k, 3) [m], the points that touch first."""
+        """Corners of the box, (k, 3) [m]; they touch a plane first."""
         return 0.5 * np.array(list(product((-1.0, 1.0), repeat=3))) * self.size
 
     @property
     def skin(self) -> NDArray[np.float64]:
-        """Contact points (k, 3) [m] for other bodies: its corners, and points of its faces slightly inside the rims."""
+        """Contact points for other bodies, (k, 3) [m]: the corners, and points of the faces slightly inside the rim."""
         half, found = 0.5 * np.array(self.size), [self.corners]
         for axis in range(3):
             others = [other for other in range(3) if other != axis]
@@ -141,7 +143,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Capsule:
-    """The points nearer than ``radius`` [m] to a segment of the z axis with a ``length`` [m], centred at the origin."""
+    """The points nearer than ``radius`` [m] to a segment of the z axis of ``length`` [m], centred at the origin."""
 
     radius: float
     length: float
@@ -150,27 +152,27 @@ class Capsule:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """Parameters of the shape for the kernels."""
+        """Parameters of the shape for the kernels: radius [m], half the length [m], 0."""
         return self.radius, 0.5 * self.length, 0.0
 
     @property
     def rounding(self) -> float:
-        """Distance [m] of its surface from its `corners`."""
+        """Distance [m] of the surface from the axis with the `corners`: the radius."""
         return self.radius
 
     @property
     def half(self) -> tuple[float, float, float]:
-        """Half edges [m] of the box around it."""
+        """Half edges [m] of the bounding box."""
         return self.radius, self.radius, self.radius + 0.5 * self.length
 
     @property
     def volume(self) -> float:
-        """Its volume [m^3]."""
+        """Volume of the shape [m^3]."""
         return math.pi * self.radius**2 * (self.length + 4.0 / 3.0 * self.radius)
 
     @property
     def moments(self) -> NDArray[np.float64]:
-        """Mean squares of x, y, z over its volume (3,) [m^2], from a cylinder and two half balls."""
+        """Means of x^2, y^2 and z^2 over the volume of a cylinder and two half balls, (3,) [m^2]."""
         r, length = self.radius, self.length
         across = math.pi * r**4 * (length / 4.0 + 4.0 / 15.0 * r)
         along = math.pi * r**2 * (length**3 / 12.0 + r * length**2 / 3.0 + r**2 * length / 2.0 + 4.0 / 15.0 * r**3)
@@ -178,13 +180,16 @@ class Capsule:
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Points (k, 3) [m] of its axis, at most a radius apart; the surface is one radius away from them."""
+        """Points of the axis, (k, 3) [m]; the surface is one radius away from the axis.
+
+        They are at most a radius apart, except in a long capsule, which has 2 `MOST_ALONG` intervals.
+        """
         heights = np.linspace(-0.5, 0.5, 1 + min(2 * MOST_ALONG, math.ceil(self.length / self.radius))) * self.length
         return heights[:, None] * [0.0, 0.0, 1.0]
 
     @property
     def skin(self) -> NDArray[np.float64]:
-        """Points (k, 3) [m] of its surface: circles around its ends and between them, and its poles."""
+        """Points of the surface, (k, 3) [m]: on circles around both ends, and the poles."""
         turn = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
         rise = np.linspace(0.0, 0.5 * np.pi, AROUND // 4, endpoint=False)
         radii, heights = self.radius * np.cos(rise), self.radius * np.sin(rise) + 0.5 * self.length
@@ -198,7 +203,7 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder of a ``radius`` and a ``length`` [m] around z, centred at the origin."""
+    """A cylinder with the ``radius`` [m] and the ``length`` [m] along the z axis, centred at the origin."""
 
     radius: float
     length: float
@@ -208,34 +213,37 @@ class Cylinder:
 
     @property
     def half(self) -> tuple[float, float, float]:
-        """Half edges [m] of the box around it."""
+        """Half edges [m] of the bounding box."""
         return self.radius, self.radius, 0.5 * self.length
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """Parameters of the shape for the kernels."""
+        """Parameters of the shape for the kernels: radius [m], half the length [m], 0."""
         return self.radius, 0.5 * self.length, 0.0
 
     @property
     def volume(self) -> float:
-        """Its volume [m^3]."""
+        """Volume of the shape [m^3]."""
         return float(np.pi * self.radius**2 * self.length)
 
     @property
     def moments(self) -> NDArray[np.float64]:
-        """Mean squares of x, y, z over its volume (3,) [m^2]."""
+        """Means of x^2, y^2 and z^2 over the volume, (3,) [m^2]."""
         return np.array([self.radius**2 / 4.0, self.radius**2 / 4.0, self.length**2 / 12.0])
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Points (k, 3) [m] of its two rims."""
+        """Points of the two rims, (k, 3) [m]; they touch a plane first."""
         turn = np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
         rim = np.column_stack([self.radius * np.cos(turn), self.radius * np.sin(turn), np.full(RIM, 0.5 * self.length)])
         return np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
 
     @property
     def skin(self) -> NDArray[np.float64]:
-        """Contact points (k, 3) [m] for other bodies: on its rims, and on circles between them about a radius apart."""
+        """Contact points for other bodies, (k, 3) [m]: on the rims, and on circles between them.
+
+        The circles are about a radius apart, but there are at most `MOST_ALONG` intervals.
+        """
         count = 1 + min(MOST_ALONG, math.ceil(self.length / self.radius))
         rim = self.corners[:RIM] * [1.0, 1.0, 0.0]
         lifts = np.linspace(-0.5, 0.5, count)[:, None, None] * [0.0, 0.0, self.length]
@@ -258,18 +266,18 @@ class TriangleMesh:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """Parameters of the shape for the kernels: the number of `samples`, which follow all other parameters."""
+        """Parameters of the shape for the kernels: number of `samples`, 0, 0; the samples follow these parameters."""
         return float(len(self.samples)), 0.0, 0.0
 
     @cached_property
     def samples(self) -> NDArray[np.float64]:
-        """The grid in the layout of the kernels: first point (3,) [m], spacing [m], counts (3,), distances [m]."""
+        """Grid of signed distances for the kernels: first point (3,) [m], spacing [m], counts (3,), distances [m]."""
         grid = self.solid
         return np.concatenate([grid.start, [grid.cell], grid.distances.shape, grid.distances.ravel()])
 
     @property
     def half(self) -> tuple[float, float, float]:
-        """Half edges [m] of a box around the origin that contains it."""
+        """Half edges [m] of the smallest box that contains the solid and is centred at the origin."""
         x, y, z = np.abs(self.solid.vertices).max(axis=0).tolist()
         return x, y, z
 
@@ -279,22 +287,22 @@ class TriangleMesh:
 
     @property
     def volume(self) -> float:
-        """Its volume [m^3]."""
+        """Volume of the solid [m^3]."""
         return self._inertia.volume
 
     @property
     def moments(self) -> NDArray[np.float64]:
-        """Mean squares of x, y, z over its volume (3,) [m^2], if the frame's axes are its principal axes."""
+        """Means of x^2, y^2 and z^2 over the volume, (3,) [m^2], if x, y, z are the central principal axes."""
         return self._inertia.moments
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Its vertices (k, 3) [m], the points that touch first."""
+        """Vertices of the surface, (k, 3) [m]; they touch a plane first."""
         return self.solid.vertices[np.unique(self.solid.triangles)]
 
     @cached_property
     def skin(self) -> NDArray[np.float64]:
-        """Points (k, 3) [m] all over its surface, an eighth of its longest extent apart or less."""
+        """Points of the refined surface, (k, 3) [m]; edges between them are at most an eighth of the longest extent."""
         longest = float(np.ptp(self.solid.vertices, axis=0).max()) / MOST_ALONG
         points, triangles = refine(self.solid.vertices, self.solid.triangles, longest)
         return points[np.unique(triangles)]

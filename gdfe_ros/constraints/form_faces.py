@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Sphere, TriangleMesh
 
 AROUND, ALONG = 32, 16
-"""Numbers of faces of a drawn round shape: around its axis, and from pole to pole."""
+"""Number of faces of a drawn round shape around its axis, and number of faces from pole to pole."""
 
 
 def form_faces(form: Sphere | Box | Capsule | Cylinder | TriangleMesh) -> NDArray[np.float64]:
-    """Return the faces (f, k, 3) [m] of a shape in its own frame."""
+    """Return the corners (f, k, 3) [m] of the faces of a shape, in the shape's frame."""
     match form:
         case Sphere(radius):
             return _turned(radius * np.sin(_polar()), radius * np.cos(_polar()))
@@ -36,7 +36,10 @@ def _polar() -> NDArray[np.float64]:
 
 
 def _turned(radii: NDArray[np.float64], heights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the quads (q, 4, 3) of a profile rotated about z."""
+    """Return the corners (q, 4, 3) [m] of the quads of a surface of revolution about z.
+
+    Its profile has the ``radii`` at the ``heights`` [m].
+    """
     turn = np.linspace(0.0, 2.0 * np.pi, AROUND + 1)
     rings = np.stack(
         [np.outer(radii, np.cos(turn)), np.outer(radii, np.sin(turn)), np.tile(heights[:, None], AROUND + 1)], axis=-1

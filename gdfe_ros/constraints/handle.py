@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A handle: vertices that are held, or move together as one rigid piece."""
+"""A handle: vertices that are fixed, or move together as a rigid body."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ class Axis(IntEnum):
 
 @dataclass(frozen=True)
 class Handle:
-    """Vertices moved rigidly by a commanded pose.
+    """Vertices that a commanded pose moves as a rigid body.
 
     Attributes:
-        name: unique in the scene; part of topic names.
+        name: name, unique in the scene; part of topic names.
         vertices: sorted vertex ids (k,) int32.
-        fixed: the handle stays at its rest pose and accepts no commands.
-        free: world axes along which the handle slides unloaded; its position there is an unknown.
+        fixed: whether the handle stays at its rest pose and accepts no commands.
+        free: world axes along which the handle slides without a force; its displacement along them is an unknown.
         turning: world axes, through the handle's centre, about which it rotates freely. The rotation vector's
-            components along these axes are unknowns. With one or three free axes no moment remains; with two the energy
-            is minimal.
-        carrier: name of the arm that moves it; empty if it takes commands of its own.
-        noun: its name in messages.
-        section: its section in scene files and topic names.
+            components along these axes are unknowns, for which the energy is minimal. With one or three free axes the
+            moment about them is zero.
+        carrier: name of the arm that moves the handle; empty if the handle accepts commands.
+        noun: name of this kind of item in messages.
+        section: section of this kind of item in scene files and topic names.
     """
 
     noun: ClassVar[str] = "handle"
@@ -54,5 +54,5 @@ class Handle:
         return self
 
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean (3,) [m] of the handle's vertices out of all ``vertices`` (n, 3)."""
+        """Return the mean position (3,) [m] of the handle's vertices; ``vertices`` (n, 3) are all vertices."""
         return vertices[self.vertices].mean(axis=0)

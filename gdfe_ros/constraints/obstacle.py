@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid obstacles: a pose moves them like a handle, but they hold no vertices and act by contact."""
+"""Rigid obstacles: a commanded pose moves them like a handle, but they have no vertices and act by contact."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _no_vertices() -> NDArray[np.int32]:
 
 
 class ContactPoints(str, Enum):
-    """Evaluation of gaps: mean over the faces around each vertex, or at the vertex alone."""
+    """Evaluation of contact gaps: mean gap over the faces around each vertex, or gap at the vertex itself."""
 
     FACES = "faces"
     VERTICES = "vertices"
@@ -29,17 +29,17 @@ class ContactPoints(str, Enum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Obstacle(Handle):
-    """A rigid shape that the body cannot enter.
+    """A rigid shape that the body cannot penetrate.
 
-    Its reaction is its force on the body, as for a handle; the moment is about the origin of its frame.
+    The reaction of an obstacle is its force on the body, as for a handle. Its moment is about the origin of its frame.
 
     Attributes:
-        vertices: none.
-        form: its shape.
-        origin: origin of its frame in the rest pose [m].
-        turn: rotation vector of its frame in the rest pose [rad].
-        friction: Coulomb's coefficient.
-        points: evaluation of gaps.
+        vertices: empty.
+        form: shape in the obstacle's frame.
+        origin: origin of the obstacle's frame in the rest pose [m].
+        turn: rotation vector of the obstacle's frame in the rest pose [rad].
+        friction: Coulomb's coefficient of friction.
+        points: evaluation of contact gaps.
     """
 
     noun: ClassVar[str] = "obstacle"
@@ -52,18 +52,18 @@ class Obstacle(Handle):
     points: ContactPoints = ContactPoints.FACES
 
     def seen_from(self, origin: NDArray[np.float64]) -> Obstacle:
-        """Return the obstacle relative to ``origin`` (3,) [m]."""
+        """Return the obstacle for positions relative to ``origin`` (3,) [m]."""
         return replace(self, origin=tuple(np.subtract(self.origin, origin).tolist()))
 
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the origin (3,) [m] of its frame in the rest pose; ``vertices`` are not used."""
+        """Return the origin (3,) [m] of the obstacle's frame in the rest pose; ``vertices`` are not used."""
         return np.array(self.origin)
 
     def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
-        """Return the commanded pose, which is the obstacle's pose relative to its rest pose."""
+        """Return the obstacle's pose relative to its rest pose, which is the commanded pose."""
         return commanded
 
     def frame(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return origin (3,) [m] and rotation (3, 3) of its frame at ``pose``."""
+        """Return the origin (3,) [m] and the rotation (3, 3) of the obstacle's frame at ``pose``."""
         turned = Rotation.from_rotvec(pose.rotation) * Rotation.from_rotvec(self.turn)
         return np.add(self.origin, pose.translation), turned.as_matrix()

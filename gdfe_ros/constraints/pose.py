@@ -20,11 +20,11 @@ _MEANING = {
 
 @dataclass(frozen=True)
 class Pose:
-    """Translation and rotation of a handle about its own rest centre.
+    """Translation of a handle, and rotation about its centre, relative to the rest pose.
 
     Attributes:
         translation: displacement of the handle's centre [m].
-        rotation: rotation vector [rad], so that a program can rotate by more than 180 degrees.
+        rotation: rotation vector [rad]; its length may exceed 180 degrees.
 
     Raises:
         ValueError: a component is not a finite number.
@@ -45,7 +45,10 @@ class Pose:
             object.__setattr__(self, name, values)
 
     def apply(self, points: ArrayLike, centre: ArrayLike) -> NDArray[np.float64]:
-        """Move rest ``points`` (k, 3) [m] with the handle whose rest centre is ``centre`` (3,) [m]."""
+        """Return the moved positions (k, 3) [m] of ``points`` (k, 3) [m] given in the rest pose.
+
+        ``centre`` (3,) [m] is the handle's centre in the rest pose.
+        """
         points, centre = np.asarray(points, dtype=np.float64), np.asarray(centre, dtype=np.float64)
         if self.rotation == _ZERO:
             return points + np.asarray(self.translation)
@@ -53,6 +56,9 @@ class Pose:
         return turned + centre + np.asarray(self.translation)
 
     def blend(self, other: Pose, fraction: float) -> Pose:
-        """Interpolate translation and rotation vector linearly: 0 gives this pose, 1 the other."""
+        """Return a pose between this pose (``fraction`` 0) and the other pose (1).
+
+        The translation and the rotation vector are interpolated linearly.
+        """
         pairs = (self.translation, other.translation), (self.rotation, other.rotation)
         return Pose(*(tuple(a + fraction * (b - a) for a, b in zip(*pair, strict=True)) for pair in pairs))

@@ -24,17 +24,17 @@ SIGNS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RigidBody(Obstacle):
-    """An obstacle that only forces move.
+    """An obstacle that moves freely under forces.
 
-    Four vertices represent it, with a quarter of its mass each. They are corners of a box around its centre of mass;
-    the half edges of the box are the radii of gyration along its axes. Mass, moments of inertia and every point of the
-    body follow from these vertices.
+    Four vertices represent it, each with a quarter of its mass. They are corners of a box around its centre of mass.
+    The half edges of the box are the radii of gyration along its axes. The four vertices determine the mass, the
+    moments of inertia and the position of every point of the body.
 
     Attributes:
-        vertices: (4,) int32 its vertices, which follow those of the mesh.
-        fixed: it accepts no commands.
-        free, turning: all axes.
-        mass: [kg].
+        vertices: (4,) int32 ids of the four vertices, which follow the vertices of the mesh.
+        fixed: true, because the body accepts no commands.
+        free, turning: all axes, because no motion is constrained.
+        mass: mass of the body [kg].
     """
 
     fixed: bool = True
@@ -49,46 +49,49 @@ class RigidBody(Obstacle):
 
     @property
     def gyration(self) -> NDArray[np.float64]:
-        """Half edges (3,) [m] of the box with its vertices as corners."""
+        """Radii of gyration (3,) [m]: half edges of the box whose corners are the vertices."""
         return np.sqrt(self.form.moments)
 
     @property
     def signs(self) -> NDArray[np.float64]:
-        """The factors s_a (4, 3) [1/m] that give its rotation R = sum_a x_a s_a^T from its vertices x_a."""
+        """Factors s_a (4, 3) [1/m] that give the body's rotation R = sum_a x_a s_a^T from its vertices x_a."""
         return SIGNS / (4.0 * self.gyration)
 
     @property
     def places(self) -> NDArray[np.float64]:
-        """Rest positions of its vertices (4, 3) [m]."""
+        """Positions of the vertices in the rest pose, (4, 3) [m]."""
         origin, axes = self.frame(Pose())
         return origin + (SIGNS * self.gyration) @ axes.T
 
     @property
     def attached(self) -> AttachedMass:
-        """Its mass, on its vertices."""
+        """The body's mass, attached to its vertices."""
         return AttachedMass(name=self.name, points=Embedding.of_vertices(self.vertices), mass=self.mass)
 
     def numbered(self, first: int) -> RigidBody:
-        """Return the body with vertex ids from ``first`` on."""
+        """Return the body with the vertex ids ``first`` .. ``first`` + 3."""
         return replace(self, vertices=np.arange(first, first + 4, dtype=np.int32))
 
     def found(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return origin (3,) [m] and rotation (3, 3) of its frame for vertices at ``positions`` (n, 3) [m]."""
+        """Return the origin (3,) [m] and the rotation (3, 3) of the body's frame.
+
+        ``positions`` (n, 3) [m] are those of all vertices.
+        """
         own = positions[self.vertices]
         return own.mean(axis=0), own.T @ self.signs
 
     def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
-        """Return its pose relative to rest, for vertices at ``positions`` (n, 3) [m]."""
+        """Return the body's pose relative to its rest pose; ``positions`` (n, 3) [m] are those of all vertices."""
         origin, axes = self.found(positions)
         turned = Rotation.from_matrix(axes) * Rotation.from_rotvec(self.turn).inv()
         return Pose(tuple(origin - self.origin), tuple(turned.as_rotvec()))
 
 
 def rigid_pairs(touched: Sequence[Obstacle]) -> Iterator[tuple[RigidBody, Obstacle]]:
-    """Yield each rigid body with each obstacle, or other rigid body, against which its points are tested.
+    """Yield the pairs of a rigid body and an obstacle or other rigid body against which its points are tested.
 
-    A body's points are not tested against a ball: the test of the ball's centre finds that contact exactly. Of two
-    balls, the centre of the first one is tested.
+    The points of a body are not tested against a rigid ball: the test of the ball's centre against the body finds the
+    contact exactly. Of two rigid balls, the centre of the first ball is tested against the second ball.
     """
     for i, rigid in enumerate(touched):
         for j, thing in enumerate(touched):

@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 NAME = "(self)"
-"""Name of self-contact in `StepResult.contacts`; no item of a scene can have it."""
+"""Name of self-contact in `StepResult.contacts`; no item of a scene can have this name."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SelfContact:
-    """Contact of a mesh with itself: of its parts with each other, and of each with itself.
+    """Contact of a mesh with itself: of its parts with each other, and of each part with itself.
 
     Attributes:
-        quads: (q, 4) int32 boundary faces that take part.
-        friction: Coulomb's coefficient.
-        parts: index of the first vertex of each of several meshes, by name; empty for one mesh.
-        origin: (3,) [m] of the solver's positions.
+        quads: (q, 4) int32 vertex ids of the boundary faces in contact.
+        friction: Coulomb's coefficient of friction.
+        parts: dict from the name of each mesh of an assembly to the index of its first vertex; empty for a single mesh.
+        origin: (3,) [m] point to which the solver's positions are relative.
     """
 
     quads: NDArray[np.int32]
@@ -34,6 +34,6 @@ class SelfContact:
         return replace(self, origin=origin)
 
     def owner(self, vertex: int) -> str:
-        """Return the name of the mesh to which a vertex belongs."""
+        """Return a text that names the mesh to which a vertex belongs, for messages."""
         names = [name for name, first in self.parts.items() if first <= vertex]
         return f"mesh {names[-1]!r}" if names else "the body"

@@ -9,15 +9,15 @@ from collections.abc import Sequence
 from gdfe_ros.constraints.pose import Pose
 
 NO_TURN = 1e-9
-"""Rotations below this angle [rad] have no axis of their own."""
+"""Angle [rad] below which the axis of a rotation is not defined."""
 
 
 def nearest_turn(quaternion: Sequence[float], reference: Pose) -> tuple[float, float, float]:
-    """Return the rotation vector [rad] of a quaternion (x, y, z, w) that is closest to the vector ``reference``.
+    """Return the rotation vector [rad] of a quaternion (x, y, z, w) that is closest to the rotation of ``reference``.
 
-    A pose message does not distinguish a rotation from the same rotation plus 360 degrees. The vector closest to the
-    present rotation is chosen, so that a handle can rotate any number of times. The code uses plain floats: for four
-    numbers numpy takes ten times as long.
+    A pose message does not distinguish a rotation from the same rotation plus 360 degrees. Of these rotation vectors,
+    the vector closest to the present one is chosen, so that a handle can rotate any number of times. The code uses
+    plain floats, because numpy takes ten times as long for four numbers.
     """
     x, y, z, w = map(float, quaternion)
     sine = math.hypot(x, y, z)

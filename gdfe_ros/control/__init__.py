@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inverse control: actuator commands from goals for positions and orientations of probes and for contact forces."""
+"""Inverse control: actuator commands that bring probe positions, probe orientations and contact forces to goals."""
 
 from gdfe_ros.control.feedback import FeedbackControl
 from gdfe_ros.control.inverse import InverseControl, Reach

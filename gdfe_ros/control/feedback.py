@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Closed-loop control: commands from measurements of the robot, with a model that may be inaccurate.
 
-A command is the command at the last measurement plus a change. According to the Jacobian J, this change removes the
-distance to the goal. At the start J is the model's. Each measurement corrects it (Broyden 1965): if a change dc moved
-the robot by dy instead of J dc, J changes by
+Each command is the command at the last measurement plus a change. J is the Jacobian of the targets with respect to the
+commands. The change is chosen such that the predicted motion, J times the change, removes the distance to the goal. J
+is initially the model's. Each measurement corrects it (Broyden 1965): if a change dc moved the robot by dy instead of
+J dc, J changes by
 
     dJ = learning * (dy - J dc) (D^2 dc)^T / |D dc|^2,
 
-with the costs D of the changes (`CommandLimits.costs`). The command integrates the error, so that an error of the model
-causes no lasting offset. At the end of a range nothing is integrated.
+where D are the costs of the changes (`CommandLimits.costs`). The command integrates the error over time, so that an
+error of the model causes no lasting offset. At the end of a command's range, the integration stops.
 """
 
 from __future__ import annotations
@@ -28,36 +29,36 @@ from gdfe_ros.simulation import Simulation
 
 Array = NDArray[np.float64]
 DAMPING = 1e-3
-"""Weight of a change of the commands relative to its costs D. With a nearly singular Jacobian, commands change by at
-most 500 times the change that the strongest actuator would need.
+"""Weight of the cost |D dc| of a change dc. It limits changes with a nearly singular Jacobian to 500 times the change
+that the strongest actuator would need.
 """
 BASELINE = 3.0
-"""A measurement corrects the Jacobian if the robot moved by at least this number of tolerances; noise is then at most a
-third of the motion.
+"""Least measured or predicted motion, in tolerances, at which a measurement corrects the Jacobian. Noise is then at
+most a third of the motion.
 """
 WITHIN = 0.5
-"""A goal counts as within reach if a change is predicted to remove more than this fraction of the distance."""
+"""A goal counts as within reach if a change is predicted to remove more than this fraction of the distance to it."""
 
 
 class FeedbackControl:
-    """Commands a robot so that its targets reach their goals, from measurements of the targets.
+    """Closed-loop controller: it computes commands from measurements so that the targets reach their goals.
 
     Pass each measurement to `observe`, then get the next command from `command`. Measure the robot after it has
-    followed a command: while it still oscillates, a measurement corrupts the Jacobian (``learning=0`` keeps the
-    model's).
+    followed a command: while it still oscillates, a measurement corrupts the Jacobian. With ``learning=0`` the Jacobian
+    remains that of the model.
 
     Args:
-        simulation: the model, at the robot's present commands; it is stepped once if it is not at an equilibrium.
-        targets: targets to control; the name of a probe alone stands for its position along all axes.
+        simulation: model with the robot's present commands; it is stepped once if it is not at an equilibrium.
+        targets: targets to control; a probe's name means its position along all axes.
         actuators: names of the actuators; None: all.
         tolerance: distance [m] at which a goal counts as reached; it must be at least the noise of the measurements.
             Motions below three times this distance do not correct the Jacobian.
-        slew: least time [s] in which a command crosses its range. If it is below the robot's (a node's ``slew_time``),
-            the robot follows the commands of some actuators more than others.
-        learning: fraction, from 0 to 1, of a change's prediction error that corrects the Jacobian.
+        slew: least time [s] in which a command may cross its range. It must be at least the robot's (a node's
+            ``slew_time``). Otherwise the robot follows the commands of some actuators less than those of others.
+        learning: fraction, from 0 to 1, of the prediction error of a change by which the Jacobian is corrected.
 
     Raises:
-        CommandError: no such probe or actuator, dynamics, or a number outside of its range.
+        CommandError: there is no such probe or actuator, the scene has dynamics, or a number is outside its range.
         GdfeError: the model's state has no derivative.
 
     Example:
@@ -97,12 +98,12 @@ class FeedbackControl:
 
     @property
     def targets(self) -> tuple[Aim, ...]:
-        """The targets (t,)."""
+        """Controlled targets (t,)."""
         return self._stack.targets
 
     @property
     def sent(self) -> dict[str, float]:
-        """The last commands that were returned, by actuator."""
+        """Dict from actuator to the last command that was returned."""
         return dict(zip(self.names, self._sent.tolist(), strict=True))
 
     def time_to(self, wanted: Mapping[str, float], now: Mapping[str, float]) -> float:
@@ -110,11 +111,11 @@ class FeedbackControl:
         return self._limits.time(np.array([wanted[name] - now[name] for name in self.names]))
 
     def observe(self, values: ArrayLike, commands: Mapping[str, float] | None = None) -> None:
-        """Take a measurement, and correct the Jacobian with it.
+        """Store a measurement, and correct the Jacobian with it.
 
         Args:
-            values: (t, 3) measured values of the targets, in the unit of each: m, rad, N.
-            commands: commands in force at that time, by actuator; None: the last commands that were returned.
+            values: measured values of the targets (t, 3), in the unit of each target: m, rad or N.
+            commands: dict from actuator to the command in force at the measurement; None: the last returned commands.
 
         Raises:
             CommandError: the shape is wrong, a value is not finite, or a command is missing.
@@ -130,16 +131,16 @@ class FeedbackControl:
         foretold, scaled = self._rows @ change, self._costs * change
         self._judge(measured, foretold)
         if max(np.linalg.norm(moved), np.linalg.norm(foretold)) < BASELINE or not change.any():
-            return  # within the noise: a later measurement includes this change
+            return  # The motion may be noise. A later measurement corrects the Jacobian with the sum of the changes.
         by_change = self._costs * scaled / float(scaled @ scaled)
         self._rows = self._rows + self._learning * np.outer(moved - foretold, by_change)
         self._base = self._known
 
     def command(self, goals: ArrayLike, dt: float) -> Reach:
-        """Return the commands of the next ``dt`` [s], towards goals (t, 3) at its end, within ranges and rates.
+        """Return the commands that approach goals (t, 3) within the next ``dt`` [s], limited by ranges and rates.
 
-        The returned distances are those of the last measurement. The message names the goals that will probably not be
-        reached, and the reason.
+        The returned distances are those of the last measurement. The message names the goals that are probably not
+        reached with these commands, and the reason.
 
         Raises:
             CommandError: goals or time are not allowed; nothing has changed.
@@ -164,11 +165,11 @@ class FeedbackControl:
         )
 
     def _judge(self, measured: Array, foretold: Array) -> None:
-        """Shorten the longest change if the last one reduced the error by less than a quarter of the predicted amount.
+        """Reduce the largest allowed change if the last change reduced the error by less than predicted (`ENOUGH`).
 
-        ``foretold`` (m,) is the predicted motion. Only changes towards goals out of reach are judged, for which most of
-        the distance was predicted to remain. Long changes would circle around the point closest to such a goal. For
-        goals within reach, `observe` corrects the Jacobian.
+        ``foretold`` (m,) is the predicted motion. This applies only to goals out of reach, for which most of the
+        distance was predicted to remain. Large changes would circle around the point closest to such a goal. For goals
+        within reach, it is sufficient that `observe` corrects the Jacobian.
         """
         before, stack = self._base[1], self._stack
         error, after = stack.errors(self._goals, before), stack.errors(self._goals, measured)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that bring targets to their goals, by the Gauss-Newton method on the model, within bounds.
+"""Commands that bring the model's targets to their goals, by the Gauss-Newton method with bounds.
 
 Each change of the commands is the solution of a quadratic programme,
 
     min  sum_i w_i |J_i dc - e_i|^2 + l^2 |D dc|^2    with  low <= c + dc <= high,  |dc| <= rate dt,
 
-with the exact Jacobians J of the targets (docs/sensitivities.md), their distances e from the goals, the priorities w
-and the costs D of the changes (`CommandLimits.costs`).
+where, for target i, J_i is the exact Jacobian with respect to the commands (docs/sensitivities.md), e_i the distance
+from the goal, and w_i the priority. D are the costs of the changes (`CommandLimits.costs`).
 """
 
 from __future__ import annotations
@@ -29,26 +29,27 @@ from gdfe_ros.simulation import Command, Simulation
 
 Array = NDArray[np.float64]
 LEAST = 1e-4
-"""Weight l of a change of the commands relative to its costs D."""
+"""Weight l of the cost |D dc| of a change dc of the commands."""
 SHORTER, LONGER = 0.25, 2.0
-"""Factors on the longest change: after a change that did not reduce the errors enough, and after one that did."""
+"""Factors on the largest allowed change, after a change that did not reduce the errors enough, and after one that did.
+"""
 MOST_TRIES = 60
-"""A goal counts as out of reach after this number of changes of the commands."""
+"""Largest number of changes of the commands; goals that are not reached after it count as out of reach."""
 ENOUGH = 0.25
-"""Least reduction of the errors by a change, over the predicted reduction."""
+"""Least actual reduction of the errors, divided by the predicted reduction, at which a change is accepted."""
 STANDSTILL, FAINT = 0.1, 1e-3
-"""A step needs at least this predicted motion of the targets, and this predicted reduction of their errors, in
-tolerances.
+"""Least predicted motion of the targets, and least predicted reduction of their errors, in tolerances, at which a
+change is tried.
 """
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reach:
-    """Commands, and the distances of the targets from their goals.
+    """Result of inverse control: commands, and the remaining distances of the targets from their goals.
 
     Attributes:
-        commands: command of each actuator, by name.
-        distances: (t,) distance of each target from its goal along its axes, in its unit: m, rad or N.
+        commands: dict from actuator to command.
+        distances: distance of each target from its goal (t,), along the target's axes, in its unit: m, rad or N.
         reached: whether all targets are within their tolerances.
         message: reason why goals were not reached; empty if all were reached.
         tries: number of changes of the commands that were tried.
@@ -62,18 +63,18 @@ class Reach:
 
 
 class InverseControl:
-    """Moves the actuators of a simulation so that targets reach their goals.
+    """Open-loop controller: it commands the actuators of a model so that the model's targets reach their goals.
 
-    Tensions stay non-negative and all commands within the scene's ranges; each `move` respects the scene's rates.
+    All commands stay within the scene's ranges, and tensions stay non-negative. Each `move` respects the scene's rates.
 
     Args:
         simulation: the model, without dynamics; each command leads to an equilibrium.
-        targets: targets to control; the name of a probe alone stands for its position along all axes.
+        targets: targets to control; a probe's name means its position along all axes.
         actuators: names of the actuators; None: all.
         tolerance: distance [m] at which a goal counts as reached.
 
     Raises:
-        CommandError: no such probe or actuator, dynamics, or a tolerance that is not positive.
+        CommandError: there is no such probe or actuator, the scene has dynamics, or the tolerance is not positive.
 
     Example:
         >>> control = InverseControl(Simulation(load_scene("tendon_finger")), [Target(probe="tip", axes=(0, 2))])
@@ -100,20 +101,20 @@ class InverseControl:
 
     @property
     def targets(self) -> tuple[Aim, ...]:
-        """The targets (t,)."""
+        """Controlled targets (t,)."""
         return self._stack.targets
 
     def reach(self, goals: ArrayLike) -> Reach:
-        """Bring the targets to their goals, or as near as possible, in any time.
+        """Change the commands until the targets are at their goals, or as close as possible, in any number of steps.
 
-        If goals are out of reach, the commands are those of the nearest point, and the message says so.
+        If goals are out of reach, the commands are those of the closest point, and the message is not empty.
 
         Args:
-            goals: (t, 3), one row for each target in its unit.
+            goals: (t, 3), one row for each target in the target's unit.
 
         Raises:
             CommandError: the shape is wrong, or a value is not finite; the state is unchanged.
-            GdfeError: an intermediate state has no derivative, as at a saddle; the state is unchanged.
+            GdfeError: an intermediate state has no derivative, e.g. because it is a saddle; the state is unchanged.
         """
         wanted, tries, stuck = self._stack.checked(goals), 0, False
         with self._all_or_nothing():
@@ -124,11 +125,11 @@ class InverseControl:
         return self._told(error, tries)
 
     def move(self, goals: ArrayLike, dt: float) -> Reach:
-        """Make one change of the commands towards the goals, as far as rates allow in ``dt`` [s], as in a control loop.
+        """Change the commands once towards the goals, as far as the rates allow in ``dt`` [s]; for control loops.
 
         Args:
-            goals: (t, 3), one row for each target in its unit.
-            dt: time of the step [s].
+            goals: (t, 3), one row for each target in the target's unit.
+            dt: duration of the step [s].
 
         Raises:
             CommandError: goals or time are not allowed; the state is unchanged.
@@ -144,7 +145,7 @@ class InverseControl:
 
     @contextmanager
     def _all_or_nothing(self) -> Iterator[None]:
-        """Start from an equilibrium, and restore the initial state if an error occurs inside the context."""
+        """Solve for an equilibrium first; restore the initial state if an error occurs inside the ``with`` block."""
         before = self.simulation.snapshot()
         try:
             if not self.simulation.settled:
@@ -157,8 +158,8 @@ class InverseControl:
     def _nearer(self, wanted: Array, error: Array, dt: float | None = None) -> tuple[bool, Array, int]:
         """Change the commands once; return whether the errors decreased, the new errors (m,), and the number of tries.
 
-        ``error`` (m,) are the present errors from the goals ``wanted`` (t, 3). The change takes ``dt`` [s]; None stands
-        for the time that the rates require.
+        ``error`` (m,) are the present errors relative to the goals ``wanted`` (t, 3). The change takes ``dt`` [s], or
+        the time that the rates require if ``dt`` is None.
         """
         stack, now, tries = self._stack, self._now(), 0
         here, values = self.simulation.snapshot(), stack.values()
@@ -195,16 +196,16 @@ class InverseControl:
         return self.simulation.step(Command(actuators=commands), dt=time).converged
 
     def _errors(self, wanted: Array) -> Array:
-        """Return the model's errors (m,) from goals (t, 3)."""
+        """Return the model's errors (m,) relative to the goals ``wanted`` (t, 3)."""
         return self._stack.errors(wanted, self._stack.values())
 
     def _now(self) -> Array:
-        """Return the commands (n,) in force, after the limits of rates."""
+        """Return the commands (n,) in force, which the rates may have limited."""
         states = self.simulation.actuator_states()
         return np.array([states[name].command for name in self.names])
 
     def _exact(self) -> Array:
-        """Return the exact Jacobian (m, n), with the rows of `Stack`."""
+        """Return the exact Jacobian (m, n) of the errors in `Stack`."""
         return self._stack.jacobian(self.names)
 
     def _told(self, error: Array, tries: int) -> Reach:

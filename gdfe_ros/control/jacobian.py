@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Jacobian that is kept between changes of the commands, and corrected by the effect of each change."""
+"""A Jacobian that is reused for several changes of the commands and corrected by the effect of each change."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 SURPRISE = 0.3
-"""The exact Jacobian is computed again if the error of a change's predicted motion, over that motion, exceeds this. A
-moving goal is missed by at most that fraction of a step.
+"""Largest error of the predicted motion, divided by the predicted motion, up to which the Jacobian is reused. Above it,
+the exact Jacobian is computed again. A moving goal is missed by at most this fraction of a step.
 """
 
 
 class KeptJacobian:
-    """The Jacobian of values with respect to commands, which is kept between changes of the commands.
+    """The Jacobian of values with respect to commands, which is reused for several changes of the commands.
 
-    Broyden's update corrects it after each change. The exact Jacobian is computed again in two cases: a change was
-    predicted badly, or commands or values differ from those after the last update.
+    Broyden's update corrects it after each change. The exact Jacobian is computed again in two cases: the motion of a
+    change was predicted badly (`SURPRISE`), or commands or values differ from those at the last update.
 
     Args:
-        exact: returns the exact Jacobian (m, n) of the present state.
+        exact: function that returns the exact Jacobian (m, n) of the present state.
 
     Attributes:
         fresh: whether the last call of `at` computed the exact Jacobian.
@@ -38,7 +38,7 @@ class KeptJacobian:
         self._rows = None
 
     def at(self, commands: Array, values: Array) -> Array:
-        """Return the Jacobian (m, n) at the present commands (n,) and values (t, 3)."""
+        """Return the Jacobian (m, n) for the present commands (n,) and values (t, 3)."""
         known = self._rows is not None
         self.fresh = not (known and all(map(np.array_equal, self._place, (commands, values))))
         if self.fresh:
@@ -47,7 +47,7 @@ class KeptJacobian:
         return self._rows
 
     def learn(self, moved: Array, commands: Array, values: Array) -> None:
-        """Correct the Jacobian by a change to commands (n,) and values (t, 3) with the motion ``moved`` (m,)."""
+        """Correct the Jacobian with the motion ``moved`` (m,) of the last change, and store commands and values."""
         change = commands - self._place[0]
         foretold, scaled = self._rows @ change, self._scale * change
         missed, self._place = moved - foretold, (commands, values)

@@ -14,20 +14,20 @@ from gdfe_ros.scene.scene import Scene
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-9
-"""Fraction of a change that counts as rounding."""
+"""Largest error of a command, divided by its change, that counts as rounding."""
 
 
 class CommandLimits:
     """Ranges and rates of the commands of some actuators.
 
     Args:
-        actuators: (n,) actuators whose commands are limited.
-        slew: least time [s] in which a command crosses its range.
+        actuators: actuators (n,) whose commands are limited.
+        slew: least time [s] in which a command may cross its range; 0 for no such limit.
 
     Attributes:
-        low: (n,) least commands; of a tension at least zero.
-        high: (n,) largest commands.
-        rates: (n,) largest changes per second.
+        low: least commands (n,); zero or more for a tension.
+        high: largest commands (n,).
+        rates: largest changes of the commands per second (n,).
     """
 
     def __init__(self, actuators: Sequence[Actuator], *, slew: float = 0.0) -> None:
@@ -43,7 +43,7 @@ class CommandLimits:
 
     @classmethod
     def of_scene(cls, scene: Scene, names: Sequence[str], *, slew: float = 0.0) -> CommandLimits:
-        """Return the limits of a scene's actuators.
+        """Return the limits of the actuators ``names`` of a scene.
 
         Raises:
             CommandError: there is no such actuator, or none is named.
@@ -57,33 +57,33 @@ class CommandLimits:
         return cls([known[name] for name in names], slew=slew)
 
     def costs(self, rows: Array) -> Array:
-        """Return the costs D (n,) of changes: for each command, the largest norm among columns of its unit.
+        """Return the costs D (n,) of changes of the commands, from the Jacobian ``rows`` (m, n).
 
-        The columns are those of ``rows`` (m, n). A command that moves the targets much less than others with its unit
-        is therefore hardly changed.
+        The cost of a command is the largest norm of all columns whose commands have the same unit. Therefore a command
+        is hardly changed if it moves the targets much less than other commands with its unit.
         """
         return np.where(self._alike, np.linalg.norm(rows, axis=0), 0.0).max(axis=1)
 
     def room(self, now: Array, dt: float | None) -> tuple[Array, Array]:
-        """Return the least and the largest change (n,) from commands ``now`` (n,) in ``dt`` [s]; None for any time."""
+        """Return the least and largest change (n,) of commands ``now`` (n,) in ``dt`` [s]; None for no rate limit."""
         reach = np.full(len(now), np.inf) if dt is None else self.rates * dt
         return np.maximum(self.low - now, -reach), np.minimum(self.high - now, reach)
 
     def changed(self, now: Array, change: Array) -> Array:
-        """Return commands (n,) after a change, clipped to the range and set to its ends within rounding."""
+        """Return ``now + change`` (n,), clipped to the ranges; a command within `ROUNDING` of an end is set to it."""
         commands, rounding = now + change, ROUNDING * np.abs(change)
         commands = np.where(np.abs(commands - self.low) <= rounding, self.low, commands)
         commands = np.where(np.abs(commands - self.high) <= rounding, self.high, commands)
         return np.clip(commands, self.low, self.high)
 
     def time(self, change: Array) -> float:
-        """Return the least time [s] in which the rates allow a change (n,)."""
+        """Return the least time [s] in which the commands can change by ``change`` (n,)."""
         limited = np.isfinite(self.rates)
         with np.errstate(divide="ignore", invalid="ignore"):
             times = np.abs(change[limited]) / self.rates[limited]
         return (1.0 + ROUNDING) * float(times.max(initial=0.0))
 
     def ended(self, commands: Array) -> list[str]:
-        """Return the names of the actuators with commands (n,) at an end of their range."""
+        """Return the names of the actuators whose command in ``commands`` (n,) is at an end of its range."""
         inside = (self.low < commands) & (commands < self.high)
         return [name for name, free in zip(self._names, inside, strict=True) if not free]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quadratic programme of one change of the commands; only this module calls a solver for such programmes."""
+"""Quadratic programme for one change of the commands; only this module calls the solver of such programmes."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from gdfe_ros.errors import DependencyError
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-12
-"""Distance from a bound that counts as zero, if b has the norm 1 and the columns of A have norms of at most 1."""
+"""Distance from a bound up to which x is set to the bound, if |b| = 1 and the columns of A have norms of at most 1."""
 
 
 def least_squares(
     rows: Array, goal: Array, low: Array, high: Array, *, least: float, costs: Array | None = None
 ) -> Array:
-    """Return x (n,) that minimises |A x - b|^2 + least^2 |D x|^2 with low <= x <= high, exact to rounding.
+    """Return the x (n,) that minimises |A x - b|^2 + least^2 |D x|^2 with low <= x <= high, up to rounding.
 
-    Bounds hold to the last bit.
+    The bounds are satisfied exactly.
 
     Args:
         rows: A (m, n).
         goal: b (m,).
-        low: least x (n,); minus infinity for none.
-        high: largest x (n,), not below ``low``; infinity for none.
-        least: weight of the change itself, above zero, so that the solution is unique.
-        costs: D (n,), not below the norms of A's columns; None: these norms.
+        low: lower bounds of x (n,); minus infinity for no bound.
+        high: upper bounds of x (n,), each at least ``low``; infinity for no bound.
+        least: weight of x, above zero, so that the solution is unique.
+        costs: D (n,), each at least the norm of A's column; None for these norms.
 
     Raises:
         DependencyError: quadprog is not installed.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Open-loop control in real time: commands are returned at once, while the model follows in a thread of its own."""
+"""Open-loop control in real time: commands are returned at once, and the model is solved in a separate thread."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.simulation import Command, Simulation
 
 PATIENCE = 60.0
-"""Longest wait [s] for the model's present step at the end."""
+"""Longest time [s] that `RealTimeControl.close` waits for the model's present step."""
 
 
 class RealTimeControl:
     """Returns commands for moving goals without waiting for the model's equilibrium.
 
-    A command is computed in less than a millisecond, from the model's last equilibrium and its Jacobian. The model then
-    solves for the commands in force, as fast as it can. Its equilibrium corrects the next command, as a measurement
-    does in `FeedbackControl`.
+    A command is computed in less than a millisecond, from the model's last equilibrium and its Jacobian. In a separate
+    thread, the model is solved for the latest commands, as fast as possible. Its new equilibrium corrects the next
+    command, like a measurement in `FeedbackControl`.
 
     Args:
-        simulation: the model, without dynamics; until `close` only this object may step it.
-        targets: targets to control; the name of a probe alone stands for its position along all axes.
+        simulation: model without dynamics; until `close`, only this object may step it.
+        targets: targets to control; a probe's name means its position along all axes.
         actuators: names of the actuators; None: all.
         tolerance: distance [m] at which a goal counts as reached.
 
     Attributes:
         solves: number of equilibria that the model has found.
-        failed: message of the model's last step if this found no equilibrium; empty otherwise. After a failure,
-            commands continue from the last equilibrium.
+        failed: message of the model's last step if it found no equilibrium; empty otherwise. After a failure, the next
+            commands are computed from the last equilibrium.
 
     Raises:
-        CommandError: no such probe or actuator, dynamics, or a tolerance that is not positive.
+        CommandError: there is no such probe or actuator, the scene has dynamics, or the tolerance is not positive.
         GdfeError: the model's state has no derivative.
 
     Example:
@@ -69,9 +69,9 @@ class RealTimeControl:
         self.close()
 
     def command(self, goals: ArrayLike, dt: float) -> Reach:
-        """Return the commands of the next ``dt`` [s], towards goals (t, 3) at its end, within ranges and rates.
+        """Return the commands that approach goals (t, 3) within the next ``dt`` [s], limited by ranges and rates.
 
-        Distances and message are as in `FeedbackControl.command`, but refer to the model's last equilibrium.
+        Distances and message are those of `FeedbackControl.command`, but refer to the model's last equilibrium.
 
         Raises:
             CommandError: goals or time are not allowed; nothing has changed.
@@ -83,7 +83,7 @@ class RealTimeControl:
         return found
 
     def close(self) -> None:
-        """End the thread after its present step."""
+        """Stop the thread after its present step."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -100,7 +100,7 @@ class RealTimeControl:
             self._followed(wanted)
 
     def _followed(self, wanted: dict[str, float]) -> None:
-        """Step the model to commands and observe its equilibrium; restore the model if it finds none."""
+        """Step the model to commands and pass its equilibrium to the controller; on failure, restore the model."""
         before = self._simulation.snapshot()
         try:
             result = self._simulation.step(

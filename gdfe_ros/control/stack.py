@@ -14,23 +14,23 @@ from gdfe_ros.simulation import Simulation
 
 Array = NDArray[np.float64]
 USUAL = 1e-3
-"""Tolerance of orientations [rad] and forces [N]."""
+"""Default tolerance of orientations [rad] and of forces [N]."""
 
 
 class Stack:
-    """The targets of a simulation.
+    """The targets of a simulation, as one vector of errors with one Jacobian.
 
-    Errors and derivatives have m rows, one for each axis of each target. They are divided by the target's tolerance and
-    multiplied by the square root of its weight.
+    Errors and derivatives have m rows, one for each axis of each target. Each row is divided by the target's tolerance
+    and multiplied by the square root of its weight.
 
     Args:
         simulation: the model.
-        targets: targets; the name of a probe alone stands for its position along all axes.
+        targets: targets; a probe's name means its position along all axes.
         tolerance: tolerance of positions [m].
 
     Attributes:
-        targets: the targets (t,).
-        tolerances: (t,) in the unit of each target.
+        targets: targets (t,).
+        tolerances: tolerances (t,) in the unit of each target.
 
     Raises:
         CommandError: the scene lacks the probe, obstacle or handle of a target, or there is no target.
@@ -64,21 +64,21 @@ class Stack:
         return wanted
 
     def values(self) -> Array:
-        """Return the present values (t, 3) of the model."""
+        """Return the present values of the targets (t, 3), each in its unit."""
         return np.array([target.value(self._simulation) for target in self.targets])
 
     def errors(self, goals: Array, values: Array) -> Array:
-        """Return the errors (m,) of values (t, 3) from goals (t, 3)."""
+        """Return the scaled errors (m,): the differences between goals (t, 3) and values (t, 3)."""
         parts = []
         for target, scale, goal, value in zip(self.targets, self._scales, goals, values, strict=True):
             parts.append(scale * target.missing(goal, value)[list(target.axes)])
         return np.concatenate(parts)
 
     def jacobian(self, actuators: Sequence[str]) -> Array:
-        """Return the exact derivatives (m, n) with respect to the commands of actuators.
+        """Return the exact Jacobian (m, n) of the scaled targets with respect to the commands of actuators.
 
         Raises:
-            GdfeError: there are none, as at a saddle.
+            GdfeError: the state has no derivatives, e.g. because it is a saddle.
         """
         outputs = list(dict.fromkeys(target.output for target in self.targets))
         found = self._simulation.sensitivities(outputs, [f"actuators.{name}" for name in actuators]).values
@@ -89,16 +89,16 @@ class Stack:
         return np.concatenate(parts)
 
     def distances(self, error: Array) -> Array:
-        """Return the distances (t,) from the goals, in the unit of each target, from errors (m,)."""
+        """Return the distances (t,) from the goals, in the unit of each target, for scaled errors (m,)."""
         parts = zip(self._scales, np.split(error, self._ends), strict=True)
         return np.array([np.linalg.norm(part) / scale for scale, part in parts])
 
     def reached(self, error: Array) -> bool:
-        """Return whether all targets are within their tolerances."""
+        """Return whether all targets are within their tolerances, for scaled errors (m,)."""
         return bool((self.distances(error) <= self.tolerances).all())
 
     def length(self, goals: Array, values: Array) -> float:
-        """Return the largest distance from values to goals (t, 3), each over the longest motion of one change."""
+        """Return the largest distance from values to goals (t, 3); each distance is divided by `Aim.longest`."""
         longest = [
             target.longest(self._simulation, goal, value)
             for target, goal, value in zip(self.targets, goals, values, strict=True)
@@ -106,12 +106,12 @@ class Stack:
         return float((self.distances(self.errors(goals, values)) / longest).max())
 
     def message(self, error: Array, values: Array, ended: Sequence[str]) -> str:
-        """Return a text about the distances of targets from their goals and the reasons; empty if all are reached.
+        """Return a message that states the distances from missed goals and the reasons; empty if all are reached.
 
         Args:
-            error: (m,) errors from the goals.
-            values: (t, 3) values of the targets.
-            ended: names of actuators with commands at the end of their range.
+            error: scaled errors (m,).
+            values: values of the targets (t, 3).
+            ended: names of the actuators whose command is at an end of its range.
         """
         distances = self.distances(error)
         far = [number for number, distance in enumerate(distances) if distance > self.tolerances[number]]

@@ -17,7 +17,9 @@ from gdfe_ros.simulation import Simulation
 
 Array = NDArray[np.float64]
 WAY, TURN = 0.1, 0.5
-"""Limits of one change of the commands: longest motion of a probe, over the body's size, and largest rotation [rad]."""
+"""Limits of one change of the commands: longest motion of a probe, divided by the body's size, and largest rotation
+[rad].
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,9 +28,9 @@ class Aim(ABC):
 
     Attributes:
         axes: controlled components of the value: 0, 1, 2 for x, y, z.
-        weight: priority beside other targets: factor on the squared ratio of each error to its tolerance.
-        tolerance: distance at which a goal counts as reached, in the unit of the target. None stands for the control's
-            tolerance of positions, 1e-3 rad, or 1e-3 N.
+        weight: priority relative to other targets: factor on the square of each error divided by its tolerance.
+        tolerance: distance at which a goal counts as reached, in the unit of the target. None means the controller's
+            tolerance for positions, 1e-3 rad for orientations, and 1e-3 N for forces.
 
     Raises:
         ValueError: an axis is not 0, 1 or 2, or the weight or the tolerance is not positive.
@@ -51,39 +53,39 @@ class Aim(ABC):
     @property
     @abstractmethod
     def name(self) -> str:
-        """Name in messages."""
+        """Name of the target in messages."""
 
     @property
     @abstractmethod
     def output(self) -> str:
-        """Output of `Simulation.sensitivities`; its derivative determines the target's derivative."""
+        """Name of the output of `Simulation.sensitivities` from which the target's derivative is computed."""
 
     @abstractmethod
     def require_in(self, scene: Scene) -> None:
-        """Raise an error for a scene that lacks the target's probe, obstacle or handle.
+        """Check that the scene has the target's probe, obstacle or handle.
 
         Raises:
-            CommandError: the scene lacks it.
+            CommandError: the scene does not have it.
         """
 
     @abstractmethod
     def value(self, simulation: Simulation) -> Array:
-        """Return the present value (3,) of the target."""
+        """Return the present value of the target (3,) in its unit."""
 
     @abstractmethod
     def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
-        """Return the longest motion from a value (3,) towards a goal (3,) in one change of the commands."""
+        """Return the longest motion in one change of the commands, from ``value`` (3,) towards ``goal`` (3,)."""
 
     def missing(self, goal: Array, value: Array) -> Array:
-        """Return the difference (3,) between a goal (3,) and a value (3,)."""
+        """Return the difference goal - value (3,)."""
         return goal - value
 
     def derivative(self, simulation: Simulation, output: Array) -> Array:
-        """Return the derivative (3, n) of the target from that of its output (k, n)."""
+        """Return the derivative of the target (3, n), from the derivative of its output (k, n)."""
         return output[:3]
 
     def obstacle(self, value: Array) -> str:
-        """Return the reason if no command moves the target from a value (3,); otherwise empty."""
+        """Return the reason if no command can change the target's ``value`` (3,); empty otherwise."""
         return ""
 
 
@@ -116,7 +118,7 @@ class Target(ProbeTarget):
 
     @property
     def output(self) -> str:
-        """Position of the probe."""
+        """Name of the output: the position of the probe."""
         return f"probes.{self.probe}"
 
     def value(self, simulation: Simulation) -> Array:
@@ -124,16 +126,16 @@ class Target(ProbeTarget):
         return simulation.probe_positions()[self.probe]
 
     def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
-        """Return a fraction of the body's size [m]."""
+        """Return the longest motion of a probe [m]: `WAY` times the body's size."""
         return WAY * simulation.mesh.size
 
 
 @dataclass(frozen=True, kw_only=True)
 class OrientationTarget(ProbeTarget):
-    """Orientation of a probe; the goal is a rotation vector (3,) [rad] from rest.
+    """Orientation of a probe; the goal is a rotation vector (3,) [rad] relative to the undeformed body.
 
-    The rotation best fits the corners of the cell around the probe, as on ``~/probe/<name>``. The axes select
-    components of the remaining rotation, in the scene's frame.
+    The orientation is the rotation that best fits the corners of the cell around the probe, as on ``~/probe/<name>``.
+    The axes select components of the remaining rotation vector, in the scene's frame.
     """
 
     unit = "rad"
@@ -145,7 +147,7 @@ class OrientationTarget(ProbeTarget):
 
     @property
     def output(self) -> str:
-        """Positions of all vertices; some of them determine the rotation."""
+        """Name of the output: the positions of all vertices, which include the corners of the probe's cell."""
         return "positions"
 
     def value(self, simulation: Simulation) -> Array:
@@ -158,14 +160,15 @@ class OrientationTarget(ProbeTarget):
         return TURN
 
     def missing(self, goal: Array, value: Array) -> Array:
-        """Return the rotation vector (3,) [rad] of the remaining rotation."""
+        """Return the rotation vector (3,) [rad] from the present orientation to the goal."""
         return (Rotation.from_rotvec(goal) * Rotation.from_rotvec(value).inv()).as_rotvec()
 
     def derivative(self, simulation: Simulation, output: Array) -> Array:
-        """Return the rotations (3, n) [rad] that motions (3 v, n) [m] of the vertices cause.
+        """Return the rotations (3, n) [rad] caused by motions ``output`` (3 v, n) [m] of the v vertices.
 
-        Let x be the corners and X the undeformed corners, both about their means, and R the rotation that fits best.
-        With y = R X and V = sum x y^T, motions dx rotate R by w with (tr V - V) w = sum y x dx (cross products).
+        Let x and X be the deformed and undeformed corners of the cell, relative to their means, and R the rotation that
+        fits best. With y = R X and V = sum x y^T, motions dx of the corners cause a rotation w that satisfies
+        (tr(V) I - V) w = sum y x dx (cross products).
         """
         now, rest = self._corners(simulation)
         turned = Rotation.align_vectors(now, rest)[0].apply(rest)
@@ -176,7 +179,7 @@ class OrientationTarget(ProbeTarget):
         return np.linalg.solve(np.trace(stretch) * np.eye(3) - 0.5 * (stretch + stretch.T), moments)
 
     def _corners(self, simulation: Simulation) -> tuple[Array, Array]:
-        """Return the corners (8, 3) [m] of the probe's cell about their mean, deformed and undeformed."""
+        """Return the deformed and undeformed corners (8 or 4, 3) [m] of the probe's cell, relative to their mean."""
         vertices = simulation.scene.probes[self.probe].corners[0]
         now, rest = simulation.positions[vertices], simulation.mesh.vertices[vertices]
         return now - now.mean(axis=0), rest - rest.mean(axis=0)
@@ -184,9 +187,9 @@ class OrientationTarget(ProbeTarget):
 
 @dataclass(frozen=True, kw_only=True)
 class ForceTarget(Aim):
-    """Force of an obstacle or a handle on the body; the goal is that force (3,) [N].
+    """Force of an obstacle or a handle on the body; the goal is a force (3,) [N].
 
-    The force of an obstacle has a derivative only while something touches it: bring the body into contact first.
+    The force of an obstacle has a derivative only while there is contact. Bring the body into contact first.
 
     Attributes:
         contact: name of the obstacle or handle.
@@ -203,7 +206,7 @@ class ForceTarget(Aim):
 
     @property
     def output(self) -> str:
-        """Reaction of the obstacle or handle."""
+        """Name of the output: the reaction of the obstacle or handle."""
         return f"reactions.{self.contact}"
 
     def require_in(self, scene: Scene) -> None:
@@ -219,7 +222,7 @@ class ForceTarget(Aim):
         return simulation.result.reactions[self.contact][:3]
 
     def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
-        """Return the larger of the goal and the present force [N]."""
+        """Return the larger of the magnitudes of the goal and of the present force [N]."""
         return max(float(np.linalg.norm(goal)), float(np.linalg.norm(value)), 1e-300)
 
     def obstacle(self, value: Array) -> str:

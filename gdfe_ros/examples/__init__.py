@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers and compositions to start from; each runs as a node and in a test."""
+"""Example controllers and compositions of nodes; each runs as a node or program, and in a test."""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """An arm that carries a soft gripper: it publishes the pose of its tool, and the gripper's wrist follows this pose.
 
-The arm has two links in the x-z plane, and the tool at the end of the second one. The tool starts at the rest pose of
-the wrist. Periodically, it lifts the gripper, lets it hang down, and goes back. ``gripper_on_arm.launch.py`` starts
-the arm and the gripper, with the parameter::
+The arm has two links in the x-z plane. Its tool is at the end of the second link. The tool starts at the rest pose of
+the wrist. Periodically, it lifts the gripper, turns it downward, and returns. ``gripper_on_arm.launch.py`` starts the
+arm and the gripper, with the parameter::
 
     follow: ["wrist=topic:/carrying_arm/tool_pose"]
 """
@@ -32,13 +32,13 @@ _LIFT, _HANG = -0.3, 1.4
 
 
 def joints_at(phase: float) -> tuple[float, float, float]:
-    """Return the angles of shoulder, elbow and wrist [rad] at a phase of the motion, which has the period 1."""
+    """Return the angles of shoulder, elbow and wrist [rad] at a ``phase`` of the motion, whose period is 1."""
     share = 0.5 - 0.5 * np.cos(2.0 * np.pi * phase)
     return _LIFT * share, -_LIFT * share, _HANG * share
 
 
 def tool_at(joints: tuple[float, float, float]) -> tuple[NDArray[np.float64], Rotation]:
-    """Return the place of the tool: its origin (3,) [m] and its rotation."""
+    """Return the pose of the tool: its origin (3,) [m] and its rotation."""
     shoulder, elbow, wrist = joints
     first, second = (Rotation.from_rotvec([0.0, turn, 0.0]) for turn in (shoulder, shoulder + elbow))
     origin = _SHOULDER + first.apply([0.0, 0.0, LINKS[0]]) + second.apply([LINKS[1], 0.0, 0.0])
@@ -59,7 +59,7 @@ class CarryingArm(Node):
         self.create_timer(1.0 / rate, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
-        """Do nothing: there is nothing to finish."""
+        """Do nothing; `run` requires this method."""
 
     def _tell(self) -> None:
         joints = joints_at((time.monotonic() - self._started) / self._period)

@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller that closes until a contact sensor measures the wanted force, and then holds this force."""
+"""A controller that closes a gripper until a contact sensor measures a wanted force, and then keeps this force."""
 
 from __future__ import annotations
 
 import math
 
 _LEAST = 0.1
-"""Least change of the command, over the stride, that updates the slope. With a smaller change, the solver's tolerance
-and the sensor's noise would dominate the slope."""
+"""Least change of the command, divided by the stride, that updates the slope. With a smaller change, the solver's
+tolerance and the sensor's noise would dominate the slope."""
 
 
 class ForceCloser:
-    """Finds the command at which a closing actuator, or anything else that closes, exerts a wanted force. Needs no ROS.
+    """Finds the command at which an actuator or handle that closes exerts a wanted force. Needs no ROS.
 
-    While no force is measured, the command changes by one stride in each step. Then it changes by (goal - force) /
-    slope, at most by one stride. The slope d force / d command is the secant of the last two steps. Stiffness and
-    position of the grasped object need not be known.
+    While no force is measured, the command changes by one stride in each step. During contact it changes by
+    (goal - force) / slope, but at most by one stride. The slope d force / d command is the secant of the last two
+    steps. Stiffness and position of the grasped object need not be known.
 
     Args:
         goal: wanted force [N], above ``threshold``.
@@ -45,7 +45,7 @@ class ForceCloser:
 
         Args:
             force: magnitude of the measured force [N].
-            applied: command in force at the measurement.
+            applied: command that was in force at the measurement.
         """
         self._learn(force, applied)
         change = self._stride
@@ -57,7 +57,7 @@ class ForceCloser:
         return min(max(applied + min(max(change, -most), most), self._low), self._high)
 
     def _learn(self, force: float, applied: float) -> None:
-        """Update the slope by the secant, if the command changed enough and the force rose while it closed."""
+        """Update the slope by the secant, if the command changed enough and the force increased with closing."""
         if self._last is not None and min(force, self._last[0]) > self._threshold:
             rise, change = force - self._last[0], applied - self._last[1]
             if abs(change) > _LEAST * abs(self._stride) and rise * change * self._stride > 0.0:

@@ -19,20 +19,21 @@ from gdfe_ros.examples.tip_tracker import TipTracker
 from gdfe_ros.testing import make_env
 
 _TRIAL = 0.05
-"""Trial change of each command, over its range."""
+"""Trial change of each command, divided by the command's range."""
 _CAREFUL = {"gain": 0.5, "reach": 0.005, "baseline": 1e-4}
-"""Options of the tracker. A command covers half of the distance, at most 5 mm. Motions below 0.1 mm do not correct the
-Jacobian.
+"""Options of `TipTracker`. A command covers half of the distance to the goal, at most 5 mm. Motions below 0.1 mm do not
+correct the Jacobian.
 """
 FINGER = {"actuators.flexor.cable.range": [0.0, 5.0], "actuators.extensor.cable.range": [0.0, 5.0]}
-"""Overrides of ``tendon_finger``: ranges of the tensions that bend it without rolling it up."""
+"""Overrides of ``tendon_finger``: ranges of tensions that bend the finger without rolling it up."""
 
 
 class ReachPolicy:
-    """Changes each command once to estimate a Jacobian, then uses this Jacobian and corrects it in each step.
+    """Policy that changes each command once to estimate a Jacobian, and corrects this Jacobian in each later step.
 
-    The input is the same as that of a learnt policy, the default observation of `make_env`. It begins with the tip's
-    position and ends with commands, efforts and the goal. The commands in force may lag behind the requested ones.
+    The input is the same as that of a learnt policy: the default observation of `make_env`. Its first numbers are the
+    tip's position, and its last numbers the commands in force, efforts and the goal. The commands in force may lag
+    behind the requested commands.
 
     Args:
         actions: action space of the environment.
@@ -45,7 +46,7 @@ class ReachPolicy:
         self._last = np.clip(np.zeros_like(self._low), self._low, self._high)
 
     def act(self, seen: ArrayLike) -> NDArray[np.float64]:
-        """Return the action for an observation."""
+        """Return the action, the commands (a,), for an observation."""
         seen = np.asarray(seen, dtype=np.float64)
         tip, goal, count = seen[:3], seen[-3:], len(self._low)
         if len(self._tips) <= count:
@@ -65,7 +66,7 @@ class ReachPolicy:
 def reach(
     scene: str | Path, *, seed: int, steps: int = 40, overrides: Mapping[str, Any] | None = None
 ) -> tuple[float, float]:
-    """Play an episode; return the distances of the tip from the goal at its beginning and at its end [m]."""
+    """Run an episode; return the initial and the final distance of the tip from the goal [m]."""
     env = make_env(scene, steps=steps, overrides=overrides)
     policy = ReachPolicy(env.action_space)
     seen, _ = env.reset(seed=seed)
@@ -79,7 +80,7 @@ def reach(
 
 
 def main() -> None:
-    """Play some episodes, and print the distances to the goals at their beginnings and ends."""
+    """Run some episodes, and print the initial and final distances of the tip from the goals."""
     parser = argparse.ArgumentParser(description="A policy that reaches random goals without training.")
     parser.add_argument("--episodes", type=int, default=3)
     for seed in range(parser.parse_args().episodes):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller node that moves a probe to goals: it publishes actuator commands, with feedback of the probe's pose.
+"""A controller node that moves a probe to goals, with actuator commands computed from the probe's measured poses.
 
     python -m gdfe_ros.examples.tip_follower --ros-args -p simulation:=/gdfe_sim -p probe:=tip
 
-It runs beside a ``sim_node``, or beside a robot with the same topics. Send goals [m] to ``~/goal``, in the frame of the
-probe's poses, e.g. by ``gdfe pub /tip_follower/goal``. The node answers each state of the robot with the next command.
+It controls a ``sim_node``, or a robot with the same topics. Send goals [m] to ``~/goal``, in the frame of the probe's
+poses, e.g. by ``gdfe pub /tip_follower/goal``. For each state of the robot, the node publishes the next command.
 """
 
 from __future__ import annotations
@@ -31,29 +31,29 @@ from gdfe_ros.simulation import Command, Simulation
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes with their command in ``effort`` of joint states; other modes have it in ``position``."""
+"""Modes whose command is ``effort`` in joint states; for other modes it is ``position``."""
 _PERIOD = 0.02
-"""Duration of the first command to a goal [s]; later durations are the difference of the stamps of two states."""
+"""Duration of the first command to a goal [s]; the duration of a later one is the time between two states."""
 _REST = 1e-4
-"""Commands count as constant if their relative change is below this."""
+"""Relative change of the commands below which they count as constant."""
 _LONG = 300
-"""The outcome is logged after this number of commands, even if the commands still change."""
+"""Number of commands after which the outcome is logged, even if the commands still change."""
 _ENOUGH = 1e6
-"""Duration of the model's step to the commands in force [s]; it is so long that no rate limit matters."""
+"""Duration of the model's step to the commands in force [s]; it is so long that rates do not limit the commands."""
 
 
 class TipFollower(Node):
-    """Moves a probe to goals.
+    """Node that moves a probe to goals.
 
-    The model is the scene that the simulation publishes, without dynamics. It is solved once, for its Jacobian; after
-    that, measurements correct the Jacobian (`FeedbackControl`).
+    The model is the scene that the simulation publishes, without dynamics. It is solved once to compute the Jacobian.
+    Then measurements correct the Jacobian (`FeedbackControl`).
 
     Parameters: ``simulation`` (full name of the node), ``probe``, ``tolerance`` [m], ``learning`` (0 to 1) and
-    ``slew_time`` [s]. The last one is the shortest time in which a command crosses its range; it must be at least the
-    simulation's.
+    ``slew_time`` [s]. ``slew_time`` is the shortest time in which a command may cross its range; it must be at least
+    that of the simulation.
 
     Attributes:
-        message: reason why the last goal cannot be reached; empty if it can be reached.
+        message: reason why the last goal is probably not reached; empty otherwise.
     """
 
     def __init__(self, interrupted: threading.Event | None = None, **options: object) -> None:
@@ -78,7 +78,7 @@ class TipFollower(Node):
         self.create_subscription(PoseStamped, "~/goal", self._take_goal, 10)
 
     def close(self) -> None:
-        """Do nothing: there is nothing to finish."""
+        """Do nothing; `run` requires this method."""
 
     def _take_scene(self, message: String) -> None:
         if self._scene is None:
@@ -104,7 +104,7 @@ class TipFollower(Node):
         self._answer()
 
     def _answer(self) -> None:
-        """Publish the next command. Wait until the pose and the joint states of the same step have arrived."""
+        """Publish the next command if the pose and the joint states of a new step have arrived."""
         if self._scene is None or self._pose is None or self._joints is None or self._goal is None:
             return
         stamp = _nanoseconds(self._pose)
@@ -130,14 +130,14 @@ class TipFollower(Node):
         self._commands.publish(actuation(actuators, found.commands))
 
     def _made(self, applied: dict[str, float]) -> FeedbackControl:
-        """Return the control, with the model at the commands in force."""
+        """Return the controller, with a model that has been solved at the commands in force."""
         model = Simulation(self._scene)
         model.step(Command(actuators=applied), dt=_ENOUGH)
         given = {"tolerance": self._tolerance, "learning": self._learning, "slew": self._slew}
         return FeedbackControl(model, [Target(probe=self._probe)], **given)
 
     def _applied(self) -> dict[str, float]:
-        """Return the commands in force."""
+        """Return dict from actuator to the command in force."""
         joints, places = self._joints, {name: place for place, name in enumerate(self._joints.name)}
         return {
             actuator.name: (joints.effort if actuator.mode in _EFFORTS else joints.position)[places[actuator.name]]

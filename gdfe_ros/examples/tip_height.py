@@ -15,9 +15,9 @@ class Gains:
 
     Attributes:
         proportional: proportional gain [Pa/m].
-        integral: integral gain [Pa/(m s)]; its part of the pressure carries the weight.
-        derivative: derivative gain [Pa s/m], which damps the oscillation. A soft body itself damps by a few per cent
-            only; without this gain, the integral adds more energy to an oscillation than the body dissipates.
+        integral: integral gain [Pa/(m s)]; the integral part of the pressure balances the weight.
+        derivative: derivative gain [Pa s/m], which damps the oscillation. The damping ratio of a soft body is only a
+            few per cent. Without this gain, the integral adds more energy to an oscillation than the body dissipates.
     """
 
     proportional: float = 1e5
@@ -28,8 +28,8 @@ class Gains:
 class TipHeight:
     """PID control of a tip's height by chambers that raise it and chambers that lower it. Needs no ROS.
 
-    The derivative is that of the height. A jump of the goal therefore does not change it. The integral stays constant
-    while the pressure is at its limit.
+    The controller differentiates the height, not the error, so that a jump of the goal has no effect on the derivative.
+    The integral stays constant while the pressure is at its limit.
 
     Args:
         goal: wanted height [m]; may be changed at any time.
@@ -57,7 +57,7 @@ class TipHeight:
         """Return the next pressure [Pa] of each chamber.
 
         Args:
-            time: time of the measurement [s]; if it goes back, the integral and the last measurement are dropped.
+            time: time of the measurement [s]. If it is before the last measurement, integral and derivative are reset.
             height: height of the tip at that time [m].
         """
         if self._last is not None and time < self._last[0]:

@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import lsq_linear
 
 _LEAST = 1e-3
-"""Weight of the change of the commands in the least-squares problem, relative to the distance."""
+"""Weight of the change of the commands in the least-squares problem, relative to the weight of the distance."""
 _TINY = 1e-12
-"""Change that is allowed in each direction even at the end of a range, because the least-squares solver needs two
+"""Least change allowed in both directions, even at the end of a range, because the least-squares solver needs two
 different bounds.
 """
 
@@ -18,22 +18,22 @@ different bounds.
 class TipTracker:
     """Finds commands for actuators that bring a tip to its goals. Needs no ROS.
 
-    A command is the one in force at the measurement of the tip, plus a change. It is the least change that, by the
-    Jacobian, moves the tip by ``gain`` times the distance to the goal. Earlier commands may thus be late or lost.
+    The next command is the command in force at the measurement of the tip, plus a change. The change is the smallest
+    one that, according to the Jacobian, moves the tip by ``gain`` times the distance to the goal. Because it is added
+    to the command in force, earlier commands may be late or lost.
 
-    Broyden's update corrects the Jacobian by measured motions; therefore it is computed only once. Motions are added up
-    until they reach ``baseline``. In a smaller motion, the solver's tolerance or a sensor's noise would dominate the
-    correction.
+    The Jacobian is given once. Then Broyden's update corrects it with measured motions. Motions are added up until they
+    reach ``baseline``. In a smaller motion, the solver's tolerance or a sensor's noise would dominate the correction.
 
     Args:
-        jacobian: (axes, actuators) d position / d command at the start.
-        command: (actuators,) commands at the start.
-        low: (actuators,) least commands.
-        high: (actuators,) largest commands.
+        jacobian: initial d position / d command (axes, actuators).
+        command: initial commands (actuators,).
+        low: least commands (actuators,).
+        high: largest commands (actuators,).
         axes: indices of the controlled coordinates x, y, z.
         gain: fraction of the distance that one command covers, in (0, 1].
-        baseline: least motion that corrects the Jacobian [m]; a hundred times the noise is enough.
-        reach: largest motion of the tip for which one command is computed [m].
+        baseline: least motion that corrects the Jacobian [m]; a hundred times the sensor's noise is sufficient.
+        reach: largest motion of the tip that one command may demand [m].
     """
 
     def __init__(
@@ -58,9 +58,9 @@ class TipTracker:
         """Return the next command (actuators,).
 
         Args:
-            tip: (3,) measured position [m].
-            goal: (3,) position that is wanted when the command takes effect [m].
-            applied: (actuators,) commands in force when the tip was measured; None: those returned last.
+            tip: measured position (3,) [m].
+            goal: wanted position at the time when the command takes effect (3,) [m].
+            applied: commands in force when the tip was measured (actuators,); None: the last returned commands.
         """
         tip = np.asarray(tip, dtype=np.float64)[self._axes]
         if applied is not None:
@@ -72,11 +72,11 @@ class TipTracker:
         return self._command.copy()
 
     def forget(self) -> None:
-        """Exclude the next motion from the correction of the Jacobian, because something else moved the body."""
+        """Do not use the next motion to correct the Jacobian, because something other than a command moved the tip."""
         self._known = None
 
     def _least_change(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the least change of commands (actuators,), within their ranges, that best gives ``distance`` [m]."""
+        """Return the smallest change of commands (actuators,) within ranges that moves the tip by ``distance`` [m]."""
         scale = np.linalg.norm(self._jacobian, 2)
         rows = np.vstack([self._jacobian / scale, _LEAST * np.eye(len(self._command))])
         wanted = np.concatenate([distance / scale, np.zeros(len(self._command))])
@@ -97,6 +97,6 @@ class TipTracker:
 
 
 def circle(centre: ArrayLike, radius: float, turn: float) -> NDArray[np.float64]:
-    """Return the point (3,) [m] of a circle in the y-z plane, ``turn`` revolutions after its lowest point."""
+    """Return a point (3,) [m] on a circle in the y-z plane, ``turn`` revolutions after the circle's lowest point."""
     angle = 2.0 * np.pi * turn
     return np.asarray(centre, dtype=np.float64) + radius * np.array([0.0, np.sin(angle), -np.cos(angle)])

@@ -3,10 +3,10 @@
 
     ros2 launch gdfe_ros control_loop.launch.py
 
-Or run ``tip_tracking`` beside a ``sim_node`` with the scene ``three_chamber_arm``. The controller requests the Jacobian
-once. Then it answers every pose of the probe with the next command. In lockstep, the simulation waits for it; under the
-wall clock, it works at the rate of the simulation. It takes the commands in force from the joint states of the same
-step, not from the order of the messages. Therefore late poses, and late or lost commands, do no harm.
+Or run ``tip_tracking`` and a ``sim_node`` with the scene ``three_chamber_arm``. The controller requests the Jacobian
+once. Then it publishes the next command for every pose of the probe. In lockstep, the simulation waits for this
+command. Under the wall clock, the controller works at the rate of the simulation. It reads the commands in force from
+the joint states of the same step. Therefore late poses, and late or lost commands, do no harm.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ from gdfe_ros.scene.loader import scene_from_text
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes with their command in ``effort`` of the joint states; other modes have it in ``position``."""
+"""Modes whose command is ``effort`` in joint states; for other modes it is ``position``."""
 _BASELINE, _REACH = 0.06, 0.2
-"""Least motion that corrects the Jacobian, and largest motion of one command, over the radius."""
+"""Least motion that corrects the Jacobian, and largest motion of one command, both divided by the radius."""
 _FIRST = 0.02
-"""Largest delay that is assumed for the first command, over the period."""
+"""Largest delay that is assumed for the first command, divided by the period."""
 _LOOK = 0.2
 
 
 class TipTracking(Node):
-    """Moves a probe along a circle in the y-z plane; the probe's first position is the circle's lowest point.
+    """Node that moves a probe along a circle in the y-z plane; the probe's first position is the circle's lowest point.
 
     Parameters: ``simulation`` (full name of the node), ``probe``, ``radius`` [m], ``period`` [s] on the clock of the
-    poses' stamps, ``gain``, and ``patience`` [s]. After this wall time without an answer, the request or the command is
-    repeated.
+    poses' stamps, ``gain``, and ``patience`` [s]. If there is no answer for ``patience`` seconds of wall time, the
+    node repeats its request or command.
 
     Attributes:
-        errors: distance [m] of the probe from its goal in the y-z plane, for each step since the start.
+        errors: distance [m] of the probe from its goal in the y-z plane, in each step since the start.
     """
 
     def __init__(self, interrupted: threading.Event | None = None, **options: object) -> None:
@@ -83,7 +83,7 @@ class TipTracking(Node):
             self.get_logger().info(f"{len(self.errors)} steps, largest error {worst:.3f} mm, radius {radius:g} mm")
 
     def _look(self) -> None:
-        """Request the Jacobian once all is connected; without an answer, repeat the request or the last command."""
+        """Request the Jacobian once the simulation is connected; repeat a request or command without an answer."""
         waited = time.monotonic() - (self._waiting_since or -np.inf)
         if waited < self._patience:
             return
@@ -134,13 +134,13 @@ class TipTracking(Node):
         self._commands.publish(Float64MultiArray(data=list(command)))
 
     def _take_state(self, message: PoseStamped | JointState) -> None:
-        """Store a message of a step by its stamp, and process the steps that are complete."""
+        """Store a message by its stamp, and process the steps whose pose and joint states have both arrived."""
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         self._parts.setdefault(stamp, {})[type(message)] = message
         self._take_whole()
 
     def _take_whole(self) -> None:
-        """Process complete steps once the scene has arrived, and drop incomplete earlier ones."""
+        """Process steps with both messages, if the scene has arrived; drop earlier steps with only one message."""
         if self._scene is None:
             return
         for stamp in sorted(stamp for stamp, parts in self._parts.items() if len(parts) == 2):
@@ -161,7 +161,7 @@ class TipTracking(Node):
         return np.array(values)
 
     def _follow(self, tip: NDArray[np.float64], now: float, last: float) -> None:
-        """Send the next command after a step at the time ``now`` [s]; ``last`` is the time of the step before [s]."""
+        """Send the next command after the step at the time ``now`` [s]; the previous step was at ``last`` [s]."""
         if self._start is None or now < last:  # also after a reset of the simulation
             self._start, self._centre = now, tip + np.array([0.0, 0.0, self._radius])
             # Until the delay of a command is measured, one step is assumed.
@@ -178,7 +178,7 @@ class TipTracking(Node):
         return circle(self._centre, self._radius, (moment - self._start) / self._period)
 
     def _note_delay(self, now: float) -> None:
-        """Measure the delay from sending the command in force to this step; the median of recent delays is used."""
+        """Measure the time from sending the command in force to this step, and update the median of recent delays."""
         for sent, command in reversed(self._sent):
             if self._start <= sent < now and np.allclose(command, self._applied, rtol=1e-9, atol=0.0):
                 self._delays.append(now - sent)

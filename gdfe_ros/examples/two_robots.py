@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several robots in one process: a node for each robot, in its own namespace, and one executor for all.
+"""Two robots in one process: a node for each robot, in its own namespace, and one executor for both nodes.
 
 ``python -m gdfe_ros.examples.two_robots`` runs ``/left/gdfe_sim`` and ``/right/gdfe_sim``. Each node steps in its own
-threads, so that the nodes run on all of the processor's cores. To give each node its own process, start
+threads, so that the nodes use several cores of the processor. To run each node in its own process, start
 ``sim.launch.py`` with the argument ``namespace``.
 """
 
@@ -17,7 +17,7 @@ from gdfe_ros.node.process import answer_arguments, run_all
 from gdfe_ros.node.sim_node import SimNode
 
 ROBOTS = {"left": "tendon_finger", "right": "three_chamber_arm"}
-"""Scene of each robot, by namespace."""
+"""Dict from namespace to the scene of the robot."""
 
 
 def make_nodes(interrupted: threading.Event) -> list[Node]:

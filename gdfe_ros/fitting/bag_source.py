@@ -22,19 +22,21 @@ from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 
 MOST_POINTS = 400
-"""Largest number of points used of a cloud on the surface, evenly spaced; more hardly improve a few parameters."""
+"""Largest number of points that are used from a cloud on the surface. A larger cloud is thinned evenly, because more
+points hardly improve the fit of a few parameters."""
 Bag = tuple[tuple[Series, ...], tuple[Track, ...], Schedule | None, tuple[str, ...]]
 
 
 def read_bag(source: Source, scene: Scene) -> Bag:
-    """Read a bag.
+    """Return the measured series and the commands of a bag.
 
-    In a bag of the node, the step records give the commands. If the match file compares nothing, the probes are
-    compared; without probes, the mesh. For any other bag the match file names the topics. Times are the stamps of the
-    headers; without headers, the times of recording. They count from the first message that is used.
+    In a bag of the node, the step records contain the commands. If the match file compares nothing, the probes are
+    compared, or the mesh if there are no probes. For any other bag, the match file names the topics. Times are the
+    stamps of the headers, or the recording times of messages without a header. Time 0 is the first message that is
+    used.
 
     Returns:
-        Series; tracks of commands; for a bag of the node the schedule of the steps, else None; remarks.
+        Series; tracks of commands; schedule of the steps for a bag of the node, else None; remarks.
 
     Raises:
         GdfeError: a topic, or a requested item of its messages, does not exist.
@@ -80,9 +82,9 @@ def _series(source: Source, scene: Scene, values: TopicValues, name: str, model:
 def _cloud_values(
     observable: Observable, clouds: list[NDArray[np.float64]], scene: Scene, where: str
 ) -> NDArray[np.float64]:
-    """Return the points of clouds as (m, 3 n), or (m, p, 3) on the surface with NaN in smaller clouds.
+    """Return the points of m clouds: (m, 3 n) for clouds of all n vertices, or (m, p, 3) for points on the surface.
 
-    The first form is for clouds of all n vertices.
+    A cloud with fewer than p points is filled with NaN.
     """
     if observable.kind is QuantityKind.VERTICES:
         counts = {len(cloud) for cloud in clouds}
@@ -111,7 +113,7 @@ def _track(source: Source, values: TopicValues, name: str, model: float | Comman
 
 
 def _own(source: Source, scene: Scene) -> tuple[tuple[Series, ...], Schedule, tuple[str, ...]]:
-    """Return series, schedule and remarks of a node's bag, from rest up to the first gap in its steps."""
+    """Return series, schedule and remarks of a node's bag, from the initial state to the first gap in its steps."""
     run = BagRun(source.path)
     probes = [name for name in scene.probes if f"probe/{name}" in run.roles]
     topics = [f"probe/{name}" for name in probes] or ["mesh"]
@@ -133,7 +135,7 @@ def _own(source: Source, scene: Scene) -> tuple[tuple[Series, ...], Schedule, tu
 
 
 def _from_rest(run: BagRun, topics: list[str]) -> tuple[list[BagStep], tuple[str, ...]]:
-    """Return the steps of a run from rest up to the first gap in its steps, and a remark about the gap, if any."""
+    """Return the steps from the initial state to the first gap, and a remark about the gap if there is one."""
     steps: list[BagStep] = []
     for step in BagSteps(run, topics=topics):
         if not steps and step.record.begin is not Begin.REST:

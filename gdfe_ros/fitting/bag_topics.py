@@ -21,11 +21,11 @@ KNOWN = (
     "PoseStamped", "PointStamped", "TransformStamped", "TFMessage", "Marker", "MarkerArray", "WrenchStamped",
     "JointState", "Float64MultiArray", "Float64", "Float32", "FluidPressure", "PointCloud2",
 )  # fmt: skip
-"""Types of messages with quantities that can be compared, or with commands."""
+"""Types of messages from which quantities or commands can be read."""
 
 
 class TopicValues:
-    """Times and values of the topics of a bag.
+    """Reader of the times and values of a bag's topics.
 
     Args:
         reader: reader of the bag.
@@ -39,7 +39,7 @@ class TopicValues:
         self.names = sorted(name for name, count in reader.counts.items() if count)
 
     def start(self, models: Sequence[CompareModel | CommandModel]) -> float:
-        """Return the time [s] of the earliest message on the topics that the models name; 0 without topics."""
+        """Return the time [s] of the earliest message on the topics that the ``models`` name; 0 without topics."""
         topics = [model.topic for model in models if model.topic]
         for topic in topics:
             self._require(topic, f"bag {self._reader.path}")
@@ -51,12 +51,12 @@ class TopicValues:
         """Return times (m,) [s] and values (m, d) of a topic.
 
         Args:
-            model: names the topic, and the item in its messages.
-            where: start of error messages.
-            pose: return the rotation vectors of poses, too: (m, 6).
+            model: entry of the match file that names the topic and the item in its messages.
+            where: first words of error messages.
+            pose: whether poses are returned with their rotation vectors, (m, 6).
 
         Raises:
-            GdfeError: there is no such topic, or its messages have no item of that name.
+            GdfeError: there is no such topic, or its messages have no such item.
         """
         self._require(model.topic, where)
         times, rows = [], []
@@ -119,7 +119,7 @@ def _label(part: Any) -> str:
 
 
 def _parts(message: Any, model: CompareModel | CommandModel) -> list[Any]:
-    """Return the parts of a message that a model selects: a frame's transform, a named marker, or the whole message."""
+    """Return the parts of a message that ``model`` selects: a frame's transform, a marker, or the whole message."""
     wanted = model.frame_id or model.marker
     return [part for part in _every(message) if wanted is None or _label(part) == wanted]
 
@@ -163,7 +163,7 @@ def _turn(orientation: Any) -> list[float]:
 
 
 def _stamp(log: float, message: Any) -> float:
-    """Return the stamp of a message's header [s]; without one, the time at which the message was recorded."""
+    """Return the stamp of a message's header [s]; for a message without a header, its recording time [s]."""
     header = getattr(message, "header", None)
     if header is None and _every(message) != [message]:
         header = getattr(_every(message)[0], "header", None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Detection of bounds in the wrong unit: values far beyond the bound then fit much better."""
+"""Detection of bounds in a wrong unit: values far beyond such a bound fit much better."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from gdfe_ros.fitting.statistics import Confidence
 from gdfe_ros.fitting.trajectory import NotSimulatedError
 
 DECADES = (1, 2, 3)
-"""Factors beyond a bound at which values are tried, as powers of ten."""
+"""Distances of the tried values from a bound, in powers of ten."""
 BETTER = 0.25
-"""A bound counts as wrong if the sum of squares falls below this fraction of that at the bound: the misfit halves."""
+"""A bound counts as wrong if a value beyond it has less than this fraction of the sum of squares at the bound."""
 
 
 def require_bounds(problem: FitProblem, solved: Solved, known: Confidence) -> None:
-    """Raise an error for a fit that ends at a bound, if values beyond the bound fit far better.
+    """Check that no fitted parameter lies at a bound beyond which the fit is far better.
 
-    Values some powers of ten beyond it are tried.
+    The tried values are some powers of ten beyond the bound (`DECADES`).
 
     Raises:
-        GdfeError: there is such a parameter; the error names the best decade.
+        GdfeError: a parameter does; the error names the best of the tried values.
     """
     for place, (parameter, estimate) in enumerate(zip(problem.parameters, known.estimates, strict=True)):
         if not estimate.bound or not parameter.logarithmic:
@@ -41,7 +41,7 @@ def require_bounds(problem: FitProblem, solved: Solved, known: Confidence) -> No
 
 
 def _cost(problem: FitProblem, solved: Solved, place: int, value: float) -> float:
-    """Return half the sum of squares with one value changed beyond its bound."""
+    """Return half the sum of squares if the parameter at ``place`` has ``value``, which may be beyond its bound."""
     values = list(solved.point.values)
     values[place] = value
     trajectories = problem.trajectories(tuple(values))

@@ -15,7 +15,7 @@ from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import Trajectory
 
 Own = NDArray[np.float64]
-"""Unknowns (u,) that belong to one recording and are fitted: time shift [s], rotation vector [rad], translation [m]."""
+"""Fitted unknowns (u,) of one recording: time shift [s], rotation vector [rad], translation [m]."""
 
 
 def predicted(
@@ -24,10 +24,10 @@ def predicted(
     """Return simulated values at the measured times, (m, c) for each series; NaN beyond the horizon.
 
     Args:
-        recording: the measured series.
-        trajectory: of the simulation.
-        own: the recording's own unknowns.
-        horizon: time of the simulation [s] after which nothing is compared.
+        recording: recording with the measured series.
+        trajectory: trajectory of the simulation.
+        own: unknowns of the recording.
+        horizon: simulation time [s] after which nothing is compared.
     """
     shift, pose = split(recording, own)
     found = []
@@ -52,7 +52,7 @@ def residuals(
     horizon: float = np.inf,
     distances: SurfaceDistances | None = None,
 ) -> list[NDArray[np.float64]]:
-    """Return (simulated - measured) / sigma of each series, in the shape of its values; NaN for values not compared."""
+    """Return (simulated - measured) / sigma of each series, (m, c) or (m, p); NaN for values that are not compared."""
     found = []
     for series, values, sigma in zip(
         recording.series, predicted(recording, trajectory, own, horizon=horizon), sigmas, strict=True
@@ -75,9 +75,10 @@ def split(recording: Recording, own: Own) -> tuple[float, tuple[Rotation, NDArra
 
 
 def first_own(recording: Recording, trajectory: Trajectory) -> Own:
-    """Return initial values of a recording's own unknowns: a time shift within its bounds, and the best frame.
+    """Return initial values of a recording's unknowns: a time shift within its bounds, and the best frame.
 
-    The frame is the rigid motion with the least squared distance between simulated and measured points (Kabsch 1976).
+    The frame is the rigid motion that minimises the squared distances between simulated and measured points (Kabsch
+    1976).
     """
     own = []
     if recording.shift_between is not None:
@@ -104,7 +105,8 @@ def first_own(recording: Recording, trajectory: Trajectory) -> Own:
 class SurfaceDistances:
     """Distances of measured points from the simulated surface.
 
-    The face with the midpoint nearest to a point is taken; the distance [m] is that from its plane, positive inside.
+    For each point, the face with the closest midpoint is chosen. The distance [m] is the distance of the point from
+    the plane of this face, positive inside the body.
 
     Args:
         quads: faces of the body's surface (f, 4), with normals that point outwards.
@@ -114,7 +116,7 @@ class SurfaceDistances:
         self._quads = quads
 
     def __call__(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return distances (m, p) [m] of points (m, p, 3) from the surfaces at positions (m, 3 n)."""
+        """Return the distances (m, p) [m] of points (m, p, 3) from the surface with its vertices at (m, 3 n) [m]."""
         from scipy.spatial import cKDTree
 
         found = np.full(points.shape[:2], np.nan)
@@ -132,7 +134,7 @@ class SurfaceDistances:
 
 
 def _at(times: NDArray[np.float64], outputs: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Interpolate (k, d) at moments (m,), by a cubic spline for a motion; values stay constant before and after."""
+    """Interpolate outputs (k, d) at moments (m,), for a motion by a cubic spline; beyond the ends they are constant."""
     if outputs.shape[0] == 1:
         return np.repeat(outputs, moments.size, axis=0)
     inside = np.clip(moments, times[0], times[-1])

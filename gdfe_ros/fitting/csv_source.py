@@ -18,7 +18,7 @@ from gdfe_ros.fitting.track import Track, constant
 from gdfe_ros.scene.scene import Scene
 
 TIMES = ("time", "t", "t_s")
-"""Names of the time column that are searched if a match file names none."""
+"""Names by which the time column is found if the match file does not name it."""
 
 
 class CsvSource:
@@ -29,11 +29,11 @@ class CsvSource:
     ``target.tip.x`` for a handle.
 
     Args:
-        source: file and match.
-        scene: the scene that it is compared with.
+        source: file, and options from the match file.
+        scene: scene with which the recording is compared.
 
     Raises:
-        GdfeError: the file is not a table, lacks a column, or has no column with a name of the scene.
+        GdfeError: the file is not a table, lacks a required column, or has no column that is named after the scene.
     """
 
     def __init__(self, source: Source, scene: Scene) -> None:
@@ -67,7 +67,7 @@ class CsvSource:
         return self._source.match.compare or dict(self._named())
 
     def _named(self) -> Iterator[tuple[str, CompareModel]]:
-        """Yield each probe with position columns in the file, by the names of these columns."""
+        """Yield each probe whose position columns are in the file, with the names of these columns."""
         found = False
         for probe in self._scene.probes:
             forms = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measured and simulated values by column, for the tables, pictures and pages of a fit."""
+"""Measured and simulated values of each column, for the tables, pictures and pages of a fit."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class ComparedColumn:
     Attributes:
         recording: name of the recording.
         series: name of the series, with the column's label.
-        unit: SI unit.
+        unit: SI unit of the values.
         held_out: whether its recording was only predicted, not fitted.
         times: (m,) [s] on the recording's clock.
-        measured: (m,).
-        simulated: (m,).
+        measured: measured values (m,).
+        simulated: simulated values (m,).
     """
 
     recording: str
@@ -38,7 +38,7 @@ class ComparedColumn:
 
 
 def curves(fit: Fit) -> list[ComparedColumn]:
-    """Return every measured column with simulated values; a cloud is one column of root mean square distances."""
+    """Return every measured column with its simulated values; a cloud has one column of root mean square distances."""
     found = list(_curves(fit.problem, fit.solved.point, held_out=False))
     if fit.held_out is not None:
         found += _curves(fit.held_out, fit.prediction, held_out=True)

@@ -32,14 +32,14 @@ class Fit:
     Attributes:
         scene: scene with the fitted values.
         parameters: fitted parameters.
-        problem: problem of the fitted recordings.
-        solved: solution of the search.
+        problem: least-squares problem of the fitted recordings.
+        solved: solution of this problem.
         known: confidence intervals and correlations of the parameters.
         held_out: problem of the recordings that were held out; None if there are none.
         prediction: simulation of the recordings that were held out; None if there are none.
-        matches: agreement of every series, fitted ones first.
-        warnings: doubts about the fit, one line each.
-        simulations: number of simulations that the fit took.
+        matches: agreement with every series; fitted series come first.
+        warnings: warnings about the fit, one line each.
+        simulations: number of simulations that the fit needed.
     """
 
     scene: Scene
@@ -55,7 +55,7 @@ class Fit:
 
     @property
     def values(self) -> dict[str, float]:
-        """Fitted values by key."""
+        """Dict from key to fitted value."""
         return {estimate.key: estimate.value for estimate in self.known.estimates}
 
 
@@ -75,14 +75,14 @@ def fit_scene(
         scene: scene to fit; it is not modified.
         recordings: recordings to fit.
         parameters: parameters to fit.
-        pool: simulates ``scene.source``.
+        pool: pool that simulates ``scene.source``.
         held_out: recordings that are only predicted.
         loss: loss of scipy's `least_squares`: linear, soft_l1, huber, cauchy or arctan.
-        told: called with a line of text after each search.
+        told: function that is called with a line of text after each search.
 
     Raises:
         GdfeError: the data contain no information, a parameter has no influence, a bound has the wrong unit, or the
-            start cannot be simulated.
+            initial values cannot be simulated.
     """
     if not recordings:
         raise GdfeError("every recording is held out: nothing is left to fit; remedy: hold out fewer")
@@ -115,7 +115,7 @@ def fit_scene(
 
 
 def predict(problem: FitProblem, values: tuple[float, ...]) -> FitPoint:
-    """Simulate recordings with given values; only their own time shifts and frames are fitted.
+    """Simulate recordings with given parameter values; only the time shifts and frames of the recordings are fitted.
 
     Raises:
         NotSimulatedError: a recording cannot be simulated.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of a fit: scene, values, table of residuals, picture, page."""
+"""Output files of a fit: scene, values, table of residuals, picture, HTML page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.fit_page import fit_page
 
 MOST_DRAWN = 12
-"""Largest number of columns in the picture, the ones that move most; the page has all columns."""
+"""Largest number of columns in the picture: those with the largest motion. The HTML page has all columns."""
 SCENE, VALUES, RESIDUALS, PICTURE, PAGE = "scene.yaml", "fit.json", "residuals.csv", "fit.png", "fit.html"
 
 
@@ -81,7 +81,7 @@ def _write_residuals(path: Path, shown: Sequence[ComparedColumn]) -> None:
 
 
 def _draw(path: Path, shown: Sequence[ComparedColumn], *, title: str) -> None:
-    """Draw measured and simulated values over time, with a diagram for each column."""
+    """Draw measured and simulated values over time, one diagram per column."""
     order = sorted(range(len(shown)), key=lambda place: -float(np.nanmax(np.abs(_moves(shown[place])))))
     chosen = [shown[place] for place in sorted(order[:MOST_DRAWN])]
     figure = Figure(figsize=(9.0, 1.0 + 1.9 * len(chosen)), dpi=110, layout="constrained")

@@ -20,7 +20,7 @@ def parameter_rows(fit: Fit) -> list[tuple[str, str, str, str]]:
 
 
 def match_rows(fit: Fit) -> list[tuple[str, str, str, str, str, str]]:
-    """Return a row for each series: recording, series, fitted or predicted, values, misfit, its ratio to the motion."""
+    """Return a row for each series: recording, series, fitted or predicted, value count, misfit, misfit / motion."""
     return [
         (
             match.recording,
@@ -35,7 +35,7 @@ def match_rows(fit: Fit) -> list[tuple[str, str, str, str, str, str]]:
 
 
 def own_rows(fit: Fit) -> list[tuple[str, str]]:
-    """Return a row for each recording with a fitted time shift or frame: name, and values in words."""
+    """Return a row for each recording with a fitted time shift or frame: its name, and a text with the values."""
     pairs = [(fit.problem, fit.solved.point)]
     if fit.held_out is not None:
         pairs.append((fit.held_out, fit.prediction))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading of a match file: the file of each recording, and the options with which it is read."""
+"""Reader of a match file, which states the file of each recording and the options for reading it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Source:
     Attributes:
         name: name of the recording.
         path: path of a CSV file or a bag.
-        match: options with which it is read.
+        match: options for reading it.
     """
 
     name: str
@@ -37,12 +37,12 @@ class Source:
 def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
     """Return the recordings in files and bags, with their options from the match file.
 
-    Without `recordings` in the match file, each file is one recording with the file's name. With `recordings`, every
-    file must belong to at least one of them. Several recordings may use different rows of one file. Recordings of files
-    outside of ``data`` are left out.
+    If the match file has no key `recordings`, each file is one recording with the name of the file. Otherwise every
+    file must belong to at least one entry of `recordings`. Several recordings may use different rows of one file.
+    Recordings whose file is not in ``data`` are left out.
 
     Raises:
-        MatchError: every defect of the match file.
+        MatchError: the match file has defects; all are listed.
         GdfeError: a file does not exist, or two files have the same name.
     """
     for path in data:
@@ -68,7 +68,7 @@ def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
 
 
 def _read(match: Path) -> tuple[dict[str, object], dict[str, dict[str, object]]]:
-    """Return the options for all recordings, and the options of each recording by name."""
+    """Return the options for all recordings, and dict from recording to its own options."""
     heading = f"match file {match}"
     try:
         text = match.read_text(encoding="utf-8")

@@ -23,7 +23,7 @@ _NUMBER = Quantity("command in SI units", least=-1e15, most=1e15)
 
 
 class _Found(Entry):
-    """Place of a quantity in a recording: columns of a CSV file, or a topic of a bag."""
+    """Source of a quantity in a recording: columns of a CSV file, or a topic of a bag."""
 
     column: str | None = Field(None, description="CSV: a single column")
     columns: dict[Literal[AXES], str | tuple[str, ...]] = Field(
@@ -38,7 +38,7 @@ class _Found(Entry):
 
 
 class CompareModel(_Found, Choice):
-    """A measured quantity, and the quantity of the simulation with which it is compared."""
+    """A measured quantity, and the simulated quantity with which it is compared."""
 
     options: ClassVar[tuple[str, ...]] = (
         "column", "columns", "topic", "frame_id", "marker", "joint", "field", "unit", "along", "displacement", "sigma",
@@ -70,7 +70,7 @@ class CommandModel(_Found):
 
 
 class FrameModel(Entry):
-    """Pose of the scene's frame in the recording's: x_recorded = R x + t."""
+    """Pose of the scene's frame in the recording's frame: x_recorded = R x + t."""
 
     fit: Literal["translation", "pose"] = Field(
         "pose", description="fit the translation t alone, or the rotation R and t"
@@ -78,7 +78,7 @@ class FrameModel(Entry):
 
 
 class RecordingModel(Entry):
-    """Options with which a recording is read; options of one recording replace those for all recordings."""
+    """Options for reading a recording; the options of one recording replace those for all recordings."""
 
     file: str | None = Field(None, description="name of the file (default: the name of the recording)")
     time: str | None = Field(None, description="CSV: column of the time; without it each row is an equilibrium")

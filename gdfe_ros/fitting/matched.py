@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The quantity of the simulation to which an entry of a match file refers."""
+"""The simulated quantity to which an entry of a match file refers."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from gdfe_ros.scene.scene import Scene
 
 
 def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observable:
-    """Return the quantity of the simulation to which an entry refers.
+    """Return the simulated quantity to which an entry refers.
 
     Raises:
-        GdfeError: the scene lacks the named item, or the selection is invalid or selects no vertex.
+        GdfeError: the scene lacks the named item, or the selection of vertices is invalid or empty.
     """
     key, value = model.chosen
     if key == "mean":
@@ -38,10 +38,10 @@ def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observa
 def along_of(
     model: CompareModel, observable: Observable, where: str
 ) -> tuple[tuple[str, ...], NDArray[np.float64] | None]:
-    """Return the labels of the measured columns, and the directions (c, 3) of measurement; None if there are none.
+    """Return the labels of the c measured columns, and their directions (c, 3); None for a scalar or a cloud.
 
     Raises:
-        GdfeError: the direction of a single column of a vector is missing or zero, or a number has several columns.
+        GdfeError: one column of a vector has no direction or a zero direction, or a scalar has `columns`.
     """
     vector = observable.kind in POSITIONS or observable.kind is QuantityKind.FORCE
     if observable.kind in CLOUDS or (not vector and not model.columns):
@@ -62,5 +62,5 @@ def along_of(
 
 
 def scale_of(unit: str | None) -> float:
-    """Return the factor of a unit to SI."""
+    """Return the factor that converts a unit to SI."""
     return FACTORS[unit or "1"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quantities of a simulation that are compared with measurements."""
+"""Simulated quantities that are compared with measurements."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class QuantityKind(Enum):
-    """Kinds of quantities. Positions are vectors [m]; a recording may have them in its own frame."""
+    """Kinds of quantities. Positions are vectors [m], which a recording may state in a frame of its own."""
 
     PROBE = "probe"
     MEAN = "mean"
@@ -36,13 +36,13 @@ CLOUDS = (QuantityKind.VERTICES, QuantityKind.SURFACE)
 
 @dataclass(frozen=True, eq=False)
 class Observable:
-    """A quantity of a simulation.
+    """A simulated quantity.
 
     Attributes:
         kind: kind of the quantity.
         name: name of the probe, handle or actuator.
-        vertices: (k,) vertices whose mean position is the quantity.
-        displacement: whether positions are relative to rest.
+        vertices: indices (k,) of the vertices whose mean position is the quantity.
+        displacement: whether positions are relative to the undeformed body.
     """
 
     kind: QuantityKind
@@ -52,11 +52,11 @@ class Observable:
 
     @property
     def unit(self) -> str:
-        """SI unit of the values; ``SI`` for an actuator, because its unit depends on its kind."""
+        """SI unit of the values. For an actuator it is the text ``SI``, because the unit depends on the actuator."""
         return "m" if self.kind in POSITIONS else "N" if self.kind is QuantityKind.FORCE else "SI"
 
     def of(self, simulation: Simulation) -> NDArray[np.float64]:
-        """Return the present values: (3,) of a point or a force, (1,) of an actuator, (3 n,) of the vertices."""
+        """Return the present values: (3,) for a point or a force, (1,) for an actuator, (3 n,) for n vertices."""
         values = self._values(simulation)
         return (values - self._at_rest(simulation.scene)) if self.displacement else values
 
@@ -84,10 +84,10 @@ class Observable:
 
 
 def require_known(kind: QuantityKind, name: str, scene: Scene, where: str) -> None:
-    """Raise an error for a name that does not exist in the scene.
+    """Check that the scene has the probe, handle or actuator ``name``.
 
     Raises:
-        GdfeError: there is no such probe, handle or actuator.
+        GdfeError: the scene does not have it.
     """
     known = {
         QuantityKind.PROBE: list(scene.probes),

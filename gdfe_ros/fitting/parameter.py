@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of a fit: numbers of a scene, with their bounds."""
+"""Parameters of a fit: numbers in a scene file, with bounds."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _FORM = "--vary takes KEY=LOW..HIGH or KEY=LOW..START..HIGH, e.g. materials.sili
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A key of the scene, and the interval in which its value is sought.
+    """A key of the scene, and the interval in which its value is searched.
 
-    The solver's coordinate is u = ln(value) if the lower bound is positive, else u = value / (high - low). Steps in u
-    are thus comparable between parameters.
+    The solver's coordinate is u = ln(value) if the lower bound is positive, else u = value / (high - low). Therefore
+    equal steps in u are comparable between parameters.
 
     Attributes:
-        key: dotted key, as of an override.
+        key: dotted key, as in an override.
         low: least value.
         high: largest value.
         start: initial value.
@@ -39,11 +39,11 @@ class FittedParameter:
         return self.low > 0.0
 
     def coordinate(self, value: float) -> float:
-        """Return u of a value."""
+        """Return the coordinate u of a value."""
         return math.log(value) if self.logarithmic else value / (self.high - self.low)
 
     def value(self, coordinate: float) -> float:
-        """Return the value at u, clipped to the bounds against rounding."""
+        """Return the value at coordinate u. It is clipped to the bounds, which rounding may exceed."""
         value = math.exp(coordinate) if self.logarithmic else coordinate * (self.high - self.low)
         return min(max(value, self.low), self.high)
 
@@ -53,9 +53,9 @@ class FittedParameter:
 
 
 def read_parameters(entries: Iterable[str], scene: Scene) -> list[FittedParameter]:
-    """Read entries ``KEY=LOW..HIGH`` or ``KEY=LOW..START..HIGH``.
+    """Return the parameters in entries ``KEY=LOW..HIGH`` or ``KEY=LOW..START..HIGH``.
 
-    Without ``START`` a search starts from the scene's own value if it lies between the bounds, else from their middle.
+    Without ``START``, the initial value is the scene's value if it is between the bounds, else their middle.
 
     Raises:
         GdfeError: there is no entry, one is malformed, two have the same key, or the scene's value is not a number.
@@ -89,7 +89,7 @@ def _parameter(entry: str, data: object) -> FittedParameter:
 
 
 def _look_up(key: str, data: object) -> float | None:
-    """Return the number at a key of the scene; None if the scene lacks the key."""
+    """Return the number at a dotted ``key`` of the scene; None if the scene does not have the key."""
     for part in key.split("."):
         if isinstance(data, list) and part.isdecimal() and int(part) < len(data):
             data = data[int(part)]

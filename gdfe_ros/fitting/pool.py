@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulations in parallel, in processes of one thread each, or in this process."""
+"""Simulations of recordings, in parallel processes with one thread each, or in this process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory, simulate
 from gdfe_ros.workers import open_workers
 
 Task = tuple[Mapping[str, float], Recording, float]
-"""Values of the parameters, a recording, a horizon [s]."""
+"""Dict from key to value of a parameter; a recording; a horizon [s]."""
 
 
 class Pool:
@@ -22,7 +22,7 @@ class Pool:
 
     Args:
         text: YAML text of the scene.
-        executor: executor of the processes; None: simulate in this process.
+        executor: executor of the processes; None for simulations in this process.
 
     Attributes:
         count: number of simulations so far.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The least-squares problem: unknowns, residuals and their derivatives."""
+"""The least-squares problem of a fit: unknowns, residuals and their derivatives."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from gdfe_ros.fitting.sensitivity import trajectory_columns
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
 
 SHARE = 0.01
-"""Assumed standard deviation of a series that states none, over the largest range of all series with the same unit."""
+"""Assumed standard deviation of a series that states none, divided by the largest range of the series with its unit."""
 NUDGE = {"shift": 1e-5, "turn": 1e-5, "translation": 1e-6}
-"""Change of a recording's own unknown in a finite difference [s], [rad], [m]; this needs no simulation."""
+"""Change of a recording's unknown in a finite difference [s], [rad], [m]; such a difference needs no simulation."""
 FARTHEST = 20.0
-"""If a position is farther from the origin than this [body lengths], its unit or its origin is probably wrong."""
+"""Largest plausible distance of a position from the origin [body lengths]; beyond it, unit or origin is wrong."""
 FAILED = 1e3
-"""Residual of every value if a trial cannot be simulated; the search then rejects the trial."""
+"""Residual of every value of a trial that cannot be simulated, so that the search rejects the trial."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class FitPoint:
 
     Attributes:
         values: values of the parameters.
-        own: own unknowns of each recording.
-        trajectories: trajectory of each recording.
+        own: unknowns of each recording.
+        trajectories: simulated trajectory of each recording.
     """
 
     values: tuple[float, ...]
@@ -45,17 +45,17 @@ class FitPoint:
 class FitProblem:
     """Residuals of recordings as functions of parameters.
 
-    The unknowns are the parameters' coordinates u, then each recording's own unknowns: time shift and frame.
+    The unknowns are the coordinates u of the parameters, then the unknowns of each recording: time shift and frame.
 
     Args:
-        pool: runs the simulations.
+        pool: pool that runs the simulations.
         parameters: parameters to fit.
         recordings: recordings to fit.
-        surface: computes distances from the surface; None if no cloud is compared with the surface.
+        surface: function for distances from the surface; None if no cloud is compared with the surface.
         sigmas: standard deviation of each series of each recording; None: those of `standard_deviations`.
 
     Attributes:
-        horizons: for each recording, the time [s] up to which it is compared.
+        horizons: for each recording, the simulation time [s] up to which it is compared.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class FitProblem:
         self._known = None
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the lower and the upper bounds of the unknowns."""
+        """Return the lower and the upper bounds (u,) of the unknowns."""
         low = [parameter.coordinate(parameter.low) for parameter in self.parameters]
         high = [parameter.coordinate(parameter.high) for parameter in self.parameters]
         for recording in self.recordings:
@@ -91,10 +91,10 @@ class FitProblem:
         return np.array(low), np.array(high)
 
     def first(self) -> NDArray[np.float64]:
-        """Return the initial unknowns: the starts of the parameters, and the frames that fit best at these starts.
+        """Return the initial unknowns (u,): initial parameters, and the time shifts and frames that fit them best.
 
         Raises:
-            NotSimulatedError: the start cannot be simulated.
+            NotSimulatedError: the initial parameters cannot be simulated.
         """
         values = tuple(parameter.start for parameter in self.parameters)
         trajectories = self.trajectories(values)
@@ -124,7 +124,7 @@ class FitProblem:
         return FitPoint(values, own, tuple(trajectories))
 
     def trajectories(self, values: tuple[float, ...]) -> list[Trajectory | NotSimulatedError]:
-        """Return the simulations of all recordings with given values; the last ones are cached."""
+        """Return the simulation of each recording with given values, or its error; the last result is cached."""
         key = (values, tuple(self.horizons))
         if self._known is None or self._known[0] != key:
             given = {p.key: value for p, value in zip(self.parameters, values, strict=True)}
@@ -133,7 +133,7 @@ class FitProblem:
         return self._known[1]
 
     def residuals(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (simulated - measured) / sigma of all values in one vector; 0 for values that are missing."""
+        """Return (simulated - measured) / sigma of all values in one vector; 0 for values that are not compared."""
         values, own = self._split(unknowns)
         found = self.trajectories(values)
         if any(isinstance(item, NotSimulatedError) for item in found):
@@ -162,7 +162,7 @@ class FitProblem:
         return np.stack(columns, axis=1)
 
     def series_residuals(self, point: FitPoint) -> list[list[NDArray[np.float64]]]:
-        """Return (simulated - measured) / sigma by recording and series, shaped as the values; NaN if missing."""
+        """Return (simulated - measured) / sigma for each recording and series; NaN for values that are not compared."""
         given = zip(self.recordings, point.trajectories, point.own, self.sigmas, self.horizons, strict=True)
         return [
             residuals(recording, trajectory, own, sigmas, horizon=horizon, distances=self._surface)
@@ -184,9 +184,10 @@ class FitProblem:
 
 
 def standard_deviations(recordings: Sequence[Recording]) -> list[list[float]]:
-    """Return the standard deviation of each series: its own, or else `SHARE` of the largest range of its unit.
+    """Return the standard deviation of each series: its stated one, else `SHARE` times a range.
 
-    If no series of a unit has more than one sample, the largest value stands for the range.
+    The range is the largest range of all series with the same unit. If all these series are constant, it is their
+    largest magnitude.
     """
     every = [series for recording in recordings for series in recording.series]
     units = {series.observable.unit for series in every}
@@ -199,14 +200,14 @@ def standard_deviations(recordings: Sequence[Recording]) -> list[list[float]]:
 
 
 def require_motion(recording: Recording, size: float) -> None:
-    """Raise an error for data without information.
+    """Check that the measured values of a recording change and are plausible.
 
     Args:
-        recording: the recording to fit.
+        recording: recording to fit.
         size: size of the body [m].
 
     Raises:
-        GdfeError: values do not move, or are so large that their unit cannot be right.
+        GdfeError: values do not change, or are so large that their unit must be wrong.
     """
     for series in recording.series:
         where = f"recording {recording.name}, {series.name}"

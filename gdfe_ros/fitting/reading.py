@@ -17,12 +17,12 @@ from gdfe_ros.scene import Scene, scene_from_text
 
 
 def read_recordings(data: Sequence[Path], match: Path | None, scene: Scene) -> list[Recording]:
-    """Read CSV files and bags.
+    """Return the recordings in CSV files and bags.
 
     Args:
-        data: their paths.
-        match: YAML file that assigns columns and topics to quantities; None: they are found by the names of the scene.
-        scene: the scene that they are compared with.
+        data: paths of the files and bags.
+        match: YAML file that assigns columns and topics to quantities; None: the names of the scene assign them.
+        scene: scene with which the recordings are compared.
 
     Raises:
         GdfeError: a file, a column, a topic or a name does not exist, or the match file has a defect.

@@ -20,10 +20,10 @@ class Series:
 
     Attributes:
         name: name in tables and pictures.
-        observable: quantity of the simulation with which it is compared.
+        observable: simulated quantity with which it is compared.
         times: (m,) on the recording's clock [s], ascending.
-        values: (m, c) in SI units, NaN if a value is missing; (m, p, 3) for points on a surface.
-        along: (c, d) matrix from the d values of the simulation to the c measured ones; None if they are the same.
+        values: (m, c) in SI units, or (m, p, 3) for points on a surface; NaN if a value is missing.
+        along: matrix (c, d) from the d simulated values to the c measured values; None for the identity.
         labels: labels of the c columns.
         sigma: standard deviation of a value in SI units; None if unknown.
     """
@@ -44,13 +44,13 @@ class Series:
 
     @property
     def span(self) -> float:
-        """Largest range of a column's values; gaps, which are NaN, are left out."""
+        """Largest range of the values of a column; missing values (NaN) are left out."""
         ranges = np.fmax.reduce(self.values, axis=0) - np.fmin.reduce(self.values, axis=0)
         return float(np.fmax.reduce(ranges.ravel(), initial=0.0))
 
     @property
     def largest(self) -> float:
-        """Largest magnitude of a value; gaps are left out."""
+        """Largest magnitude of a value; missing values (NaN) are left out."""
         return float(np.fmax.reduce(np.abs(self.values).ravel(), initial=0.0))
 
 
@@ -60,7 +60,7 @@ class Schedule:
 
     Attributes:
         times: ends of the steps (k,) on the simulation's clock [s], ascending.
-        commands: (k,) command of each step.
+        commands: command of each step (k,).
     """
 
     times: NDArray[np.float64]
@@ -69,19 +69,19 @@ class Schedule:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One recording.
+    """One recording: measured series, and the steps and commands of its simulation.
 
     Attributes:
         name: name of the recording.
         series: measured series.
         schedule: steps and commands of its simulation.
-        overrides: values of the scene that differ in this recording, by dotted key.
-        shift: time [s] by which the recording's clock is ahead of the simulation's; if it is fitted, its initial value.
-        shift_between: bounds of the time shift [s] if it is fitted; None if it is not.
+        overrides: dict from dotted scene key to the value for this recording.
+        shift: time [s] by which the recording's clock is ahead of the simulation's, or its initial value for a fit.
+        shift_between: bounds of the fitted time shift [s]; None if it is not fitted.
         frame: number of fitted unknowns of the frame: 0, 3 (translation) or 6 (rotation vector, translation).
-        from_equilibrium: whether a motion begins in the equilibrium of its first commands; if not, in the initial
-            state.
-        remarks: remarks for the user on the reading of the recording.
+        from_equilibrium: whether a motion starts from the equilibrium of its first commands, not from the scene's
+            initial state.
+        remarks: remarks for the user on reading the recording.
     """
 
     name: str
@@ -96,7 +96,7 @@ class Recording:
 
     @property
     def unknowns(self) -> int:
-        """Number of the recording's own unknowns."""
+        """Number of the recording's unknowns: time shift and frame."""
         return self.frame + (self.shift_between is not None)
 
     @property

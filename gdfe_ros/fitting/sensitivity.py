@@ -14,8 +14,8 @@ from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
 
 STEP = 0.01
-"""Change of a coordinate u in a finite difference: 1 % of a value. The relative error of the difference is about as
-large, plus the solver's tolerance divided by this change.
+"""Change of a coordinate u in a finite difference: 1 % of a value. The relative error of the derivative is about the
+same, plus the solver's tolerance divided by this change.
 """
 
 
@@ -33,7 +33,7 @@ def trajectory_columns(
     The differences are one-sided, towards the middle of the bounds.
 
     Args:
-        pool: runs the simulations.
+        pool: pool that runs the simulations.
         recordings: recordings to simulate.
         parameters: parameters with the coordinates u.
         values: values of the parameters.
@@ -41,7 +41,7 @@ def trajectory_columns(
         horizons: for each recording, the time [s] up to which it is simulated.
 
     Raises:
-        NotSimulatedError: a changed value cannot be simulated on either side.
+        NotSimulatedError: the simulation fails for both signs of a change.
     """
     steps = [_step(parameter, value) for parameter, value in zip(parameters, values, strict=True)]
     pairs = list(zip(recordings, horizons, strict=True))
@@ -61,7 +61,7 @@ def trajectory_columns(
 
 
 def _step(parameter: FittedParameter, value: float) -> float:
-    """Return the change of u, towards the middle of the bounds."""
+    """Return the change of the coordinate u, towards the middle of the bounds."""
     low, here, high = (parameter.coordinate(each) for each in (parameter.low, value, parameter.high))
     size = min(STEP, 0.25 * (high - low))
     return size if here <= 0.5 * (low + high) else -size
@@ -70,7 +70,7 @@ def _step(parameter: FittedParameter, value: float) -> float:
 def _changed(
     parameters: Sequence[FittedParameter], values: Sequence[float], place: int, step: float
 ) -> dict[str, float]:
-    """Return all values by key, with the coordinate of the parameter at ``place`` changed by ``step``."""
+    """Return dict from key to value, with the coordinate u of the parameter at ``place`` changed by ``step``."""
     given = {parameter.key: value for parameter, value in zip(parameters, values, strict=True)}
     changed = parameters[place]
     given[changed.key] = changed.value(changed.coordinate(values[place]) + step)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The search: scipy's least squares over growing horizons."""
+"""Search for the best parameters: scipy's least squares, over growing horizons."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
 
 HORIZONS = (1 / 16, 1 / 4, 1.0)
-"""Fractions of a motion that are fitted one after the other. An oscillation with an error of a whole period is a local
-minimum of the misfit; the first oscillation alone has no such minimum.
+"""Fractions of a motion's duration that are fitted one after the other. Over the whole motion, an oscillation that is
+wrong by a whole period is a local minimum of the misfit. The first oscillation alone has no such minimum.
 """
 STEP = 1e-5
-"""A search ends at this relative change of the unknowns, or of the sum of squares."""
+"""Relative change of the unknowns, or of the sum of squares, at which a search ends."""
 COARSE = 0.01
-"""A search that is followed by one with a longer horizon ends at this relative change of the sum of squares."""
+"""Relative change of the sum of squares at which a search ends, if a search with a longer horizon follows."""
 MOST_TRIALS = 60
 SILENT = 1e-3
-"""A parameter has no influence if the root mean square of d(residual)/du is below this. A factor e on its value then
-changes the measured values by a thousandth of their standard deviation.
+"""Root mean square of d(residual)/du below which a parameter has no influence. At this limit, a factor e on its value
+changes the simulated values by a thousandth of the measured values' standard deviation.
 """
 
 
@@ -35,7 +35,7 @@ class Solved:
     Attributes:
         unknowns: unknowns found (u,).
         jacobian: d(residual)/d(unknown) at these unknowns, (values, unknowns), weighted by the loss.
-        cost: half the sum of squares, or of the loss.
+        cost: half the sum of squares of the residuals, or of their loss.
         point: simulations at these unknowns.
         message: reason why the search ended.
     """
@@ -56,10 +56,10 @@ def solve(
         problem: problem with the residuals.
         moves: whether the scene has dynamics; then the horizon grows from search to search.
         loss: loss of scipy's `least_squares`.
-        told: called with a line of text after each search.
+        told: function that is called with a line of text after each search.
 
     Raises:
-        GdfeError: the start cannot be simulated, or a parameter has no influence.
+        GdfeError: the initial values cannot be simulated, or a parameter has no influence.
     """
     low, high = problem.bounds()
     shares = HORIZONS if moves else (1.0,)
@@ -99,7 +99,7 @@ def _line(problem: FitProblem, unknowns: NDArray[np.float64], share: float, tria
 
 
 def _require_influence(problem: FitProblem, unknowns: NDArray[np.float64]) -> None:
-    """Raise GdfeError for parameters without influence on the first part of the time and on all of it."""
+    """Raise GdfeError if a parameter has no influence on the present horizon, and none on the whole recordings."""
     silent = _silent(problem, unknowns)
     if silent:
         problem.look_to(1.0)

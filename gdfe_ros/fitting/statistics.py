@@ -16,17 +16,17 @@ from gdfe_ros.fitting.solve import Solved
 
 CONFIDENCE = 0.95
 LOOSE = 1.0
-"""The data do not determine a direction of unit length in the coordinates u if the standard deviation along it exceeds
-this: a factor e, or the whole interval.
+"""Largest standard deviation, along a direction of unit length in the coordinates u, at which the data determine this
+combination of parameters. A standard deviation of 1 is a factor e, or the whole interval.
 """
 ALIKE = 0.995
-"""If the correlation of two parameters exceeds this, the data determine only one combination of them."""
+"""Magnitude of the correlation of two parameters above which the data determine only one combination of them."""
 STRUCTURED = 0.5
-"""Successive residuals with a larger correlation count as structured; for noise it is about 0."""
+"""Correlation of successive residuals above which they count as structured; for noise it is about 0."""
 FEWEST = 8
 """Least number of values in a series for which the structure of its residuals is examined."""
 AT_BOUND = 1e-3
-"""A value counts as lying at a bound if the distance of u from the bound, over the interval, is below this."""
+"""Distance of u from a bound, divided by the interval of u, below which a value counts as being at the bound."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class FittedValue:
     Attributes:
         key: key of the parameter.
         value: fitted value.
-        low: lower end of the 95 % confidence interval; NaN if the value lies at a bound.
-        high: upper end of the interval; NaN if the value lies at a bound.
-        bound: `low` or `high` if the value lies at that bound; empty otherwise.
+        low: lower end of the 95 % confidence interval; NaN if the value is at a bound.
+        high: upper end of the interval; NaN if the value is at a bound.
+        bound: `low` or `high` if the value is at this bound; empty otherwise.
     """
 
     key: str
@@ -55,7 +55,7 @@ class Confidence:
     Attributes:
         estimates: value and interval of each parameter.
         correlations: correlations between the parameters' coordinates u; NaN for a value at its bound.
-        loose: a sentence about each combination of parameters that the data do not determine.
+        loose: one sentence for each combination of parameters that the data do not determine.
     """
 
     estimates: tuple[FittedValue, ...]
@@ -64,10 +64,10 @@ class Confidence:
 
 
 def confidence(problem: FitProblem, solved: Solved) -> Confidence:
-    """Return confidence intervals from the Jacobian J at the solution.
+    """Return confidence intervals and correlations of the parameters, from the Jacobian J at the solution.
 
-    The covariance of the unknowns is s^2 (J^T J)^-1 with s^2 = 2 cost / (values - unknowns). Values at a bound are held
-    fixed.
+    The covariance of the unknowns is s^2 (J^T J)^-1 with s^2 = 2 cost / (number of values - number of unknowns).
+    Parameters at a bound count as constants.
     """
     parameters, count = problem.parameters, len(problem.parameters)
     bounds = [_bound(p, float(u)) for p, u in zip(parameters, solved.unknowns[:count], strict=True)]
@@ -105,7 +105,7 @@ def _bound(parameter: FittedParameter, coordinate: float) -> str:
 
 
 def _ends(parameter: FittedParameter, coordinate: float, half: float) -> tuple[float, float]:
-    """Return the ends of a confidence interval as values; they may lie beyond the bounds."""
+    """Return the ends of a confidence interval as values of the parameter; they may be beyond the bounds."""
     if parameter.logarithmic:
         half = min(half, 300.0)
         return float(np.exp(coordinate - half)), float(np.exp(coordinate + half))
@@ -141,7 +141,7 @@ def _loose(keys: Sequence[str], covariance: NDArray[np.float64]) -> list[str]:
 
 
 def autocorrelation(residual: NDArray[np.float64]) -> float:
-    """Return the largest correlation of successive residuals of any column (m, c); NaN for fewer than `FEWEST`."""
+    """Return the largest correlation of successive residuals among c columns (m, c); NaN for m below `FEWEST`."""
     found = []
     for column in residual.reshape(residual.shape[0], -1).T:
         sound = column[np.isfinite(column)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of a CSV file by name, with the units in its header."""
+"""A CSV file as named columns, with the units in its header."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class TableFile:
 
     Attributes:
         names: names of the columns, without units.
-        units: known units in the brackets of the header, by name.
+        units: dict from column to the unit in brackets in the header, if the unit is known.
     """
 
     def __init__(self, path: Path) -> None:
@@ -58,14 +58,14 @@ class TableFile:
         return name in self._cells
 
     def column(self, name: str, unit: str | None = None) -> NDArray[np.float64]:
-        """Return a column (m,) in SI units; an empty cell is NaN.
+        """Return a column (m,) in SI units; an empty cell becomes NaN.
 
         Args:
             name: name in the header, without the unit.
-            unit: unit of the numbers; None: the unit in the header, or SI without one.
+            unit: unit of the numbers; None: the unit in the header, or SI if the header has none.
 
         Raises:
-            GdfeError: no such column, or a cell is no number.
+            GdfeError: there is no such column, or a cell is not a number.
         """
         if name not in self._cells:
             hint = did_you_mean(name, self.names)
@@ -79,12 +79,12 @@ class TableFile:
         return numbers * FACTORS[unit or self.units.get(name, "1")]
 
     def mean(self, names: str | Sequence[str], unit: str | None) -> NDArray[np.float64]:
-        """Return the mean (m,) of columns in SI units."""
+        """Return the mean (m,) of one or several columns in SI units."""
         columns = [names] if isinstance(names, str) else list(names)
         return np.mean([self.column(name, unit) for name in columns], axis=0)
 
     def rows(self, ranges: Mapping[str, tuple[float, float]], every: int) -> NDArray[np.intp]:
-        """Return the indices (k,) of every n-th row with columns in the given ranges, in the unit of the file.
+        """Return the indices (k,) of every ``every``-th row whose columns are in the ``ranges``, in the file's units.
 
         Raises:
             GdfeError: there is no such row.

@@ -16,9 +16,9 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden
 
 FLOOR = 0.01
-"""A point's weight uses at least this fraction of the largest stress, because stresses near zero are mostly noise."""
+"""A misfit is divided by at least this fraction of the largest stress, because small stresses are mostly noise."""
 GOOD = 0.01
-"""No further term is tried once every misfit, over the stress, is below this."""
+"""Relative misfit at every point below which no further term is tried."""
 MOST_TERMS = 3
 MOST_ALPHA = 20.0
 """Largest magnitude of Ogden's exponents; for larger ones, powers of the stretch overflow."""
@@ -27,14 +27,14 @@ FAINT = 1e-6
 STARTS = (-6.0, -3.0, -1.5, 1.0, 2.0, 3.0, 5.0)
 """Initial exponents of the search, used in all combinations."""
 CANCELLED = 100.0
-"""Terms count as cancelling each other if the sum of |mu_i| over the sum of mu_i exceeds this; in the paper it is at
+"""Ratio of the sum of |mu_i| to the sum of mu_i above which terms count as cancelling each other. In the paper it is at
 most 2.2.
 """
 DEGREE = 6
 """Default degree of a polynomial, as in the paper."""
 SOFTEST, HARDEST = 1e3, 1e12
-"""Plausible range of initial moduli [Pa]: gels have a few kilopascals, diamond has 1e12 Pa. Outside of it a unit is
-wrong.
+"""Plausible range of initial moduli [Pa]: gels have a few kilopascals, diamond has 1e12 Pa. Outside this range, a unit
+is probably wrong.
 """
 LARGEST_STRAIN = 15.0
 """Engineering strains above this are probably percentages: no rubber is stretched sixteenfold."""
@@ -46,12 +46,12 @@ class TensileFit:
 
     Attributes:
         material: the law; its Poisson's ratio was given, because a tensile test does not determine it.
-        entry: its entry for the key `materials` of a scene.
+        entry: the law as an entry for the key `materials` of a scene.
         strain: engineering strains of the test (k,), without zeros.
         stress: nominal stresses of the test (k,) [Pa].
-        misfit: misfit of each point (k,), over its stress, or over ``FLOOR`` times the largest stress if that is
-            larger.
-        remarks: instabilities of the law; empty for a law that was accepted.
+        misfit: relative misfit of each point (k,): the error of its stress, divided by the larger of the measured
+            stress and ``FLOOR`` times the largest stress.
+        remarks: instabilities of the law; empty for an accepted law.
         refused: messages about unstable laws of the same kind that were tried.
     """
 
@@ -81,14 +81,15 @@ def fit_tensile(
 ) -> TensileFit:
     """Fit a law to a tensile test by least squares of the relative misfit.
 
-    Minimises sum_k ((sigma(e_k) - sigma_k) / max(|sigma_k|, FLOOR max|sigma|))^2 of incompressible uniaxial tension.
+    Minimises sum_k ((sigma(e_k) - sigma_k) / max(|sigma_k|, FLOOR max|sigma|))^2, where sigma(e) is the law's nominal
+    stress in incompressible uniaxial tension.
 
     Args:
         strain: engineering strains (k,); compression is negative.
         stress: nominal stresses (k,) [Pa].
         law: ``LINEAR``, ``NEO_HOOKEAN``, ``OGDEN`` or ``CURVE`` (a polynomial).
-        terms: number of terms of Ogden's law; None for the least number with which a stable law has a misfit below
-            ``GOOD`` at every point. If there is no such law, the best stable law is taken.
+        terms: number of terms of Ogden's law. None means the least number for which a stable law has a misfit below
+            ``GOOD`` at every point, or the number of the best stable law if there is no such law.
         degree: degree of the polynomial.
         poisson: initial Poisson's ratio, for the scene.
         density: mass density [kg/m^3], for the scene.
@@ -118,7 +119,7 @@ def fit_tensile(
 
 
 def _checked(strain: ArrayLike, stress: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the points with nonzero strain; raise GdfeError if the columns are not a tensile test."""
+    """Return strains and stresses of the points with nonzero strain; raise GdfeError if they are no tensile test."""
     e, s = np.asarray(strain, dtype=np.float64), np.asarray(stress, dtype=np.float64)
     if e.ndim != 1 or e.shape != s.shape or not (np.isfinite(e).all() and np.isfinite(s).all()):
         raise GdfeError(f"strain and stress must be finite columns of equal length, got {e.shape} and {s.shape}")
@@ -139,7 +140,7 @@ def _weights(stress: NDArray[np.float64]) -> NDArray[np.float64]:
 def _linear_in_parameters(
     e: NDArray[np.float64], s: NDArray[np.float64], law: Law, degree: int, common: Mapping[str, Any]
 ) -> tuple[Material, dict[str, Any]]:
-    """Return a law with a stress that is linear in its parameters, and these parameters, by linear least squares."""
+    """Fit a law whose stress is linear in its parameters, by linear least squares; return the law and its entry."""
     kinds = {Law.LINEAR: Linear, Law.NEO_HOOKEAN: NeoHookean}
     if law is Law.CURVE:
         if not 1 <= degree <= e.size:
@@ -164,8 +165,8 @@ def _linear_in_parameters(
 def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, common: Mapping[str, Any]) -> TensileFit:
     """Fit Ogden's law with ``terms`` terms.
 
-    With None, the least number is taken that gives a stable law with a misfit below `GOOD`; otherwise the best stable
-    law.
+    None means the least number for which a stable law has a misfit below `GOOD` at every point, or the number of the
+    best stable law if there is no such law.
     """
     most = min(MOST_TERMS, e.size // 2)
     if terms is not None:
@@ -189,7 +190,7 @@ def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, co
 def _ogden_terms(
     e: NDArray[np.float64], s: NDArray[np.float64], count: int, common: Mapping[str, Any]
 ) -> tuple[Material, dict[str, Any]]:
-    """Fit the exponents by a trust-region method; for each trial fit the moduli by linear least squares."""
+    """Fit the exponents by a trust-region method, and the moduli for each trial by linear least squares."""
     weights = _weights(s)
 
     def moduli(alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

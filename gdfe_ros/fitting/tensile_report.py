@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from gdfe_ros.fitting.tensile import TensileFit
 
 ACCEPTABLE = 0.05
-"""Another law is recommended if the misfit, over the stress, exceeds this; tests of one batch differ by as much."""
+"""Relative misfit above which another law is recommended; repeated tests of one batch differ by about this much."""
 
 
 def tensile_rows(fit: TensileFit) -> list[tuple[str, str]]:
-    """Return the results as pairs of name and value."""
+    """Return the results as pairs of name and text."""
     parameters = {key: value for key, value in fit.entry.items() if key not in ("law", "poisson", "density")}
     rows = [("law", str(fit.entry["law"]))]
     for name, value in parameters.items():
@@ -42,7 +42,7 @@ def tensile_remarks(fit: TensileFit) -> list[str]:
 
 
 def material_text(fit: TensileFit, name: str) -> str:
-    """Return the entry as YAML text for the key `materials` of a scene."""
+    """Return the fitted law as YAML text for the key `materials` of a scene."""
     return yaml.safe_dump({name: dict(fit.entry)}, sort_keys=False, default_flow_style=None, width=110)
 
 

@@ -23,11 +23,11 @@ class Track:
 
     Attributes:
         name: name of the actuator, load or handle.
-        times: (m,) [s], ascending.
-        values: in SI units, (m, 1) of an actuator or load; of a handle (m, 3) translations or (m, 6), with rotation
-            vectors.
-        held: whether a command is constant until the next one, as for messages; if not, commands are interpolated
-            linearly.
+        times: times of the commands (m,) [s], ascending.
+        values: commands in SI units: (m, 1) for an actuator or load; for a handle, (m, 3) translations, or (m, 6)
+            translations and rotation vectors.
+        held: whether a command is constant until the next command, as for messages. Otherwise commands are
+            interpolated linearly.
     """
 
     name: str
@@ -48,10 +48,10 @@ def constant(name: str, value: float) -> Track:
 
 
 def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None:
-    """Raise an error for commands that the scene does not accept.
+    """Check that the scene accepts the commands.
 
     Raises:
-        GdfeError: a name is unknown, a command has the wrong number of components, or one is missing.
+        GdfeError: a name is unknown, a command has the wrong number of components, or a command is missing.
     """
     drives = [*(item.name for item in scene.actuators), *(item.name for item in scene.loads)]
     movers = [handle.name for handle in scene.handles if not handle.fixed]
@@ -74,9 +74,10 @@ def make_schedule(tracks: Sequence[Track], scene: Scene, moments: NDArray[np.flo
 
     Args:
         tracks: recorded commands.
-        scene: the scene to simulate.
-        moments: times [s] at which the simulation is compared. Without dynamics each of them is an equilibrium. With
-            dynamics the steps are as long as the scene's internal ones, up to the last of these times.
+        scene: scene to simulate.
+        moments: times [s] at which the simulation is compared. Without dynamics, each of these times has a step to an
+            equilibrium. With dynamics, the steps have the length of the scene's internal steps and end after the last
+            of these times.
     """
     if scene.dynamics is None:
         times = np.unique(moments)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulation of a recording: its commands in, the measured quantities out."""
+"""Simulation of a recording with its commands; the results are the quantities that were measured."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
 
 EQUILIBRIA, MOTION = 1e-6, 1e-5
-"""Largest solver tolerances of a fit, for equilibria and for motion. Larger ones disturb finite differences of
-simulations: 1e-5 by 1.5 % in an oscillation.
+"""Largest solver tolerances in a fit, for equilibria and for motion. Larger tolerances disturb finite differences of
+simulations. With 1e-5, a finite difference of an oscillation has an error of 1.5 %.
 """
 
 
@@ -30,8 +30,8 @@ class Trajectory:
     """Simulated values of each measured quantity.
 
     Attributes:
-        times: (k,) on the simulation's clock [s]; with dynamics the first is 0.
-        outputs: (k, d) values of each series, in the recording's order.
+        times: (k,) on the simulation's clock [s]; with dynamics, the first time is 0.
+        outputs: simulated values (k, d) of each series, in the recording's order.
         not_converged: number of steps that did not converge.
     """
 
@@ -40,7 +40,7 @@ class Trajectory:
     not_converged: int = 0
 
     def moved(self, change: Trajectory, length: float) -> Trajectory:
-        """Return this trajectory plus ``length`` times a change."""
+        """Return this trajectory plus ``length`` times the trajectory ``change``."""
         pairs = zip(self.outputs, change.outputs, strict=True)
         return Trajectory(self.times, tuple(own + length * other for own, other in pairs), self.not_converged)
 
@@ -50,8 +50,8 @@ def simulate(text: str, values: Mapping[str, float], recording: Recording, *, ho
 
     Args:
         text: YAML text of the scene, which needs no other file.
-        values: values of the parameters, by key.
-        recording: its commands are simulated and its series compared.
+        values: dict from key to value of a parameter.
+        recording: recording whose commands are simulated and whose quantities are returned.
         horizon: time [s] after which nothing is simulated.
 
     Raises:

@@ -13,7 +13,7 @@ FACTORS = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
     "1": 1.0,
 }  # fmt: skip
-"""Value of each unit in SI."""
+"""Dict from unit to its value in SI units."""
 Unit = Literal[
     "m", "cm", "mm", "um", "in", "N", "mN", "gf", "kgf", "Pa", "kPa", "MPa", "mbar", "bar", "psi", "m^3", "l", "ml",
     "s", "ms", "us", "ns", "1",

@@ -14,9 +14,9 @@ from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.statistics import STRUCTURED, Confidence, autocorrelation
 
 WORSE = 1.5
-"""The model does not predict a held-out recording if its misfit, over that of the fitted ones, exceeds this."""
+"""Ratio of a held-out recording's misfit to that of the fitted recordings above which its prediction is bad."""
 SLIGHT = 0.02
-"""Misfits below this fraction of the measured motion cause no warning about structure or prediction."""
+"""Misfit, divided by the measured motion, below which there is no warning about structure or prediction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +28,12 @@ class Match:
         series: name of the series.
         held_out: whether the recording was only predicted, not fitted.
         count: number of compared values.
-        rms: root mean square of simulated minus measured, SI.
-        relative: ``rms`` over the size of the motion. This is the root mean square of displacements, or of the values
-            about their mean; for points on a surface, their largest extent.
-        largest: largest absolute difference, SI.
-        autocorrelation: correlation of successive residuals; NaN for too few of them.
-        residual: simulated minus measured, SI, in the shape of the values; distances for points on a surface.
+        rms: root mean square of simulated minus measured values, in SI units.
+        relative: ``rms`` divided by the size of the motion. The size is the root mean square of displacements, or of
+            other values minus their mean. For points on a surface it is their largest extent.
+        largest: largest absolute difference, in SI units.
+        autocorrelation: correlation of successive residuals; NaN if there are too few.
+        residual: simulated minus measured values, in SI units, (m, c); distances (m, p) for points on a surface.
     """
 
     recording: str

@@ -17,13 +17,13 @@ _GREY = (0.72, 0.74, 0.78)
 
 
 class Arms:
-    """Visual shapes of links that are sent once; later only changed places are sent.
+    """Draws the visual shapes of links. The shapes are sent once; later only changed poses are sent.
 
     Args:
-        space: of the page.
+        space: 3-D space of the page.
         group: name of the parent scene node.
-        scene: with the arms.
-        scale: from metres to the units of the view.
+        scene: scene with the arms.
+        scale: factor from metres to the units of the view.
     """
 
     def __init__(self, space: viser.SceneApi, group: str, scene: Scene, *, scale: float) -> None:
@@ -36,7 +36,7 @@ class Arms:
             self._place(arm, arm.start)
 
     def move(self, joints: Mapping[str, float]) -> None:
-        """Move all links to the places of joints at these positions [rad] or [m], by name."""
+        """Move all links to their poses at the given joint positions [rad] or [m], by joint name."""
         for arm in self._arms:
             if all(joint.name in joints for joint in arm.joints):
                 self._place(arm, np.array([joints[joint.name] for joint in arm.joints]))

@@ -10,25 +10,25 @@ import viser
 from numpy.typing import NDArray
 
 _LONGEST = 0.35
-"""Length, over the body's size, of the arrow for the largest force so far."""
+"""Length of the arrow for the largest force so far, divided by the body's size."""
 _LEAST_SHARE = 0.01
 """A force has no arrow if it is below this fraction of the largest force so far."""
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.008, 0.022, 0.05
-"""Radii and length of the parts of an arrow, over the body's size."""
+"""Radii of an arrow's shaft and head, and length of its head, divided by the body's size."""
 
 
 class Arrows:
-    """Arrows that end at the points of action of forces; their length is relative to the largest force so far.
+    """Draws forces as arrows that end at the points of action; lengths are relative to the largest force so far.
 
     Args:
         space: 3-D space of the page.
         group: name of the parent scene node.
-        colours: red, green and blue of each kind, 0 to 255.
+        colours: dict from a kind of forces to the colour of its arrows: red, green and blue, 0 to 255.
         size: size of the body in the units of the view.
-        thin: thickness over the usual one.
+        thin: factor on the default thickness of the arrows.
 
     Attributes:
-        largest: the largest force so far [N].
+        largest: largest force so far [N].
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Arrows:
         }
 
     def draw(self, forces: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]) -> None:
-        """Draw the forces of each kind: end points (k, 3) in the units of the view, and values [N]."""
+        """Draw the forces of each kind: end points (k, 3) in the units of the view, and force vectors (k, 3) [N]."""
         sizes = {kind: np.linalg.norm(vectors, axis=1) for kind, (_, vectors) in forces.items()}
         self.largest = max(self.largest, *(float(each.max(initial=0.0)) for each in sizes.values()))
         for kind, (ends, vectors) in forces.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bag of a live session, with the same contents as the node's but without ROS; `gdfe replay` repeats it."""
+"""Bag of a live session, recorded without ROS; it has the contents of a node's bag, and `gdfe replay` repeats it."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class LiveBag:
     """Records steps under the node's topic names; used by the stepping thread.
 
     Args:
-        path: directory of the bag, which must not exist or be empty.
-        simulation: the stepped simulation; it must not be replaced while the bag is written.
-        state: initial state of the first step; None for the initial state of the scene.
-        dt: simulation time of a step [s], for the bag.
+        path: directory of the bag; it must not exist yet, or be empty.
+        simulation: the recorded simulation; it must not be replaced while the bag is written.
+        state: serialised state from which the first step starts; None: the initial state of the scene.
+        dt: simulation time of a step [s], stored in the bag.
 
     Raises:
         RecordingError: the bag cannot be created.
@@ -59,7 +59,7 @@ class LiveBag:
         return self._recorder.path
 
     def write(self, step: Step) -> None:
-        """Record the last step of the simulation; a full disk stops the recording, not the steps."""
+        """Record the last step of the simulation; after an error of the disk, do nothing."""
         if self._recorder.error is not None:
             return
         made = self._publication.values(step.result, step.record, self._specs)
@@ -80,7 +80,7 @@ class LiveBag:
 
     @staticmethod
     def _frame(role: str) -> str:
-        """Return the frame of a message, as in the node."""
+        """Return the name of the frame of a topic's messages, as in the node."""
         section, _, rest = role.partition("/")
         name, _, what = rest.partition("/")
         if section in topics.MOVED:

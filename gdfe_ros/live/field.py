@@ -20,10 +20,10 @@ class Field:
     """A field that colours the body.
 
     Attributes:
-        label: for users, with the unit.
+        label: name for users, with the unit.
         values: function that returns the field at the points of the surface (k,) after a step.
-        noise: least width of a colour range, in the unit of the field; if the values differ less, the body has one
-            colour.
+        noise: smallest width of the colour range, in the unit of the field; it hides smaller differences, which are
+            noise.
     """
 
     label: str
@@ -32,7 +32,7 @@ class Field:
 
 
 def fields_of(scene: Scene) -> dict[str, Field]:
-    """Return the fields of a scene by label; those of the cells are averaged at the vertices."""
+    """Return the fields of a scene by label; fields of the cells are averaged at the surface points."""
 
     def of_cells(label: str, name: str) -> Field:
         return Field(label, lambda view, surface: surface.at_vertices(view.fields()[name]))
@@ -55,10 +55,10 @@ def fields_of(scene: Scene) -> dict[str, Field]:
 
 
 class Range:
-    """Colour range from the least to the largest value drawn; constant while it is held.
+    """Colour range from the smallest to the largest value of a frame, or a constant range.
 
     Attributes:
-        low, high: bounds; unless they are held, the least and largest value drawn last.
+        low, high: bounds; unless ``held``, the smallest and largest value of the last frame.
         held: whether the bounds stay constant.
     """
 
@@ -66,7 +66,10 @@ class Range:
         self.low, self.high, self.held = 0.0, 0.0, False
 
     def shares(self, values: NDArray[np.float64], *, noise: float = NOISE) -> NDArray[np.float64]:
-        """Return values (k,) relative to the range, 0 to 1; a range that is not held is at least ``noise`` wide."""
+        """Return values (k,) relative to the range, 0 to 1; unless ``held``, the range is first fitted to the values.
+
+        The fitted range has at least the width ``noise``.
+        """
         if not self.held:
             self.low, self.high = colour_range(float(values.min()), float(values.max()), noise=noise)
         span = self.high - self.low

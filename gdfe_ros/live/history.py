@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers of the last steps, kept for plots and traces."""
+"""Values of the last steps, stored for plots."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from gdfe_ros.live.view import View
 from gdfe_ros.scene.scene import Scene
 
 _LENGTH = 4096
-"""Number of steps that are kept."""
+"""Number of steps that are stored."""
 _AXES = ("x", "y", "z")
 
 
 class StepHistory:
-    """Numbers of the last steps; written by the stepping thread, read by another.
+    """Values of the last steps. One thread adds steps, and another one reads them.
 
     Args:
-        scene: of the simulation.
+        scene: scene of the simulation.
 
     Attributes:
-        curves: names of the curves of each plot, by its quantity and unit.
+        curves: dict from a plot's name, its quantity with unit, to the names of its curves.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -34,7 +34,7 @@ class StepHistory:
         self._count = 0
 
     def add(self, view: View) -> None:
-        """Add a step; one at an earlier time than the last, after a reset, clears the history first."""
+        """Add a step; if its time is earlier than the last step's, after a reset, clear the history first."""
         groups = list(self._groups(view))
         row = np.array([view.record.time, *(value for _, values in groups for value in values.values())])
         with self._lock:
@@ -47,7 +47,10 @@ class StepHistory:
             self._count += 1
 
     def table(self, plot: str, *, most: int = 600) -> NDArray[np.float64]:
-        """Return time [s] and the curves of a plot in rows (1 + c, k), thinned out to at most ``most`` steps."""
+        """Return the table (1 + c, k) of a plot: a row of times [s], then a row for each of its c curves.
+
+        If more than ``most`` steps are stored, only every second, third, ... step is returned.
+        """
         with self._lock:
             names = list(self.curves)
             first = 1 + sum(len(self.curves[name]) for name in names[: names.index(plot)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interface of a run to a page: a simulation in this process, or a node in another."""
+"""Interface between a page and the run that it shows: a simulation in this process, or a node in another process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.scene.scene import Scene
 
 
 class Ability(str, Enum):
-    """Request to a run other than a command; there is a button for each."""
+    """Request to a run that is not a command; the page has a button for each request."""
 
     PLAY = "play the program"
     PAUSE = "pause"
@@ -29,7 +29,7 @@ class ShownRun(Protocol):
 
     Attributes:
         abilities: the supported requests.
-        failure: reason if the run ended without a request; None otherwise.
+        failure: exception that ended the run; None if there was none.
     """
 
     abilities: frozenset[Ability]
@@ -45,15 +45,15 @@ class ShownRun(Protocol):
 
     @property
     def commands(self) -> Mapping[str, float]:
-        """Present commands of actuators and loads; unknown ones are left out."""
+        """Present commands of actuators, loads and joints, by name; unknown commands are left out."""
 
     @property
     def targets(self) -> Mapping[str, Pose]:
-        """Present targets of handles and obstacles, relative to rest."""
+        """Present targets of handles and obstacles by name, relative to rest."""
 
     @property
     def moduli(self) -> Mapping[str, float]:
-        """Present Young's moduli [Pa] by material; moduli that cannot be changed are left out."""
+        """Present Young's moduli [Pa] by material, of the materials with such a modulus."""
 
     @property
     def paused(self) -> bool:
@@ -64,10 +64,10 @@ class ShownRun(Protocol):
         """Path of the bag that is being written, or None."""
 
     def watch(self, wanted: bool) -> None:
-        """Record whether there are viewers."""
+        """Inform the run whether there are viewers."""
 
     def doing(self) -> tuple[str, bool]:
-        """Return a text about the run's activity, and whether it is a problem; empty if the last steps show it."""
+        """Return a text about the run's activity, and whether it is a problem; empty while it only makes steps."""
 
     def command(self, name: str, order: Order) -> None:
         """Queue an order for the next step.
@@ -77,10 +77,10 @@ class ShownRun(Protocol):
         """
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Carry out the request of any button except the one of the moduli; `pause` and `record` are toggles.
+        """Carry out a request other than ``MODULI``; ``PAUSE`` and ``RECORD`` are toggles.
 
         Return a future text for the user, which may raise a GdfeError, or None if the page itself shows the effect.
         """
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[Any]:
-        """Set Young's moduli [Pa] of materials, if that is among the abilities. The answer may raise a GdfeError."""
+        """Set Young's moduli [Pa] by material, if ``MODULI`` is supported; the future answer may raise a GdfeError."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feedback control that moves a probe to the place to which a viewer drags it; it uses the shown states."""
+"""Feedback control that moves a probe to the position to which a viewer drags it, by means of the shown states."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ STILL = 1e-6
 INTERVAL = 0.02
 """Duration of a command [s], for the rate limits of actuators."""
 ENOUGH = 1e6
-"""Duration of the model's step to the commands in force [s]; it is so long that rate limits do not matter."""
+"""Duration of the model's step to the present commands [s]; it is so long that rate limits have no effect."""
 SLEW = 1.0
-"""Shortest time [s] in which a command may cross its range; half a second for a node under the wall clock."""
+"""Shortest time in which a command crosses its range [s]; for a node under the wall clock, the default is 0.5 s."""
 LEARNING = 0.6
-"""Parameter ``learning`` of the control without dynamics. With dynamics it is 0, because a swinging body would correct
-the Jacobian wrongly.
+"""Parameter ``learning`` of the control without dynamics. With dynamics it is 0, because the oscillations of the body
+would give wrong corrections of the Jacobian.
 """
 
 
 class Leading:
-    """Converts goals of a probe to orders for the actuators, one order for each state that is shown.
+    """Converts the goal of a probe to orders for the actuators, one order for each shown state.
 
-    The model is solved once, in a separate thread, when a viewer first drags a probe. A goal is dropped in three cases:
-    it is reached, the commands no longer change, or another source commands an actuator.
+    When a viewer first drags a probe, a model for the control is built and solved in a separate thread. A goal is
+    dropped in three cases: it is reached, the commands no longer change, or another source commands an actuator.
 
     Args:
-        session: the run.
-        say: receives a text for the viewers.
+        session: the commanded run.
+        say: function that receives a text for the viewers.
     """
 
     def __init__(self, session: ShownRun, say: Callable[[str], None]) -> None:
@@ -60,7 +60,7 @@ class Leading:
         self.take(self._view)
 
     def take(self, view: View | None) -> None:
-        """Send the next commands, computed from the state ``view``; None stands for the last state."""
+        """Send the next commands, computed from the state ``view``; None: from the last state."""
         with self._lock:
             self._view = view or self._view
             if self._goal is None or self._control is None or self._view is None:
@@ -87,7 +87,7 @@ class Leading:
             self._say(str(error))
 
     def _make(self) -> None:
-        """Start a thread that builds the control of the probe, unless one does so already."""
+        """Start a thread that builds the control of the probe, unless such a thread is running."""
         if self._making != self._probe:
             self._making = self._probe
             threading.Thread(target=self._made, args=(self._probe,), name="model of a probe", daemon=True).start()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Serialised messages of ROS 2 Jazzy from arrays, by rosbags, without ROS."""
+"""Serialised messages of ROS 2 Jazzy, made from arrays by rosbags, without ROS."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.recording.topic import TopicInfo
 
 _DATATYPES = {"f4": 7, "i4": 5}
-"""Codes of ``sensor_msgs/msg/PointField``."""
+"""Codes of data types in ``sensor_msgs/msg/PointField``, by numpy's name."""
 _CLOUD, _JOINTS, _TEXT = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/JointState", "std_msgs/msg/String"
 
 
@@ -22,7 +22,7 @@ class Messages:
     """Makes serialised messages and describes their types.
 
     Args:
-        joints: names in a JointState.
+        joints: names of the entries of a JointState.
     """
 
     def __init__(self, *, joints: Sequence[str] = ()) -> None:
@@ -35,7 +35,7 @@ class Messages:
         return TopicInfo(name=name, type=kind, definition=text, type_hash=digest, role=role)
 
     def text(self, data: str) -> bytes:
-        """Serialise a String."""
+        """Serialise a String message."""
         return self._bytes(self._store.types[_TEXT](data), _TEXT)
 
     def pack(self, kind: str, values: Values, stamp: int, frame_id: str) -> bytes:
@@ -43,9 +43,10 @@ class Messages:
 
         Args:
             kind: type of the message.
-            values: arrays by dotted path of the field, e.g. ``pose.position.x`` (1,); for a cloud by column.
-            stamp: of the header [ns].
-            frame_id: of the header.
+            values: dict from the dotted path of a field, e.g. ``pose.position.x``, to its value (1,). For a cloud: from
+                the name of a column to its values (k,). For a JointState: from the name of a field to its values.
+            stamp: stamp of the header [ns].
+            frame_id: frame of the header.
         """
         message = self._empty(kind)
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
@@ -80,7 +81,7 @@ class Messages:
         return bytes(self._store.serialize_cdr(message, kind))
 
     def _empty(self, kind: str) -> Any:
-        """Return a message of zeros, empty texts and empty sequences."""
+        """Return a message whose fields are zeros, empty texts and empty sequences."""
         _, fields = self._store.fielddefs[kind]
         return self._store.types[kind](**{name: self._zero(*what) for name, what in fields})
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of viewers' orders when they arrive: a step that has begun can no longer refuse them."""
+"""Checks of viewers' orders on arrival, because a step in progress can no longer refuse an order."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def require_order(name: str, order: Order, size: float) -> None:
     """Check that an order of ``name`` can be carried out by a body of this size [m].
 
     Raises:
-        Refusal: a number is not finite, or a target is too far away.
+        Refusal: a number is not finite, or a target is too far from rest.
     """
     match order:
         case PoseOrder() | TeleportOrder():

@@ -39,18 +39,18 @@ _BUILT = "the body is being built"
 _PLAIN = "none"
 _PORTS = 65536
 _LONGEST_NOTE = 300
-"""Limit of characters of a text for viewers."""
+"""Largest number of characters of a text for viewers."""
 
 
 class Page:
     """Draws a session in browsers and lets viewers command it.
 
-    The solver never waits for the page: the drawing thread takes the last finished step, and slow viewers receive the
-    newest frame when they are ready.
+    The solver never waits for the page. The drawing thread draws the last finished step and skips earlier ones, and
+    slow viewers receive the newest frame when they are ready.
 
     Args:
         host: address of the server, e.g. ``127.0.0.1``.
-        port: first port to try; if it is in use, the next ones are tried.
+        port: first port to try; if it is in use, the following ports are tried.
         frames: largest number of frames per second.
 
     Raises:
@@ -58,8 +58,8 @@ class Page:
 
     Attributes:
         port: port of the server.
-        drawn: frames drawn so far.
-        failure: reason if the drawing ended without a request; None otherwise.
+        drawn: number of frames drawn so far.
+        failure: exception that ended the drawing; None if there was none.
     """
 
     def __init__(self, *, host: str, port: int, frames: float) -> None:
@@ -86,7 +86,7 @@ class Page:
         return len(self._server.get_clients())
 
     def lay_out(self, scene: Scene, title: str) -> None:
-        """Draw the undeformed body of a scene, while its run is still being built."""
+        """Draw the undeformed body of a scene while its run is still being built."""
         gui = self._server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         gui.set_panel_label(f"gdfe live: {title}")
@@ -104,7 +104,7 @@ class Page:
             self._look_again()
 
     def show(self, session: ShownRun) -> None:
-        """Connect a session, and begin to draw the steps that it passes to `take`."""
+        """Connect a session to the page, and begin to draw the steps that `take` receives."""
         if self._stage is None:
             self.lay_out(session.scene, session.title)
         gui = self._server.gui
@@ -118,7 +118,7 @@ class Page:
         self._thread.start()
 
     def take(self, view: View) -> None:
-        """Store a step, in the thread that makes or receives it; it is drawn with the next frame."""
+        """Store a step, to be drawn with the next frame; called in the thread that makes or receives the step."""
         self._history.add(view)
         self._status.add(view)
         self._view = view
@@ -178,7 +178,7 @@ class Page:
             self._guarded(lambda: self._leading.aim(probe, goal))
 
     def _look_again(self) -> None:
-        """Request a new drawing of the present step."""
+        """Request that the present step is drawn again."""
         self._again = True
         self._changed.set()
 
@@ -221,7 +221,7 @@ class Page:
             self._ending.wait(max(0.0, due - monotonic()))
 
     def _draw(self, view: View) -> None:
-        """Send a frame at once: viser would delay it by 1/60 s to send it together with others."""
+        """Send the frame of a step at once; viser would wait for 1/60 s to collect messages."""
         shares = None
         if self._colour.value != _PLAIN:
             field = self._fields[self._colour.value]
@@ -232,7 +232,7 @@ class Page:
         self._server.flush()
 
     def _refresh(self, view: View | None) -> None:
-        """Send the parts that are not updated in every frame; before the first step, send only controls and status."""
+        """Update the parts that are not in every frame; before the first step, update only controls and status."""
         with self._server.atomic():
             self._panel.refresh(self._session.commands)
             self._state.content = self._status.text(view, largest=self._stage.largest(), viewers=self.viewers)
@@ -245,7 +245,7 @@ class Page:
 
 
 def _free_port(host: str, first: int) -> int:
-    """Return the first free port.
+    """Return the first free port of an address, from ``first`` on.
 
     Raises:
         GdfeError: the host is not an address of this machine, or no port is free.
@@ -270,14 +270,14 @@ def _shorten_complaints() -> None:
 
 
 class _OneLine(logging.Filter):
-    """Replaces an exception's traceback by its message, and passes each text once in five seconds."""
+    """Replaces an exception's traceback by its text, and lets each text pass once in five seconds."""
 
     def __init__(self) -> None:
         super().__init__()
         self._throttle = Throttle()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Shorten a record; return False if the same one was logged recently."""
+        """Shorten a log record; return False if the same text was logged in the last five seconds."""
         error = record.exc_info[1] if record.exc_info else None
         text = record.getMessage().partition("\n")[0] + (f": {error!r}" if error else "")
         record.msg, record.args = f"gdfe live: {text[:_LONGEST_NOTE]}", ()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controls of a run: one for each actuator, load, joint and modulus, and buttons."""
+"""Controls of a run: a slider or number field for each actuator, load, joint and modulus, and buttons."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.orders import ActuatorOrder
 
 _TOUCHED = 1.0
-"""After a move, a slider keeps the user's value for this time [s]; then it shows the present command."""
+"""After a viewer's move, a slider shows the viewer's value for this time [s]; then it shows the present command."""
 _LARGEST_FACTOR = 2.0
 """Value at the right end of a load's slider."""
 _STEPS = 1000
@@ -26,13 +26,13 @@ _STEPS = 1000
 
 
 class Panel:
-    """The controls of a run; viewers' actions are passed to the session's inbox.
+    """The controls of a run; viewers' actions become orders and requests to the session.
 
     Args:
         gui: controls of the page.
         session: commanded run.
-        say: shows a text to every viewer.
-        guarded: wraps an action that may raise a GdfeError, which is then shown.
+        say: function that shows a text to every viewer.
+        guarded: function that carries out an action and shows its GdfeError to every viewer.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Panel:
             self._guarded(lambda: self._await(action()))
 
     def _await(self, answer: Future[Any] | None) -> None:
-        """Show an answer to viewers once it is complete."""
+        """Show the text or the error of a future answer to viewers once it is complete."""
 
         def tell(done: Future[Any]) -> None:
             if text := done.result():
@@ -96,7 +96,7 @@ class Panel:
         self._add_input(actuator.name, label, actuator.low, actuator.high)
 
     def _add_input(self, name: str, label: str, low: float, high: float) -> None:
-        """Add a slider over the range, or a number field for an unbounded range."""
+        """Add a slider from ``low`` to ``high`` or, if the range is unbounded, a number field."""
         start = self._session.commands.get(name, min(max(0.0, low), high))
         if math.isfinite(high - low):
             step = (high - low) / _STEPS
@@ -116,7 +116,7 @@ class Panel:
             self._guarded(lambda: self._session.command(name, ActuatorOrder({name: float(control.value)})))
 
     def _add_moduli(self) -> None:
-        """Add a number field for each modulus, and the button that applies them."""
+        """Add a number field for each modulus, and the button that applies the numbers."""
         if not self._moduli or Ability.MODULI not in self._session.abilities:
             return
         with self._gui.add_folder("Young's moduli", expand_by_default=False):
@@ -127,7 +127,7 @@ class Panel:
             self._add_button(Ability.MODULI, self._change_moduli)
 
     def _show_moduli(self) -> None:
-        """Show moduli that have changed since they were last shown; until then, keep the values that a viewer typed."""
+        """Show each modulus that has changed since it was last shown; do not overwrite values that a viewer typed."""
         present = self._session.moduli
         for name, number in self._numbers.items():
             if present[name] != self._moduli[name]:
@@ -144,12 +144,12 @@ class Panel:
 
 @dataclass
 class _Slider:
-    """A control of a command.
+    """The slider or number field of a command.
 
     Attributes:
         control: element of viser's page.
         label: text of the control.
-        touched: time of the last move by a viewer (monotonic) [s].
+        touched: time of the last move by a viewer, on a monotonic clock [s].
     """
 
     control: Any
@@ -157,7 +157,7 @@ class _Slider:
     touched: float = field(default=-math.inf)
 
     def show(self, value: float | None) -> None:
-        """Show a present command, unless a viewer is using the slider; None stands for an unknown command."""
+        """Show the present command, unless a viewer has just moved the slider; None: the command is unknown."""
         self.control.label = self.label if value is not None else f"{self.label}, not known"
         if value is None or monotonic() - self.touched <= _TOUCHED:
             return

@@ -12,12 +12,12 @@ _COUNT = 2
 
 
 class Plots:
-    """Two plots in a panel of their own.
+    """A panel with two plots.
 
     Args:
-        gui: of the page.
-        history: of the run; the quantities are known after the first step.
-        below: panel below which the plots are docked.
+        gui: controls of the page.
+        history: history of the run; the quantities are known after the first step.
+        below: panel below which the new panel is docked.
     """
 
     def __init__(self, gui: viser.GuiApi, history: StepHistory, *, below: viser.PanelHandle) -> None:
@@ -38,12 +38,12 @@ class Plots:
 
 
 class _Plot:
-    """A list of quantities, and the curves of the selected one.
+    """A selection of quantities, and a chart with the curves of the selected quantity.
 
     Args:
-        gui: of the page, in the context of the plot's container.
-        history: of the run.
-        name: initial selection.
+        gui: controls of the page, in the context of the plot's container.
+        history: history of the run.
+        name: initially selected quantity.
     """
 
     def __init__(self, gui: viser.GuiApi, history: StepHistory, name: str) -> None:
@@ -54,7 +54,7 @@ class _Plot:
         self._chart: viser.GuiUplotHandle | None = None
 
     def refresh(self) -> None:
-        """Draw the present curves; a new selection replaces the chart."""
+        """Draw the curves of the selected quantity; after a new selection, replace the chart."""
         name = self._choice.value
         table = tuple(self._history.table(name))
         if name == self._drawn:

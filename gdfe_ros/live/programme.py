@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Playback of the scene's program: orders for the next step."""
+"""Playback of a scene's program as orders for each next step."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from gdfe_ros.scene.program import Program
 
 
 def pose_order(handle: str, pose: Pose) -> PoseOrder:
-    """Return the order that moves a handle to a pose relative to its rest."""
+    """Return the order that moves a handle to a pose relative to its rest pose."""
     quaternion = tuple(Rotation.from_rotvec(pose.rotation).as_quat().tolist())
     return PoseOrder(handle, pose.translation, quaternion)
 
 
 class Programme:
-    """Plays a program from a given simulation time on; it leaves out names that another source commands.
+    """Plays a program from a given simulation time on, except for items that another source commands.
 
-    One thread may call `leave` while another calls `give`. After `leave` has returned, no more orders for its names
-    are sent.
+    One thread may call `leave` while another thread calls `give`. After `leave` has returned, no more orders for the
+    given names are sent.
 
     Args:
         program: program of the scene.
         start: simulation time at which the program begins [s].
 
     Attributes:
-        start: as given.
+        start: simulation time at which the program begins [s].
     """
 
     def __init__(self, program: Program, start: float) -> None:
@@ -44,7 +44,7 @@ class Programme:
         return self._program.duration
 
     def leave(self, names: Iterable[str]) -> None:
-        """Stop commanding the named handles, actuators and loads, because another source commands them now."""
+        """Stop commanding the named handles, actuators, loads and joints, because another source commands them now."""
         with self._giving:
             self._left.update(names)
 
@@ -53,7 +53,7 @@ class Programme:
         return time - self.start >= self._program.duration
 
     def give(self, time: float, send: Callable[[str, Order], None]) -> None:
-        """Send the orders for a step that ends at a simulation time [s], by input."""
+        """Send the orders for a step that ends at a simulation time [s]; ``send`` receives the name and the order."""
         with self._giving:
             for name, order in self._orders(time):
                 send(name, order)

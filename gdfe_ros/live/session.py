@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation that runs while it is shown: stepped in a separate thread, commanded through one inbox."""
+"""A session of a page with a simulation in this process, stepped in a separate thread, commanded through an inbox."""
 
 from __future__ import annotations
 
@@ -36,34 +36,34 @@ _LONG = 0.3
 
 
 class RestingPace(WallPace):
-    """Steps in real time; while idle, simulation time stands still.
+    """Makes steps in real time; while idle, simulation time does not advance.
 
-    Therefore the first command after an idle time, such as a slider's move or a program, always covers one step.
+    Therefore the first step after an idle time, e.g. for a slider's move or a program, always has the duration dt.
     """
 
     def begin(self) -> float:
-        """Return one dt after an idle time, otherwise the same as `WallPace`."""
+        """Begin a step and return its simulation time [s]: dt after an idle time, otherwise as `WallPace`."""
         if self._idle:
             self.restart()
         return super().begin()
 
 
 class LiveSession:
-    """Steps a simulation and passes on each step; it is the host of the node's `SteppingThread` and `CommandAssembler`.
+    """Steps a simulation and passes on each step; owner of the simulation for `SteppingThread` and `CommandAssembler`.
 
     Args:
-        simulation: ready to step; used by the stepping thread only from now on.
+        simulation: simulation that is ready to step; from now on, only the stepping thread may use it.
         dt: simulation time of a step [s].
-        clock: ``WALL`` steps in real time if the machine is fast enough, ``FAST`` as fast as possible.
-        told: called in the stepping thread with the view of each step; it must be quick.
-        warn: receives texts about refused commands and other texts for the user.
+        clock: ``WALL``: steps in real time, if the machine is fast enough; ``FAST``: steps as fast as possible.
+        told: function that is called in the stepping thread with the view of each step; it must be fast.
+        warn: function that receives texts about refused commands and other texts for the user.
 
     Attributes:
-        simulation: replaced after a change of moduli.
-        parameters: present values, with the node's names.
-        refusals: counts refused commands.
+        simulation: present simulation, replaced after a change of moduli.
+        parameters: dict from a name of the node's parameters to its value here.
+        refusals: counts of refused commands.
         last: the last step, or None.
-        log_time: of that step, for the bag [ns].
+        log_time: log time of the last step in the bag [ns].
         stepper: the stepping thread.
     """
 
@@ -110,7 +110,7 @@ class LiveSession:
 
     @property
     def abilities(self) -> frozenset[Ability]:
-        """All requests; playback only if the scene has a program."""
+        """Supported requests: all, but playback only if the scene has a program."""
         return frozenset(Ability) - ({Ability.PLAY} if self.scene.program is None else frozenset())
 
     @property
@@ -120,12 +120,12 @@ class LiveSession:
 
     @property
     def commands(self) -> Mapping[str, float]:
-        """Present commands of actuators, loads and joints."""
+        """Present commands of actuators, loads and joints, by name."""
         return self.simulation.commands | self.simulation.joint_goals
 
     @property
     def targets(self) -> Mapping[str, Pose]:
-        """Present targets."""
+        """Present targets of handles and obstacles by name, relative to rest."""
         return self.simulation.targets
 
     @property
@@ -139,10 +139,10 @@ class LiveSession:
         return self.stepper.paused
 
     def watch(self, wanted: bool) -> None:
-        """Do nothing: steps are always passed on, because plots also show steps without viewers."""
+        """Do nothing: steps are passed on even without viewers, because later viewers see them in the plots."""
 
     def doing(self) -> tuple[str, bool]:
-        """Return a text about the activity and whether it is a problem; empty while the run waits or follows."""
+        """Return a text about the activity and whether it is a problem; empty while idle or following commands."""
         if self.stepper.failure:
             return f"paused: {self.stepper.failure}", True
         work, playing = self.stepper.work, self._programme
@@ -156,7 +156,7 @@ class LiveSession:
         return f"plays the program, {moment:.2f} of {playing.duration:g} s", False
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Carry out the request of a button."""
+        """Carry out a request; return a future text for the user when a bag is begun or completed, otherwise None."""
         match ability:
             case Ability.PLAY:
                 self.play()
@@ -172,7 +172,7 @@ class LiveSession:
         return None
 
     def start(self) -> None:
-        """Start the thread; it passes on the present state at once."""
+        """Start the stepping thread; it passes on the present state at once."""
         dt = self.parameters["dt"]
         kind = FastPace if self._clock is ClockMode.FAST else RestingPace
         self.stepper.start(kind(lambda: Timing(1.0 / dt, dt, 0.0, False)), self._inbox)
@@ -192,7 +192,7 @@ class LiveSession:
         """Queue an order for the next step; the program stops commanding the same items.
 
         Raises:
-            Refusal: a number is not finite, or a target is too far away.
+            Refusal: a number is not finite, or a target is too far from rest.
         """
         require_order(name, order, self.simulation.mesh.size)
         if self._programme is not None:
@@ -225,7 +225,7 @@ class LiveSession:
         self.stepper.post(self.stepper.advance)
 
     def reset(self) -> None:
-        """Go back to rest at time 0; the program ends."""
+        """Set the simulation to its initial state at time 0, and end the program."""
 
         def back() -> None:
             self._programme = None
@@ -234,18 +234,18 @@ class LiveSession:
         self.stepper.post(back, urgent=True)
 
     def record(self, path: Path | None) -> Future[str]:
-        """Begin a bag in a new directory, or complete the present bag if ``path`` is None; return a future message.
+        """Begin a bag in the directory ``path``, or complete the present bag if it is None; return a future message.
 
-        The future raises a GdfeError in three cases: a bag is being written already, there is none to complete, or it
-        cannot be created.
+        The future raises a GdfeError in three cases: another bag is being written, there is no bag to complete, or the
+        bag cannot be created.
         """
         return self.stepper.post(lambda: self._end_bag() if path is None else self._begin_bag(path))
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[None]:
-        """Set Young's moduli [Pa] of materials; the body goes to its new equilibrium, or continues its motion.
+        """Set Young's moduli [Pa] by material. The body goes to its new equilibrium or, with dynamics, keeps moving.
 
-        The future answer raises a GdfeError for an invalid value, or while a bag is written, because a replay could not
-        repeat the change.
+        The future answer raises a GdfeError for an invalid value, and while a bag is written, because a replay could
+        not repeat the change.
         """
 
         def swap() -> None:
@@ -274,7 +274,7 @@ class LiveSession:
         return bag.close()
 
     def _deliver(self, step: Step) -> None:
-        """Record a step, pass it on, and let the program command the next one."""
+        """Record a step, pass it on, and let the program command the next step."""
         if self._bag is not None:
             self._bag.write(step)
         self._told(View.of(step))

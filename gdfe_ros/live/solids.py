@@ -19,23 +19,23 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.scene.scene import Scene
 
 _SHEET = 4.0
-"""Edge of the sheet that represents a plane, over the body's size."""
+"""Edge of the sheet that represents a plane, divided by the extent of all meshes."""
 _OBSTACLE, _BODY, _LINES = (140, 145, 155), (230, 140, 50), (110, 115, 125)
 _OBSTACLE_OPACITY, _BODY_OPACITY = 0.45, 0.8
-"""Opacities of obstacles and of rigid bodies; forces and objects behind them remain visible."""
+"""Opacities of obstacles and of rigid bodies, below 1 so that forces and objects behind them remain visible."""
 
 
 class Solids:
-    """Shapes of obstacles that are sent once; later only changed poses are sent.
+    """Draws obstacles and rigid bodies. Their shapes are sent once; later only changed poses are sent.
 
-    A plane is drawn as a sheet with lines a tenth of the body's size apart. The sheet follows the body by multiples of
-    this distance, so that the lines appear fixed.
+    A plane is drawn as a sheet with lines. Their distance is a tenth of the extent of all meshes. The sheet follows the
+    body in steps of this distance, so that the lines appear fixed.
 
     Args:
-        space: of the page.
+        space: 3-D space of the page.
         group: name of the parent scene node.
-        scene: with the obstacles and rigid bodies.
-        scale: from metres to the units of the view.
+        scene: scene with the obstacles and rigid bodies.
+        scale: factor from metres to the units of the view.
     """
 
     def __init__(self, space: viser.SceneApi, group: str, scene: Scene, *, scale: float) -> None:
@@ -47,8 +47,8 @@ class Solids:
         """Move each shape to its pose; viser sends the changes.
 
         Args:
-            poses: of all obstacles and rigid bodies, relative to rest.
-            positions: of the body's vertices (n, 3) [m].
+            poses: poses of all obstacles and rigid bodies by name, relative to rest.
+            positions: positions of the body's vertices (n, 3) [m].
         """
         for thing in self._things:
             origin, axes = thing.frame(poses[thing.name])

@@ -32,37 +32,37 @@ from gdfe_ros.scene.scene import Scene
 HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
 ARMS = "arms"
 CONTROL = 0.22
-"""Length of the arrows of a handle's control, over the body's size."""
+"""Length of the arrows of a handle's control, divided by the body's size."""
 GOAL = 0.14
-"""Length of the arrows of a probe's control, over the body's size."""
+"""Length of the arrows of a probe's control, divided by the body's size."""
 _EYE = np.array([-0.55, -1.15, 0.65])
-"""Position of the camera relative to the body's centre, over its size."""
+"""Position of the camera relative to the centre of the scene, divided by the extent of the scene."""
 _TRACE = 400
 """Largest number of points of a probe's trace."""
 _GRAIN = 2e-3
-"""Least distance between two points of a trace, over the body's size."""
+"""Smallest distance between two points of a trace, divided by the body's size."""
 _TOUCHED = 0.7
-"""After a drag, a control keeps the user's pose for this time [s]."""
+"""After a viewer's drag, a control keeps the viewer's pose for this time [s]."""
 _ORANGE = (240, 140, 20)
 _HELD = {"arrows": (40, 80, 200)}
 _TOUCHES = {"sticks": (25, 180, 50), "slips": (230, 25, 25)}
-"""Colours of arrows, by kind."""
+"""Dict from the kind of a contact point to the colour of its arrow: red, green and blue, 0 to 255."""
 
 
 class Stage:
     """The 3-D view, in units in which the body's size is about 1.
 
-    Two glTFs are used in turn: viser shows nothing while it reads one, so the next frame is read while the last one is
-    visible.
+    Two glTF objects are used in turn. A browser shows nothing while it reads a glTF, so it reads the next frame into
+    the hidden object while the other object is visible.
 
     Args:
-        server: of the page.
-        scene: of the simulation.
-        dragged: called with the name and the order of a handle, obstacle or rigid body that a viewer drags.
-        aimed: called with the name of a probe and the position (3,) [m] to which a viewer drags it.
+        server: server of the page.
+        scene: scene of the simulation.
+        dragged: function that is called when a viewer drags a handle, obstacle or rigid body, with its name and order.
+        aimed: function that is called when a viewer drags a probe, with its name and the new position (3,) [m].
 
     Attributes:
-        surface: of the body.
+        surface: drawn surface of the body.
     """
 
     def __init__(
@@ -121,17 +121,17 @@ class Stage:
         self._goals = {name: self._goal(name, point.at(scene.mesh.vertices)[0]) for name, point in led.items()}
 
     def draw(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> None:
-        """Send a frame that stays hidden; `turn` shows it."""
+        """Send a frame, which stays hidden until `turn` shows it."""
         self._bodies[1 - self._shown].glb_data = self.surface.pack(positions, shares)
 
     def turn(self) -> None:
-        """Show the frame sent last."""
+        """Show the frame that was sent last, and hide the other one."""
         self._bodies[1 - self._shown].visible = True
         self._bodies[self._shown].visible = False
         self._shown = 1 - self._shown
 
     def mark(self, view: View) -> None:
-        """Move probes, obstacles, rigid bodies and arrows to their places after a step."""
+        """Move probes, obstacles, rigid bodies, links and arrows to their positions after a step."""
         if self._probes is not None:
             points = np.concatenate([point.at(view.positions) for point in self._scene.probes.values()])
             self._probes.points = (self._scale * points).astype(np.float32)
@@ -166,15 +166,15 @@ class Stage:
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """Groups of the scene's objects that can be hidden."""
+        """Names of the groups of objects that can be hidden."""
         return tuple(self._groups)
 
     def largest(self) -> dict[str, float]:
-        """Return, for each group of arrows, the largest force so far [N]; its arrow is the longest."""
+        """Return a dict from a group of arrows to the largest force so far [N], which has the longest arrow."""
         return {name: arrows.largest for name, arrows in self._arrows.items()}
 
     def show(self, group: str, wanted: bool) -> None:
-        """Show or hide one of `groups`."""
+        """Show or hide a group of objects, one of `groups`."""
         self._groups[group].visible = wanted
 
     def _light(self) -> None:
@@ -206,7 +206,7 @@ class Stage:
         return control
 
     def _goal(self, name: str, place: NDArray[np.float64]) -> viser.TransformControlsHandle:
-        """Add a control at a probe; if a viewer drags it, the actuators move the probe there."""
+        """Add a control at a probe; if a viewer drags the control, the actuators move the probe there."""
         control = self._space.add_transform_controls(
             f"/probes/goals/{name}",
             scale=GOAL * self._size,
@@ -224,7 +224,7 @@ class Stage:
         return control
 
     def _follow(self, time: float, points: NDArray[np.float64]) -> None:
-        """Extend the traces to the probes; a reset clears them."""
+        """Extend the trace of each probe to its present position; if time has gone back, clear the traces first."""
         for path, point in zip(self._paths.values(), points, strict=True):
             if time < self._time:
                 path.clear()
@@ -233,14 +233,14 @@ class Stage:
         self._time = time
 
     def _draw_reactions(self, view: View) -> None:
-        """Draw the force that each handle exerts on the body, at the handle."""
+        """Draw the force that each handle exerts on the body, as an arrow that ends at the handle's centre."""
         if self._held:
             ends = np.array([handle.centre(view.positions) for handle in self._held])
             forces = np.array([view.wrenches[handle.name][:3] for handle in self._held])
             self._arrows[REACTIONS].draw({"arrows": (self._scale * ends, forces)})
 
     def _draw_contacts(self, view: View) -> None:
-        """Draw the contact force on each point as an arrow that ends there; slipping points have another colour."""
+        """Draw the force on each contact point as an arrow that ends at the point, in the colour of its kind."""
         if self._touching:
             points = view.contacts()
             ends = self._scale * np.stack([points[name] for name in "xyz"], axis=1)
@@ -260,12 +260,12 @@ def _is_dragged(handle: Handle) -> bool:
 
 
 def scale_of(mesh: HexMesh) -> float:
-    """Return the factor from metres to the units of the view, in which a body's size is about 1."""
+    """Return the factor from metres to the units of the view, in which the body's size is about 1."""
     return 10.0 ** round(-math.log10(mesh.size))
 
 
 def first_view(mesh: HexMesh, arms: Sequence[Arm] = ()) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return initial target and position of the camera, (3,) each in the units of the view; arms are wholly visible."""
+    """Return the camera's initial target (3,) and position (3,) in the units of the view; arms are wholly visible."""
     links = [frame.origin for arm in arms for frame in arm.rest.values()]
     corners = np.vstack([mesh.bounds, *links]) if links else mesh.bounds
     middle, extent = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), np.ptp(corners, axis=0).max()

@@ -12,7 +12,7 @@ from gdfe_ros.live.interface import ShownRun
 from gdfe_ros.live.view import View
 
 _WINDOW = 1.0
-"""Wall time over which rates are averaged [s]."""
+"""Duration over which rates are averaged, in wall time [s]."""
 
 
 class Status:
@@ -27,7 +27,7 @@ class Status:
         self._times: deque[tuple[float, float, int]] = deque(maxlen=10_000)
 
     def add(self, view: View) -> None:
-        """Add a step, in the stepping thread."""
+        """Add a step; called in the thread that makes or receives it."""
         now = monotonic()
         if self._times and view.record.time < self._times[-1][1]:
             self._times.clear()
@@ -40,7 +40,7 @@ class Status:
 
         Args:
             view: the last step, or None.
-            largest: force of the longest arrow [N] of each group of arrows.
+            largest: dict from a group of arrows to the force of its longest arrow [N].
             viewers: number of connected browsers.
         """
         rows = {"state": self._doing()} if view is None else self._rows(view, largest, viewers)
@@ -62,7 +62,7 @@ class Status:
         }
 
     def _pace(self) -> tuple[float, float] | None:
-        """Return simulation time over wall time, and steps per second, for the last second; None without steps."""
+        """Return simulation time divided by wall time, and steps per second, in the last second; None without steps."""
         times = list(self._times)
         if len(times) < 2 or times[-1][0] < monotonic() - _WINDOW:
             return None
@@ -77,7 +77,7 @@ class Status:
 
 
 def waiting(text: str) -> str:
-    """Return the status of a page without a run yet, as HTML."""
+    """Return the status of a page whose run is still being built, as HTML."""
     return _table({"state": html.escape(text)})
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The body's surface as a binary glTF. The file is laid out once; then only vertices and colours are overwritten.
+"""The body's surface as a binary glTF file. The file is made once; each frame overwrites the vertices and colours.
 
-viser's plain mesh has one colour; a glTF has one for each vertex.
+viser's plain mesh has a single colour; a glTF file has a colour for each vertex.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from gdfe_ros.mesh import HexMesh
 _FLOAT32, _UINT32 = 5126, 5125
 _ARRAY, _INDICES = 34962, 34963
 _LEAST, _LARGEST = "@least@", "@largest@"
-"""Placeholders of the bounds, which every frame overwrites, as text of constant width."""
+"""Placeholders of the bounds in the template. Every frame overwrites the bounds with texts of the same width."""
 _BOUND = "[% .9e,% .9e,% .9e]"
 _GREY = 0.4
 
 
 def _linear(colours: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return sRGB colours as linear light, as glTF requires."""
+    """Convert sRGB colours to linear light, as glTF requires."""
     dark = colours <= 0.04045
     return np.where(dark, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
@@ -33,15 +33,15 @@ _LINEAR = _linear(colour(np.linspace(0.0, 1.0, 256)))
 
 
 class DrawnSurface:
-    """The boundary of a mesh, or its skin, as triangles coloured by vertex.
+    """The boundary of a mesh, or its skin, as triangles with a colour at each point.
 
     Args:
         mesh: the undeformed body.
-        scale: from metres to the units of the view.
+        scale: factor from metres to the units of the view.
 
     Attributes:
         outside: the drawn surface, with its points.
-        count: number of the points.
+        count: number of points.
         triangles: (t, 3) uint32 indices of points.
     """
 
@@ -58,7 +58,7 @@ class DrawnSurface:
         self._positions, self._colours = numbers[:count].reshape(-1, 3), numbers[count:].reshape(-1, 3)
 
     def at_vertices(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return values of the cells (m,) averaged at the points (k,), over the faces around each."""
+        """Return values at the surface points (k,): at each point the mean of ``values`` (m,) of the adjacent cells."""
         total = np.bincount(self._corners, weights=values[self._owners], minlength=self.count)
         return total / self._sharing
 
@@ -66,8 +66,8 @@ class DrawnSurface:
         """Return a frame as glTF.
 
         Args:
-            positions: of all vertices of the mesh (n, 3) [m].
-            shares: place of each point in the colour map (k,), 0 to 1; None: all in one grey.
+            positions: positions of all vertices of the mesh (n, 3) [m].
+            shares: position of each point's value in the colour map (k,), 0 to 1; None: all points are grey.
         """
         np.multiply(self.outside.at(positions), self._scale, out=self._positions, casting="same_kind")
         if shares is None:
@@ -80,7 +80,7 @@ class DrawnSurface:
         return bytes(self._data)
 
     def _template(self) -> bytes:
-        """Return the file with zeros for the data of each frame, and record their offsets."""
+        """Return the file with zeros in place of the data of a frame, and store the offsets of these data."""
         count, faces = self.count, self.triangles.tobytes()
         size = 12 * count
         views = [(0, size, _ARRAY), (size, size, _ARRAY), (2 * size, len(faces), _INDICES)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The data of a step that a page shows, from this process or a node."""
+"""The data of a step that a page shows; the step is from this process or from a node."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
     from gdfe_ros.node.step import Step
 
 Reading = tuple[str, float, str]
-"""A quantity, its value and its unit."""
+"""Name of a quantity, its value and its unit."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class View:
-    """The data of a step that are shown.
+    """The data of a step that a page shows.
 
     Attributes:
-        record: input and outcome.
-        positions: (n, 3) of the vertices [m].
-        velocities: (n, 3) [m/s]; None without dynamics.
-        fields: returns the fields of the cells (m,) by name, evaluated by the caller's thread.
-        poses: of handles, obstacles and rigid bodies, relative to rest.
-        wrenches: of these on the body (6,), force [N] then moment [N m].
-        contacts: returns the contact points (k,), as `gdfe_ros.contacts.POINT`.
-        actuators: reported values of each.
-        joints: positions of the joints of arms [rad] or [m].
+        record: record of the step's input and outcome.
+        positions: positions of the vertices (n, 3) [m].
+        velocities: velocities of the vertices (n, 3) [m/s]; None without dynamics.
+        fields: function that returns the fields of the cells (m,) by name; they are evaluated in the caller's thread.
+        poses: poses of handles, obstacles and rigid bodies by name, relative to rest.
+        wrenches: dict from handle, obstacle or rigid body to its wrench on the body (6,), force [N] then moment [N m].
+        contacts: function that returns the contact points (k,), as `gdfe_ros.contacts.POINT`.
+        actuators: dict from actuator to its readings.
+        joints: dict from joint of an arm to its position [rad] or [m].
     """
 
     record: StepRecord
@@ -49,7 +49,7 @@ class View:
 
     @classmethod
     def of(cls, step: Step) -> View:
-        """Return the view of a step of this process; expensive parts are evaluated when it is drawn."""
+        """Return the view of a step of this process; expensive parts are evaluated only when the view is drawn."""
         result = step.result
         return cls(
             record=step.record,

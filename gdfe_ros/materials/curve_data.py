@@ -18,15 +18,16 @@ _SAMPLES = 4001
 
 @dataclass(frozen=True)
 class CurveData:
-    """Uniaxial nominal stress sigma(e) [Pa] over engineering strain e.
+    """Uniaxial nominal stress sigma(e) [Pa] as a function of the engineering strain e.
 
-    Beyond ``strain_max`` the curve continues as a straight line (C1) with the last positive tangent.
+    Beyond ``strain_max`` the curve continues as a straight line (C1). If the tangent is not positive there, the line
+    starts at the last strain with a positive tangent.
 
     Attributes:
-        coefficients: of e, e^2, ... ascending [Pa]; empty for a table.
+        coefficients: coefficients of e, e^2, ... in this order [Pa]; empty for a table.
         strain: strains of a table (k,), ascending from 0; empty for a polynomial.
         stress: stresses of a table (k,) [Pa].
-        strain_max: strain at the end of the data.
+        strain_max: largest strain of the data.
     """
 
     coefficients: tuple[float, ...]
@@ -36,10 +37,14 @@ class CurveData:
 
     @classmethod
     def polynomial(cls, coefficients: ArrayLike, *, strain_max: float | None = None) -> CurveData:
-        """Return a polynomial curve; its data end at ``strain_max``, or where the tangent becomes negative.
+        """Return a polynomial curve.
+
+        Its data end at ``strain_max``. If this is None, they end where the tangent stops being positive, or at strain
+        10 if it never does.
 
         Raises:
-            ValueError: a coefficient is not finite or the initial modulus is not positive.
+            ValueError: a coefficient is not finite, the initial modulus is not positive, or ``strain_max`` is out of
+                range.
         """
         values = tuple(float(value) for value in np.atleast_1d(np.asarray(coefficients, dtype=np.float64)))
         if not values or not np.isfinite(values).all() or values[0] <= 0.0:
@@ -59,7 +64,8 @@ class CurveData:
         """Return a curve through measured points (monotone cubic interpolation, Fritsch and Carlson 1980).
 
         Raises:
-            ValueError: fewer than two points, lengths differ, strains not ascending from 0, or not finite.
+            ValueError: there are fewer than two points, the lengths differ, a number is not finite, the strains do not
+                ascend from 0, the stress at strain 0 is not 0, or the initial slope is not positive.
         """
         e, s = np.asarray(strain, dtype=np.float64), np.asarray(stress, dtype=np.float64)
         if e.ndim != 1 or e.shape != s.shape or not (np.isfinite(e).all() and np.isfinite(s).all()):
@@ -97,7 +103,7 @@ class CurveData:
         return CurveData(coefficients, self.strain, tuple(factor * value for value in self.stress), self.strain_max)
 
     def remarks(self) -> list[str]:
-        """Return remarks on strains at which the curve fits no stable elastic material; empty if there are none."""
+        """Return remarks on strains at which the tangent is negative or the stress not positive; empty if none."""
         grid = np.linspace(0.0, self.strain_max, _SAMPLES)
         tangent, stress = self._data_tangent(grid), self._data_stress(grid)
         notes = []
@@ -108,7 +114,7 @@ class CurveData:
         return notes
 
     def _continuation(self) -> tuple[float, float]:
-        """Return the strain at which the straight continuation begins, and its slope [Pa]."""
+        """Return the strain at which the straight continuation of the curve starts, and its slope [Pa]."""
         slope = float(self._data_tangent(np.array([self.strain_max]))[0])
         if slope > 0.0:
             return self.strain_max, slope

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Densities of materials, which gravity and dynamics need."""
+"""Densities of materials for gravity and dynamics."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from gdfe_ros.materials.material import Material
 
 
 def lacks_density(materials: Mapping[str, Material], what: str) -> str:
-    """Return a message if materials lack the density that ``what``, e.g. ``gravity needs``; empty if all have one."""
+    """Return a message that names the materials without a density; empty if every material has one.
+
+    The message starts with ``what``, e.g. ``gravity needs``.
+    """
     light = [key for key, material in materials.items() if material.density is None]
     return f"{what} a density: give `density` [kg/m^3] to {', '.join(light)}" if light else ""
 
 
 def cell_densities(materials: Mapping[str, Material], cell_material: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the density (m,) [kg/m^3] of each cell from the indices (m,) of its material."""
+    """Return the density (m,) [kg/m^3] of each cell; ``cell_material`` (m,) are the indices of the cells' materials."""
     return np.array([material.density for material in materials.values()])[cell_material]

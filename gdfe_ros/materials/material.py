@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stress-strain laws for users: immutable, validated, SI units."""
+"""Stress-strain laws with their parameters: immutable, validated, SI units."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.materials.stability import drucker_remarks
 
 
 class Law(IntEnum):
-    """Stress-strain laws of the solver's kernels."""
+    """The stress-strain laws, numbered for the solver's kernels."""
 
     LINEAR = 0
     NEO_HOOKEAN = 1
@@ -29,9 +29,9 @@ class Material:
 
     Attributes:
         poisson: initial Poisson's ratio, -1 < nu <= 0.5; 0.5 is incompressible.
-        density: mass density [kg/m^3], needed by gravity and dynamics only.
-        omega: shape factor for the ``relative`` policy, 0 < omega <= 1; None for the factor of the law.
-        caveat: limitation of the parameters' source; empty for none.
+        density: mass density [kg/m^3]; None if unknown. Only gravity and dynamics need it.
+        omega: shape factor for the ``relative`` policy, 0 < omega <= 1; None for the law's own factor.
+        caveat: limitation of the measurement that gave the parameters; empty for none.
 
     Raises:
         ValueError: a parameter is out of range.
@@ -84,7 +84,7 @@ class Material:
 
 @dataclass(frozen=True, kw_only=True)
 class Linear(Material):
-    """Corotated linear law, P = E/(1+nu) (F - lam R) + K (J-1) cof F with lam = tr(R^T F)/3.
+    """Corotated linear law, P = E/(1+nu) (F - lam R) + K (J-1) cof F, where lam = tr(R^T F)/3.
 
     Attributes:
         young: Young's modulus [Pa].
@@ -127,19 +127,20 @@ class NeoHookean(Linear):
         return self.young / 3.0 * (stretch - stretch**-2.0)
 
     def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return E/3 (1 + 2 l^-3) [Pa]."""
+        """Return E/3 (1 + 2 l^-3) [Pa] at l = 1 + e."""
         return self.young / 3.0 * (1.0 + 2.0 * (1.0 + strain) ** -3.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ogden(Material):
-    """Ogden's law in Abaqus' convention (Eq. 11) on isochoric stretches.
+    """Ogden's law in Abaqus' convention (Eq. 11).
 
-    W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3) + K/2 (J - 1)^2, mu0 = sum_i mu_i.
+    W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3) + K/2 (J - 1)^2. Here l1, l2, l3 are the
+    isochoric principal stretches. The initial shear modulus is mu0 = sum_i mu_i.
 
     Attributes:
-        mu: moduli mu_i [Pa], one to six terms.
-        alpha: exponents alpha_i, non-zero, as many as ``mu``.
+        mu: moduli mu_i [Pa] of one to six terms.
+        alpha: exponents alpha_i, nonzero, as many as ``mu``.
     """
 
     mu: tuple[float, ...]
@@ -173,11 +174,11 @@ class Ogden(Material):
         return sum(terms, np.zeros_like(stretch))
 
     def remarks(self) -> list[str]:
-        """Return remarks on the deformations and stretches at which the constants are unstable."""
+        """Return remarks on the deformations and stretches at which the law is unstable; empty if there are none."""
         return drucker_remarks(self._stiffness)
 
     def _stiffness(self, stretch: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return d tau / d ln l = sum_i 2 mu_i l^alpha_i [Pa] of a principal stretch."""
+        """Return d tau / d ln l = sum_i 2 mu_i l^alpha_i [Pa] at a principal stretch l; tau is the Kirchhoff stress."""
         terms = (2.0 * mu * stretch**alpha for mu, alpha in zip(self.mu, self.alpha, strict=True))
         return sum(terms, np.zeros_like(stretch))
 
@@ -196,10 +197,10 @@ class Ogden(Material):
 
 @dataclass(frozen=True, kw_only=True)
 class Curve(Material):
-    """A measured uniaxial curve extended by Eq. 5, W = Phi(eps_eq) + K/2 (J - 1)^2.
+    """Law from a measured uniaxial curve, extended to three dimensions by Eq. 5: W = Phi(eps_eq) + K/2 (J - 1)^2.
 
-    ``Phi`` is chosen so that uniaxial tension at J = 1 reproduces the curve exactly (docs/theory/energy.md). ``eps_eq``
-    has no sign, so compression and shear follow from the tension curve.
+    ``Phi`` is chosen so that uniaxial tension at J = 1 reproduces the curve exactly (docs/theory/energy.md). The
+    equivalent strain ``eps_eq`` has no sign, so that compression and shear follow from the tension curve.
 
     Attributes:
         data: the measured curve.
@@ -210,11 +211,11 @@ class Curve(Material):
 
     @property
     def shear0(self) -> float:
-        """Initial shear modulus [Pa], E0 / 3, because the deviatoric part uses nu = 0.5 in Eq. 5."""
+        """Initial shear modulus E0 / 3 [Pa]; the deviatoric energy uses nu = 0.5 in Eq. 5."""
         return self.data.initial_modulus / 3.0
 
     def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the measured curve [Pa], continued beyond its data."""
+        """Return the nominal stress [Pa] of the measured curve, continued beyond its data."""
         return self.data.stress_at(strain)
 
     def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -222,7 +223,7 @@ class Curve(Material):
         return self.data.tangent_at(strain)
 
     def remarks(self) -> list[str]:
-        """Return remarks on the strains from which the measured curve softens or becomes negative."""
+        """Return remarks on strains at which the curve's tangent is negative or its stress not positive."""
         return self.data.remarks()
 
 

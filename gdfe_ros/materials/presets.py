@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Materials by name: the paper's two printed filaments, and common silicones."""
+"""Library of materials by name: the paper's two printed filaments, and common silicones."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FILAMENTS = {
     ),
 }
 LIBRARY = {**_FILAMENTS, **SILICONES}
-"""Recipe of each preset, by its name."""
+"""Dict from the name of each preset to its recipe."""
 PRESETS = tuple(LIBRARY)
 
 
@@ -47,10 +47,10 @@ def preset(
     Args:
         name: one of ``PRESETS``.
         law: ``Law.OGDEN``, or ``Law.CURVE`` for the measured curve.
-        poisson: initial Poisson's ratio; None: the preset's. Presets of filaments have none.
-        density: mass density [kg/m^3]; None: the preset's, if it is known.
-        omega: shape factor for the ``relative`` policy; None: the law's own.
-        scale: factor on every stress, for a batch that is stiffer or softer than the measured one.
+        poisson: initial Poisson's ratio; None for the preset's ratio. Presets of filaments have no ratio.
+        density: mass density [kg/m^3]; None for the preset's density, if it has one.
+        omega: shape factor for the ``relative`` policy; None for the law's own factor.
+        scale: factor on every stress, for a batch that is stiffer or softer than the measured batch.
 
     Raises:
         ValueError: the name or the law is unknown, or neither the preset nor the argument gives Poisson's ratio.

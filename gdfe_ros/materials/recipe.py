@@ -15,11 +15,11 @@ class Recipe:
     Attributes:
         mu: moduli of Ogden's law [Pa].
         alpha: exponents of Ogden's law.
-        curve: nominal stress over engineering strain, up to the largest measured strain.
+        curve: nominal stress as a function of engineering strain, up to the largest measured strain.
         source: authors and method of the measurement.
         poisson: initial Poisson's ratio; None if the source does not give it.
         density: mass density [kg/m^3]; None if the source does not give it.
-        misfit: largest relative deviation of Ogden's law from the data.
+        misfit: largest relative deviation of Ogden's law from the data; None if unknown.
         caveat: limitation that a user must know; empty for none.
     """
 

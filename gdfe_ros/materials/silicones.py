@@ -3,11 +3,11 @@
 
 The tests follow ASTM D412. They measure strain at the machine's crosshead. The specimen slips and yields in its grips,
 so that the measured moduli are too low. A vibrating beam of Dragon Skin 10 has a modulus of 235 to 264 kPa (Dubied et
-al. 2022); the tensile test gives 129 kPa. Use the shape of a curve, and fit its scale to your own robot (`gdfe fit
+al. 2022); the tensile test gives 129 kPa. Use only the shape of a curve, and fit its scale to your own robot (`gdfe fit
 --vary materials.skin.scale=...`).
 
-Ogden's constants are the best fit of one term to these points, each weighted by its stress
-(`gdfe_ros.fitting.tensile.fit_tensile`, repeated by a test).
+Ogden's constants are the best fit of one term to the points of the curve, each weighted by its stress
+(`gdfe_ros.fitting.tensile.fit_tensile`). A test repeats the fit.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _CAVEAT = (
 _KILO = 1e3
 _STRAIN = (0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0)
 _POISSON = 0.499
-"""Poisson's ratio, fitted to a beam of Dragon Skin 10 by Dubied et al. 2022; silicones are nearly incompressible."""
+"""Poisson's ratio that Dubied et al. 2022 fitted to a beam of Dragon Skin 10; silicones are nearly incompressible."""
 
 
 def _silicone(
@@ -54,4 +54,4 @@ SILICONES = {
     ),
     "mold_star_16": _silicone((20.1, 51.4, 94.7, 186.0, 433.0, 763.0), mu=74708.0, alpha=2.9628, misfit=0.0446),
 }
-"""Silicones by name. Only for Dragon Skin 10 do the sources give a density; for the others, give it in the scene."""
+"""Dict from the name of each silicone to its recipe. Only Dragon Skin 10 has a density; give others in the scene."""

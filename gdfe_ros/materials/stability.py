@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drucker's stability condition for incompressible laws in principal stretches: stress must increase with stretch."""
+"""Drucker's stability condition for incompressible laws in principal stretches: the tangent is positive definite."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 STRETCHES = np.concatenate([np.geomspace(0.3, 1.0, 121), np.geomspace(1.0, 3.0, 121)[1:]])
-"""Principal stretches that are checked."""
+"""First principal stretches at which the stability of a law is checked."""
 MODES: dict[str, Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], ...]]] = {
     "uniaxial": lambda stretch: (stretch, stretch**-0.5, stretch**-0.5),
     "equibiaxial": lambda stretch: (stretch, stretch, stretch**-2.0),
     "planar": lambda stretch: (stretch, np.ones_like(stretch), 1.0 / stretch),
 }
-"""Deformations that are checked, each in tension and in compression."""
+"""Dict from the name of a deformation to the three principal stretches as functions of the first stretch."""
 
 
 def drucker_remarks(stiffness: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> list[str]:
-    """Return remarks on stretches at which the tangent stiffness is not positive definite; empty if stable.
+    """Return remarks on stretches at which the tangent stiffness is not positive definite; empty if there are none.
 
-    With d tau_i / d ln l_i = a_i, the Kirchhoff stresses of an incompressible body obey d tau_1 = (a_1 + a_3) d ln l_1
-    + a_3 d ln l_2, and the same with 1 and 2 exchanged. The law is stable if this 2 x 2 matrix is positive definite.
+    Each deformation of `MODES` is checked in tension and in compression. With d tau_i / d ln l_i = a_i, the Kirchhoff
+    stresses of an incompressible body obey d tau_1 = (a_1 + a_3) d ln l_1 + a_3 d ln l_2, and the same with 1 and 2
+    exchanged. The law is stable if the 2 x 2 matrix of this relation is positive definite.
 
     Args:
-        stiffness: function a(l) [Pa] of stretches l, for a law with an energy that is a sum over the principal
-            stretches.
+        stiffness: function a(l) = d tau / d ln l [Pa] of principal stretches l. The law's energy must be a sum over the
+            principal stretches.
     """
     notes = []
     for mode, stretches in MODES.items():

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled energy densities W [J/m^3] and first Piola-Kirchhoff stresses P = dW/dF [Pa] of the laws.
 
-docs/theory/energy.md derives them. A matrix is a tuple of nine floats, row by row; ``k`` is the material's row in the
-table. Each law is extrapolated below a least volume or stretch, so that a finite force restores an inverted element
-(Stomakhin et al. 2012).
+docs/theory/energy.md derives them. A matrix is a tuple of nine floats, row by row. ``k`` is the material's row in the
+table. Below a smallest volume ratio or stretch, each law is extrapolated, so that a finite force restores an inverted
+element (Stomakhin et al. 2012).
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from gdfe_ros.materials.tensor import (
 )
 
 LEAST_VOLUME = 0.1
-"""For smaller J, parabolas (C2) replace the logarithms of the neo-Hookean law."""
+"""Volume ratio J below which parabolas (C2) replace the logarithms of the neo-Hookean law."""
 LEAST_STRETCH = 0.1
-"""For smaller principal stretches, Ogden's law is extrapolated to second order (C1)."""
+"""Principal stretch below which Ogden's law is extrapolated to second order (C1)."""
 CURVE_FACTOR = 1.5 / (1.5 * 1.5)
 """Ratio of eps_eq^2 to |F - lam R|^2: 3 / (2 (1 + nu)^2) with nu = 0.5."""
 
 
 @inlined
 def volumetric(j, pressure, kappa):
-    """Return energy and slope of p (J - 1) + kappa/2 (J - 1)^2, pressure positive in tension."""
+    """Return p (J - 1) + kappa/2 (J - 1)^2 and its derivative with respect to J; p is positive in tension."""
     change = j - 1.0
     return change * (pressure + 0.5 * kappa * change), pressure + kappa * change
 
 
 @inlined
 def logarithmic_volume(j, lame):
-    """Return energy and slope of lambda/2 (ln J)^2, which is continued by a parabola below the least volume (C2)."""
+    """Return lambda/2 (ln J)^2 and its derivative with respect to J; below `LEAST_VOLUME` it is a parabola (C2)."""
     least = max(j, LEAST_VOLUME)
     below, log = j - least, math.log(least)
     slope, curvature = lame * log / least, lame * (1.0 - log) / (least * least)
@@ -44,7 +44,7 @@ def logarithmic_volume(j, lame):
 
 @inlined
 def corotated(f, r, lam, factor, slope, c):
-    """Return factor (F - lam R) + slope cof F."""
+    """Return the stress ``factor`` (F - lam R) + ``slope`` cof F; ``c`` is cof F."""
     return (
         factor * (f[0] - lam * r[0]) + slope * c[0],
         factor * (f[1] - lam * r[1]) + slope * c[1],
@@ -60,13 +60,13 @@ def corotated(f, r, lam, factor, slope, c):
 
 @inlined
 def linear_factor(table, k):
-    """Return E / (1 + nu) [Pa]; the deviatoric energy is half of this factor times |F - lam R|^2."""
+    """Return E / (1 + nu) [Pa] of the linear law; its deviatoric energy is E / (2 (1 + nu)) |F - lam R|^2."""
     return table.parameters[k, YOUNG] / (1.0 + table.parameters[k, POISSON])
 
 
 @inlined
 def curve_state(strain, table, k):
-    """Return Phi [J/m^3], the secant modulus Phi'/eps_eq [Pa] and the tangent of the uniaxial curve [Pa]."""
+    """Return Phi [J/m^3], Phi'/eps_eq [Pa] and the tangent d sigma / d e [Pa] of a curve at eps_eq = ``strain``."""
     position = strain / table.width[k]
     if position >= INTERVALS:
         beyond = strain - INTERVALS * table.width[k]
@@ -84,9 +84,9 @@ def curve_state(strain, table, k):
 
 @inlined
 def neo_hookean(f, pressure, mu, lame, kappa):
-    """Return W and P of mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2 + p (J - 1) + kappa/2 (J - 1)^2.
+    """Return W and P of W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2 + p (J - 1) + kappa/2 (J - 1)^2.
 
-    The code has no branches, so that it vectorises: below the least volume the logarithm's terms are parabolas (C2).
+    Below `LEAST_VOLUME`, parabolas (C2) replace the terms with ln J. The code has no branches, so that it vectorises.
     """
     c = cofactor(f)
     j = determinant(f, c)
@@ -103,7 +103,7 @@ def neo_hookean(f, pressure, mu, lame, kappa):
 
 @inlined
 def ogden_powers(l0, l1, l2, table, k, term):
-    """Return mu and alpha of a term and the powers of the three isochoric stretches."""
+    """Return mu and alpha of a term, and the isochoric stretches of (l0, l1, l2) to the power alpha."""
     mu, alpha = table.parameters[k, OGDEN + 2 * term], table.parameters[k, OGDEN + 2 * term + 1]
     n0, n1, n2 = math.log(l0), math.log(l1), math.log(l2)
     mean = (n0 + n1 + n2) / 3.0
@@ -113,7 +113,7 @@ def ogden_powers(l0, l1, l2, table, k, term):
 
 @inlined
 def ogden_terms(l0, l1, l2, table, k):
-    """Return W and its derivatives with respect to the three stretches."""
+    """Return Ogden's isochoric energy W and its derivatives with respect to the three principal stretches."""
     w, t0, t1, t2 = 0.0, 0.0, 0.0, 0.0
     for term in range(int(table.parameters[k, TERMS])):
         mu, alpha, e0, e1, e2 = ogden_powers(l0, l1, l2, table, k, term)
@@ -128,7 +128,7 @@ def ogden_terms(l0, l1, l2, table, k):
 
 @kernel
 def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
-    """Return the product of the Hessian of W and a change (d0, d1, d2) of the stretches."""
+    """Return the product of the Hessian of W with respect to the stretches and a change (d0, d1, d2) of them."""
     m0, m1, m2 = 0.0, 0.0, 0.0
     u0, u1, u2 = d0 / l0, d1 / l1, d2 / l2
     for term in range(int(table.parameters[k, TERMS])):
@@ -144,10 +144,10 @@ def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
 
 @inlined
 def ogden_continued(l0, l1, l2, table, k):
-    """Return W and its derivatives with respect to the signed stretches, extrapolated below the least stretch.
+    """Return W and its derivatives with respect to the signed stretches, extrapolated below `LEAST_STRETCH`.
 
-    The extrapolated energy is W + sum_i (W_i d_i + k/2 d_i^2). W and W_i are evaluated at the clamped stretches, and
-    d_i = min(l_i - l_min, 0).
+    With l_min = `LEAST_STRETCH`, the extrapolated energy is W + sum_i (W_i d_i + s/2 d_i^2). W and W_i are evaluated at
+    the stretches max(l_i, l_min), d_i = min(l_i - l_min, 0), and s = mu0 / l_min^2. ``l2`` is the smallest stretch.
     """
     c0, c1, c2 = max(l0, LEAST_STRETCH), max(l1, LEAST_STRETCH), max(l2, LEAST_STRETCH)
     w, g = ogden_terms(c0, c1, c2, table, k)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Material parameters packed into arrays for the compiled kernels."""
+"""Table of material parameters for the compiled kernels."""
 
 from __future__ import annotations
 
@@ -12,39 +12,43 @@ from numpy.typing import NDArray
 from gdfe_ros.materials.material import Law, Material, Ogden
 
 INTERVALS = 1024
-"""Intervals of a tabulated curve; their cubic Hermite error is below 1e-9 of the initial modulus."""
+"""Number of intervals of a tabulated curve. The error of cubic Hermite interpolation is below 1e-9 of the initial
+modulus.
+"""
 LARGEST_STRETCH = 11.0
-"""End of the tabulated curves; beyond it Phi' continues as a straight line in eps_eq."""
+"""Largest uniaxial stretch of a tabulated curve; beyond it Phi' continues as a straight line in eps_eq."""
 MODERATE_POISSON = 0.45
-"""Largest Poisson's ratio with the bulk modulus in the energy; beyond it a pressure per element keeps the volume."""
+"""Largest Poisson's ratio for which the energy has the full bulk modulus; above it each element has a pressure unknown.
+"""
 SOFTENING_POISSON = 0.475
-"""Poisson's ratio that gives the bulk modulus in the energy, if pressures keep the volume of a measured curve. The
-curve's tangent may fall far below the initial modulus, and pressures converge only while this bulk modulus is larger
-than the loss by softening. For other laws the ratio is 0.45.
+"""Poisson's ratio from which the bulk modulus in the energy of a measured curve is computed if elements have pressures.
+The curve's tangent may fall far below the initial modulus. The pressures converge only while this bulk modulus exceeds
+the decrease of the tangent. For other laws the ratio is 0.45.
 """
 
 SHEAR, YOUNG, POISSON, BULK, PENALTY, LAME, CARRIED, TERMS, OGDEN = range(9)
-"""Columns of ``MaterialTable.parameters``; Ogden's mu_i and alpha_i alternate from column ``OGDEN`` on."""
+"""Columns of ``MaterialTable.parameters``. From column ``OGDEN`` on: Ogden's mu_1, alpha_1, mu_2, alpha_2, ..."""
 LOCAL = OGDEN + 12
 """Column of the local part of the volume stiffness, see `with_local_share`."""
 LOCAL_SHARE = 1.5
-"""Largest local part of the volume stiffness, over the shear modulus; in a prototype 1 to 2.5 worked as well. Without a
-local part, laws of isochoric strain have motions without energy. If all of the stiffness is local, elements lock.
+"""Largest local part of the volume stiffness, divided by the shear modulus. In a prototype, 1 to 2.5 worked as well.
+Without a local part, laws in isochoric strains have deformation modes without energy. If all of the stiffness is local,
+elements lock.
 """
 
 
 class MaterialTable(NamedTuple):
-    """One row for each material of a scene.
+    """Arrays with one row for each material of a scene.
 
     Attributes:
-        law: (k,) int32 of :class:`Law`.
-        parameters: (k, 21) float64 [Pa, -], columns named above. These are: shear modulus mu0; Young's modulus E0;
-            Poisson's ratio; bulk modulus K; the bulk modulus kappa in the energy; Lame's lambda of the logarithmic
-            neo-Hookean volume term (0 with a pressure per element); 1 if a pressure per element keeps the volume;
-            number of Ogden terms; local part of the volume stiffness.
-        curve: (k, intervals + 1, 5) float64: on interval i with t = eps_eq/width - i,
+        law: (k,) int32, value of :class:`Law`.
+        parameters: (k, 21) float64 [Pa, -], with the columns `SHEAR` to `LOCAL`. They are in this order: shear modulus
+            mu0; Young's modulus E0; Poisson's ratio; bulk modulus K; the bulk modulus kappa in the energy; Lame's
+            lambda of the logarithmic neo-Hookean volume term (0 with a pressure per element); 1 if each element has a
+            pressure unknown, else 0; number of Ogden terms; Ogden's constants; local part of the volume stiffness.
+        curve: (k, intervals + 1, 5) float64 coefficients. On interval i with t = eps_eq/width - i,
             Phi' = c0 + c1 t + c2 t^2 + c3 t^3 [Pa]; c4 is Phi at t = 0 [J/m^3].
-        tangent: (k, intervals + 1) float64, d sigma / d e [Pa] at the same nodes.
+        tangent: (k, intervals + 1) float64, d sigma / d e [Pa] at the starts of the intervals.
         width: (k,) float64, width of an interval in eps_eq.
     """
 
@@ -56,7 +60,7 @@ class MaterialTable(NamedTuple):
 
 
 def pack(materials: Sequence[Material]) -> MaterialTable:
-    """Pack materials in the order of their index in the scene."""
+    """Return the table of materials, in the order of their indices in the scene."""
     curves = [_tabulate(material) for material in materials]
     return MaterialTable(
         np.array([material.law for material in materials], dtype=np.int32),
@@ -68,11 +72,11 @@ def pack(materials: Sequence[Material]) -> MaterialTable:
 
 
 def with_local_share(table: MaterialTable) -> MaterialTable:
-    """Return the materials with their volume stiffness divided, for elements with several integration points.
+    """Return a table with the volume stiffness split into two parts, for elements with several integration points.
 
-    The local part acts at the integration points. It is min(lambda, 1.5 mu) for a logarithmic volume energy, and min(K,
-    1.5 mu) for others. ``BULK``, ``PENALTY`` and ``LAME`` keep the rest, which acts on an element's mean volume ratio.
-    For a homogeneous deformation the sum of both is the law.
+    The local part acts on the volume ratio at each integration point. It is min(lambda, 1.5 mu) for a logarithmic
+    volume energy, and min(K, 1.5 mu) for other energies. The remaining part acts on an element's mean volume ratio and
+    is stored in ``BULK``, ``PENALTY`` and ``LAME``. For a homogeneous deformation both parts add up to the law.
     """
     parameters = table.parameters.copy()
     log = table.law == Law.NEO_HOOKEAN
@@ -86,7 +90,7 @@ def with_local_share(table: MaterialTable) -> MaterialTable:
 
 
 def carries_pressure(material: Material) -> bool:
-    """Return whether a pressure per element keeps the volume of this material."""
+    """Return whether elements of this material have a pressure as an additional unknown."""
     return material.poisson > MODERATE_POISSON
 
 
@@ -111,7 +115,10 @@ def _row(material: Material) -> NDArray[np.float64]:
 
 
 def _tabulate(material: Material) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Sample Phi'(eps_eq) so that uniaxial tension at J = 1 reproduces the material's curve (docs/theory/energy.md)."""
+    """Return the rows ``curve`` and ``tangent`` of a material, and the ``width`` of an interval (`MaterialTable`).
+
+    Phi'(eps_eq) is sampled so that uniaxial tension at J = 1 reproduces the material's curve (docs/theory/energy.md).
+    """
     width = _equivalent_strain(np.array(LARGEST_STRETCH)) / INTERVALS
     stretch = _stretch(width * np.arange(INTERVALS + 1))
     stress, tangent = material.stress_at(stretch - 1.0), material.tangent_at(stretch - 1.0)
@@ -125,7 +132,10 @@ def _tabulate(material: Material) -> tuple[NDArray[np.float64], NDArray[np.float
 
 
 def _hermite(value: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cubic coefficients (i + 1, 4) on unit intervals; the last row is the straight continuation."""
+    """Return the coefficients (i + 1, 4) of the cubic Hermite interpolation on i intervals of unit length.
+
+    ``value`` and ``slope`` (i + 1,) are those at the ends of the intervals. The last row is the straight continuation.
+    """
     coefficients = np.zeros((len(value), 4))
     coefficients[:, 0], coefficients[:, 1] = value, slope
     rise = np.diff(value)
@@ -135,14 +145,14 @@ def _hermite(value: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[
 
 
 def _equivalent_strain(stretch: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return eps_eq of Eq. 5 with nu = 0.5 for incompressible uniaxial tension."""
+    """Return eps_eq of Eq. 5 with nu = 0.5 for incompressible uniaxial tension with a given stretch."""
     return (stretch - stretch**-0.5) / 1.5
 
 
 def _stretch(strain: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Invert :func:`_equivalent_strain` by Newton's method.
+    """Return the stretch for an equivalent strain, the inverse of :func:`_equivalent_strain`, by Newton's method.
 
-    The function is concave, so the iteration converges from a high start.
+    The function is concave, so that the iteration converges from a start above the solution.
     """
     stretch = 1.0 + 1.5 * strain
     for _ in range(60):

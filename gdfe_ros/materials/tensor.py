@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled 3 x 3 kinematics of one element; a matrix is a tuple of nine floats, row by row."""
+"""Compiled operations on 3 x 3 matrices, as the polar decomposition; a matrix is a tuple of nine floats, by rows."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ import math
 from gdfe_ros.compiled import inlined
 
 NEWTON_STEPS = 40
-"""Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps."""
+"""Limit of Newton steps for the sum of the stretches; three to five steps are usual."""
 DEGENERATE = 1e-9
-"""A rotation counts as not unique if two signed stretches cancel to this fraction of the size."""
+"""Lower limit of the denominator of the rotation, divided by I^(3/2). It applies if two signed stretches nearly cancel,
+and the rotation is not unique.
+"""
 SMALLEST = 1e-30
-"""Added to a denominator so that the rotation of a collapsed element (F = 0) is finite."""
+"""Lower limit of the denominator of the rotation, so that the rotation of a collapsed element (F = 0) is finite."""
 
 
 @inlined
@@ -33,13 +35,13 @@ def cofactor(f):
 
 @inlined
 def determinant(f, c):
-    """Return J = det F from F and its cofactor."""
+    """Return J = det F from F and its cofactor ``c``."""
     return f[0] * c[0] + f[1] * c[1] + f[2] * c[2]
 
 
 @inlined
 def squared_norm(f):
-    """Return the squared Frobenius norm."""
+    """Return the squared Frobenius norm of a matrix."""
     return (
         f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
         + f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
@@ -51,9 +53,10 @@ def squared_norm(f):
 def stretch_sum(first, second, jacobian):
     """Return s = tr(R^T F), the sum of the signed principal stretches.
 
-    s is the largest root of s^4 - 2 I s^2 - 8 J s + I^2 - 4 II with I = |F|^2, II = |cof F|^2, J = det F. This is the
-    characteristic polynomial of the polar problem in quaternions (Higham and Noferini 2016). The polynomial is convex
-    to the right of its largest root, so Newton's method from the upper bound sqrt(3 I) descends to the root.
+    s is the largest root of s^4 - 2 I s^2 - 8 J s + I^2 - 4 II with I = |F|^2 (``first``), II = |cof F|^2 (``second``)
+    and J = det F. This is the characteristic polynomial of the polar problem in quaternions (Higham and Noferini 2016).
+    The polynomial is convex to the right of its largest root, so Newton's method from the upper bound sqrt(3 I)
+    descends to the root.
     """
     s, going = math.sqrt(3.0 * first), True
     for _ in range(NEWTON_STEPS):
@@ -65,7 +68,7 @@ def stretch_sum(first, second, jacobian):
 
 @inlined
 def stretch_sum_step(s, first, second, jacobian):
-    """Return s after one step of Newton's method, and whether another step is needed."""
+    """Return s of `stretch_sum` after one Newton step, and whether another step is needed."""
     square = s * s
     value = (square - 2.0 * first) * square - 8.0 * jacobian * s + (first * first - 4.0 * second)
     slope = 4.0 * (s * (square - first) - 2.0 * jacobian)
@@ -76,10 +79,11 @@ def stretch_sum_step(s, first, second, jacobian):
 
 @inlined
 def rotation_from_stretch_sum(f, c, first, s, jacobian):
-    """Return the proper rotation R = ds/dF (det +1, stretches signed), and a measure of its uniqueness.
+    """Return the rotation R = ds/dF of the polar decomposition with signed stretches, and a measure of its uniqueness.
 
-    R = ((s^2 + I) F + 2 s cof F - 2 F F^T F) / (s^3 - I s - 2 J). The denominator is (l1 + l2)(l2 + l3)(l3 + l1): it
-    vanishes where two signed stretches cancel and the rotation is not unique. The measure is its ratio to I^(3/2).
+    R has the determinant +1. R = ((s^2 + I) F + 2 s cof F - 2 F F^T F) / (s^3 - I s - 2 J), where I = |F|^2 is
+    ``first``. The denominator is (l1 + l2)(l2 + l3)(l3 + l1). It vanishes if two signed stretches cancel, and then the
+    rotation is not unique. The measure is the denominator divided by I^(3/2).
     """
     denominator = s * (s * s - first) - 2.0 * jacobian
     scale = first * math.sqrt(first) + 1e-300
@@ -108,7 +112,7 @@ def rotation_from_stretch_sum(f, c, first, s, jacobian):
 
 @inlined
 def rotation(f):
-    """Return the proper rotation of F, the measure of its uniqueness (`rotation_from_stretch_sum`), and det F."""
+    """Return the rotation of F and the measure of its uniqueness, as in `rotation_from_stretch_sum`, and det F."""
     c = cofactor(f)
     j = determinant(f, c)
     first = squared_norm(f)
@@ -126,10 +130,10 @@ def off_diagonal(a):
 
 @inlined
 def jacobi_sweep(a, v):
-    """Return a symmetric matrix (00, 01, 02, 11, 12, 22) and its eigenvectors (9, columns) after three rotations.
+    """Apply three Jacobi rotations to a symmetric matrix (00, 01, 02, 11, 12, 22) and its eigenvectors; return both.
 
-    Nothing is rotated if `off_diagonal` is false; a lane that has converged thus stays constant in further sweeps of
-    its block.
+    The eigenvectors are the columns of a matrix of nine floats. Nothing is rotated if `off_diagonal` is false. A lane
+    that has converged thus stays constant in further sweeps of its block.
     """
     a00, a01, a02, a11, a12, a22 = a
     v00, v01, v02, v10, v11, v12, v20, v21, v22 = v
@@ -157,7 +161,10 @@ def jacobi_sweep(a, v):
 
 @inlined
 def _jacobi(app, aqq, apq, going):
-    """Return cosine, sine and tangent of the rotation that zeroes apq (Golub and Van Loan), if ``going``."""
+    """Return cosine, sine and tangent of the Jacobi rotation that zeroes the entry apq (Golub and Van Loan).
+
+    If ``going`` is false or apq is zero, they are those of no rotation: 1, 0, 0.
+    """
     theta = (aqq - app) / (2.0 * apq)
     t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(1.0 + theta * theta))
     c = 1.0 / math.sqrt(1.0 + t * t)
@@ -167,7 +174,7 @@ def _jacobi(app, aqq, apq, going):
 
 @inlined
 def times(f, v):
-    """Return F v."""
+    """Return the product F v of a matrix and a vector."""
     return (
         f[0] * v[0] + f[1] * v[1] + f[2] * v[2],
         f[3] * v[0] + f[4] * v[1] + f[5] * v[2],
@@ -189,7 +196,7 @@ def cross(a, b):
 
 @inlined
 def scaled(a, factor):
-    """Return factor a."""
+    """Return the vector a, multiplied by ``factor``."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Number of cells across a body, counted through opposite faces from end to end."""
+"""Number of cells in a row that continues from cell to cell through opposite faces."""
 
 from __future__ import annotations
 
@@ -14,16 +14,18 @@ from gdfe_ros.mesh.faces import HEX_FACES, group_quads
 def cells_across(
     cells: NDArray[np.int32], material: NDArray[np.int32], straight: NDArray[np.bool_]
 ) -> NDArray[np.int32]:
-    """Return the number of cells in the row of each cell, along each of its three axes.
+    """Return the number of cells in the rows of each cell, one row along each of its three axes.
+
+    A row continues from a cell to its neighbour through opposite faces.
 
     Args:
         cells: (m, 8) corners, VTK order.
-        material: (m,) of each cell; a row ends where the material changes.
+        material: (m,) index of each cell's material; a row ends where the material changes.
         straight: (m,) whether a cell is a parallelepiped; a row with a cell of another shape is not counted.
 
     Returns:
-        Lengths of the rows (m, 3), including the cell itself. It is 1 for rows that are not counted. For a row that
-        closes into a ring it is the number of cells in the ring.
+        Numbers of cells (m, 3), int32, the cell itself included. The number is 1 for a row that is not counted. For a
+        row that closes into a ring it is the number of cells in the ring.
     """
     count = len(cells)
     group, sharing = group_quads(cells[:, HEX_FACES].reshape(-1, 4))

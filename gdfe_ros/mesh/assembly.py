@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several meshes as one: computations use one mesh, selections may refer to a part in its own frame."""
+"""Assembly of several meshes into one mesh; a selection may refer to one of them in its own frame."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from gdfe_ros.mesh.touching import Touching
 def assemble(parts: Mapping[str, MeshPart]) -> HexMesh:
     """Return one mesh of all parts, in their order; vertices at the same place stay separate.
 
-    Sets with the same name are united, and the parts are available by name in `HexMesh.parts`. If one part has a skin,
-    the faces of the others are added to it.
+    Sets with the same name are united, and the parts are available by name in `Mesh.parts`. If one part has a skin, the
+    boundary faces of the parts without a skin are added to it.
 
     Args:
-        parts: meshes with their poses; ``first_vertex`` and ``first_cell`` are set here.
+        parts: dict from name to mesh with its pose; ``first_vertex`` and ``first_cell`` are set here.
     """
     meshes = [part.placed() for part in parts.values()]
     vertices = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)]).tolist()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Search for the cells that carry points, compiled."""
+"""Compiled search for the cell that carries each of many points."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gdfe_ros.compiled import inlined, kernel
 
 @inlined
 def clipped(value, limit):
-    """Return a value between -``limit`` and ``limit``."""
+    """Return the value, limited to -``limit`` .. ``limit``."""
     return min(max(value, -limit), limit)
 
 
@@ -32,7 +32,10 @@ def solved(a, b, c, gap):
 
 @inlined
 def newton_step(place, point, modes):
-    """Return the next iterate of the trilinear map's inversion; ``modes`` (8, 3) are the map's coefficients."""
+    """Return the next Newton iterate of a point's reference coordinates in a cell.
+
+    ``modes`` (8, 3) [m] are the coefficients of the cell's trilinear map, as in `find_carriers`.
+    """
     x, y, z = place
     gap, a, b, c = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
@@ -52,22 +55,23 @@ def newton_step(place, point, modes):
 
 @kernel
 def find_carriers(points, near, modes, settings, best, place, beyond):
-    """Write the cell that carries each point: the candidate that contains the point, or else the nearest one.
+    """Write the cell that carries each point, and the reference coordinates of the point in this cell.
 
-    The distance of a candidate is the largest reference coordinate of the point in it. If several candidates are
-    equally near, as at a common face, the one with the lowest number carries the point. Newton's method finds the
-    reference coordinates, starting from the candidate's centre.
+    The cell is the candidate that contains the point, or else the nearest candidate. A candidate is nearer if the
+    largest magnitude of the point's reference coordinates in it is smaller. If candidates are equally near, as at a
+    common face, the cell with the lowest index carries the point. Newton's method finds the reference coordinates,
+    starting from the candidate's centre.
 
     Args:
         points: (k, 3) [m].
-        near: (k, c) candidates, the most likely first.
+        near: (k, c) indices of the candidate cells of each point, the most likely cell first.
         modes: (m, 8, 3) [m] coefficients of the cells' trilinear maps for 1, xi, eta, zeta, eta zeta, xi zeta, xi eta,
             xi eta zeta.
-        settings: three numbers: limit of Newton steps; change of a coordinate at which they end; largest coordinate of
-            points that are certainly inside.
-        best: (k,), is written.
-        place: (k, 3) reference coordinates, is written.
-        beyond: (k,) largest magnitude of each point's reference coordinates, is written.
+        settings: three numbers: limit of Newton steps; change of a reference coordinate below which they end; magnitude
+            of the reference coordinates below which a point is certainly inside.
+        best: (k,) cell of each point, output.
+        place: (k, 3) reference coordinates of each point in its cell, output.
+        beyond: (k,) largest magnitude of each point's reference coordinates, output.
     """
     steps, within, inside = settings
     for k in range(len(points)):

@@ -23,9 +23,9 @@ class Cavity:
     Attributes:
         quads: vertex ids, shape (q, 4) or (q, 6), int32, normals out of the cavity, into the material: pressure in
             the cavity pushes along them.
-        cells: cell behind each quad, shape (q,), int32.
+        cells: cell to which each quad belongs, shape (q,), int32.
         volume: undeformed volume of the cavity [m^3], > 0.
-        center: mean of its vertices [m], shape (3,).
+        center: mean of the surface's vertices [m], shape (3,).
     """
 
     quads: NDArray[np.int32]
@@ -37,8 +37,8 @@ class Cavity:
 def find_cavities(mesh: Mesh) -> list[Cavity]:
     """Return the cavities of a mesh, the largest first.
 
-    The boundary consists of closed pieces. With normals out of the material, the outer pieces enclose a positive volume
-    and the cavities a negative one.
+    The boundary consists of closed pieces with normals out of the material. A piece with a negative enclosed volume
+    bounds a cavity.
     """
     quads, owners = mesh.boundary.quads, mesh.boundary.cells
     piece = surface_pieces(mesh.vertices, corners_of(quads))
@@ -64,7 +64,10 @@ def inside_volume(points: NDArray[np.float64], faces: NDArray[np.int32]) -> floa
 
 
 def skin_cavities(mesh: Mesh) -> list[Cavity]:
-    """Return the cavities of a mesh's skin, the largest first: closed shells inside an odd number of other shells."""
+    """Return the cavities of a mesh's skin, the largest first.
+
+    A cavity is a closed shell of the skin inside an odd number of other closed shells.
+    """
     points, triangles = mesh.skin.at(mesh.vertices), mesh.skin.faces.astype(np.int64)
     number = shell_numbers(len(points), triangles)
     closed = [len(open_edges(triangles[number == shell])) == 0 for shell in range(number.max(initial=-1) + 1)]
@@ -85,9 +88,10 @@ def skin_cavities(mesh: Mesh) -> list[Cavity]:
 
 
 def open_edges(quads: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the edges at which a surface is not closed, shape (k, 2), int32; empty for a closed, consistent surface.
+    """Return the edges at which a surface is not closed, shape (k, 2), int32.
 
-    In a closed surface with consistent normals each edge occurs equally often in both directions.
+    In a closed surface with consistent normals each edge occurs equally often in both directions, and the result is
+    empty.
 
     Args:
         quads: vertex ids, shape (q, 3 or 4), oriented.
@@ -100,10 +104,10 @@ def open_edges(quads: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def surface_pieces(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Number the connected pieces of an oriented closed surface, shape (q,), int32.
+    """Return the number of the connected piece of each quad of an oriented closed surface, shape (q,), int32.
 
-    Two quads at a common edge are connected. Four or more quads meet at an edge between cells that touch only there.
-    Then the two quads at the sides of the same gap are connected, because gaps are separate spaces.
+    Two quads with a common edge are connected. If cells touch only along an edge, four or more quads meet there. Then
+    the two quads that bound the same gap between the cells are connected, because each gap is a space of its own.
 
     Args:
         vertices: positions [m], shape (n, 3).
@@ -126,10 +130,11 @@ def surface_pieces(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> N
 def _across_gaps(
     vertices: NDArray[np.float64], quads: NDArray[np.int32], half_edges: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Pair the half edges on the two sides of each gap around an edge.
+    """Return the pairs (g, 2) of half edges whose quads bound the same gap around an edge.
 
-    The half edge of a quad has the direction of the edge, or the opposite one; the material lies on opposite sides of
-    these two kinds. Around the edge, each gap thus begins with a quad of one kind and ends with one of the other.
+    The half edge of a quad has the direction of the edge, or the opposite direction. The material is on opposite sides
+    of these two kinds of quads. In the order of angles around the edge, each gap thus follows a quad of one kind and
+    precedes a quad of the other kind.
     """
     size = quads.shape[1]
     quad, corner = half_edges // size, half_edges % size

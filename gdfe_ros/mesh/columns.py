@@ -12,7 +12,10 @@ from gdfe_ros.compiled import inlined, internal, kernel
 
 @inlined
 def pierced(corners, x, y):
-    """Return whether the column (x, y) pierces a triangle (3, 3): a ray to +x crosses its outline once."""
+    """Return whether the column at (x, y) pierces a triangle (3, 3).
+
+    It does if a ray from (x, y) to +x crosses the triangle's projected outline once.
+    """
     hit = False
     for first in range(3):
         second = (first + 1) % 3
@@ -26,7 +29,7 @@ def pierced(corners, x, y):
 
 @inlined
 def height_at(corners, x, y):
-    """Return the height of a triangle (3, 3) at the column (x, y), clamped to its corners' heights."""
+    """Return the height z of a triangle (3, 3) at the column (x, y), limited to the heights of its corners."""
     ux, uy, uz = corners[1, 0] - corners[0, 0], corners[1, 1] - corners[0, 1], corners[1, 2] - corners[0, 2]
     vx, vy, vz = corners[2, 0] - corners[0, 0], corners[2, 1] - corners[0, 1], corners[2, 2] - corners[0, 2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -38,7 +41,10 @@ def height_at(corners, x, y):
 
 @internal
 def find_crossings(corners, size, column, height):
-    """Write column and height of the crossings for which the arrays have room; return the number of all crossings."""
+    """Write the column and the height of each crossing of a column with the surface; return the number of crossings.
+
+    If the arrays are too short, the remaining crossings are counted but not written.
+    """
     nx, ny, nz = size
     found = 0
     for t in range(len(corners)):
@@ -59,7 +65,7 @@ def find_crossings(corners, size, column, height):
 
 @internal
 def add_column(moments, heights, place, column, size, width):
-    """Add to ``moments`` (8, cubes) the material between each pair of sorted heights of one column."""
+    """Add one column to ``moments`` (8, cubes): the material is between each pair of successive sorted ``heights``."""
     columns, layers = size[0] * size[1], size[2]
     xi, eta = 2.0 * place[0] - 1.0, 2.0 * place[1] - 1.0
     part, current = np.zeros(7), -1
@@ -91,15 +97,15 @@ def add_column(moments, heights, place, column, size, width):
 
 @kernel
 def integrate_columns(vertices, triangles, places, size, moments):
-    """Add the integrals of the material in each cube along all columns.
+    """Add the integrals over the material of each cube to ``moments``, summed over the columns.
 
     Args:
-        vertices: (n, 3) in units of the cubes' edge; columns run along the last axis.
-        triangles: (t, 3) of a closed surface.
-        places: (c, 2) of the columns in a cube, 0 .. 1.
+        vertices: (n, 3) in units of the cubes' edge; columns are parallel to the last axis.
+        triangles: (t, 3) vertex ids of a closed surface.
+        places: (c, 2) positions of the columns in a cube, 0 .. 1.
         size: number of cubes along each axis.
-        moments: (8, cubes), first axis fastest, is added to: integrals of 1, xi, eta, zeta, xi^2, eta^2, zeta^2, and
-            the number of crossings.
+        moments: (8, cubes), first axis fastest, input and output: integrals of 1, xi, eta, zeta, xi^2, eta^2, zeta^2,
+            and the number of crossings of columns with the surface.
     """
     columns, width = size[0] * size[1], 1.0 / (3.0 * len(places) ** 2)
     column, height = np.empty(4 * columns, np.int64), np.empty(4 * columns)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A skin that touches instead of the faces of the cells under it."""
+"""Contact by a skin instead of by the faces of the cells under it."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.mesh.trilinear import trilinear_weights
 
 BARE, SHORT = 2.0 * 3.0**0.5, 1.0
-"""A boundary cell is not covered if its material is farther from the skin than this, over the cell's edge. The first
-value is for material inside the skin, as at a hole that is missing in the skin. The second is for material outside of
-it.
+"""Largest distance from the centroid of a boundary cell's material to the skin, divided by the cell's edge. A cell with
+a larger distance counts as not covered. BARE applies to centroids inside the skin, for example at a hole of the body
+that is missing in the skin. SHORT applies to centroids outside the skin.
 """
 
 
 def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> HexMesh:
-    """Return a copy of a mesh in which the skin touches, instead of the faces of the cells.
+    """Return a copy of a mesh whose contact points are points of its skin, not vertices of its cells.
 
-    Each boundary vertex gives one contact point, because the cells do not resolve more: the skin point in which the
-    vertex has the largest weight. On a flat face this is the nearest point; at an edge it is a point of the edge.
+    The cells resolve about one contact point for each boundary vertex. It is the skin point in which the vertex has the
+    largest weight: on a flat face the nearest skin point, and at an edge of the body a point of the edge.
 
     Args:
-        mesh: with its skin.
-        points: points of the original surface of the skin (k, 3) [m].
-        triangles: triangles between these points (t, 3).
+        mesh: the mesh with its skin.
+        points: points of the skin's surface before its refinement (k, 3) [m].
+        triangles: ids of the points of each triangle (t, 3).
 
     Raises:
         MeshError: the surface is open, or does not cover some boundary cells.
@@ -48,7 +48,7 @@ def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray
 
 
 def is_closed(triangles: NDArray[np.int64]) -> bool:
-    """Return whether each edge of a surface occurs equally often in both directions."""
+    """Return whether a surface is closed: each edge occurs equally often in both directions."""
     return len(open_edges(triangles)) == 0
 
 
@@ -65,7 +65,7 @@ def _require_closed(points: NDArray[np.float64], triangles: NDArray[np.int64]) -
 
 
 def out_of_material(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the triangles of nested shells, oriented out of the material between the shells."""
+    """Return the triangles (t, 3) of nested shells, oriented so that normals point out of the material."""
     a, b, c = (points[triangles[:, i]] - points.mean(axis=0) for i in range(3))
     number = shell_numbers(len(points), triangles)
     volumes = np.bincount(number, np.einsum("ti,ti->t", a, np.cross(b, c)))

@@ -7,19 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: Number of columns through a cube along an axis, and the generator of their Fibonacci lattice. No two columns have a
-#: coordinate in common, so that a wall perpendicular to another axis passes them one by one. Along a column the
-#: integrals are exact.
+#: coordinate in common. If a wall perpendicular to one of the other two axes moves through the cube, it thus passes the
+#: columns one by one. Along a column the integrals are exact.
 COLUMNS, LATTICE = 144, 89
-#: Fraction of material below which a cube is no cell: its material is given to the fullest neighbouring cell.
+#: Filled fraction below which a cube does not become a cell: its material moves to the fullest neighbouring cell.
 LEAST_SHARE = 0.1
-#: Difference of the fraction from 0 or 1 below which a cube counts as empty or whole.
+#: Difference of the filled fraction from 0 or 1 below which a cube counts as empty or whole.
 EXACT = 1e-9
 
 
 def cube_moments(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int]
 ) -> NDArray[np.float64]:
-    """Integrate over the part of each cube inside a closed surface.
+    """Return the moments of the material in each cube; the material is the inside of a closed surface.
 
     Args:
         vertices: positions in units of the cubes' edge, from the grid's first corner, shape (n, 3).
@@ -27,8 +27,8 @@ def cube_moments(
         count: number of cubes along each axis.
 
     Returns:
-        Shape (cubes, 7), x fastest: integrals over the material of 1, xi, eta, zeta, xi^2, eta^2, zeta^2, divided by
-        the volume of the whole cube; reference coordinates -1 .. 1.
+        Moments (cubes, 7), x fastest: integrals of 1, xi, eta, zeta, xi^2, eta^2, zeta^2 over the material, divided by
+        the volume of the whole cube. The reference coordinates xi, eta, zeta are -1 .. 1 in the cube.
     """
     directions = [_along(vertices, triangles, count, axis) for axis in range(3)]
     moments, crossed = (np.stack(part) for part in zip(*directions, strict=True))
@@ -42,10 +42,10 @@ def cube_moments(
 def _along(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int], axis: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the moments (cubes, 7) by columns along an axis, and the number of columns that cross the surface.
+    """Integrate along columns parallel to an axis; return moments (cubes, 7) and the number of crossings in each cube.
 
-    The axis with most crossings is closest to the surface's normal. Along this axis the position of the surface is
-    exact.
+    A crossing is an intersection of a column with the surface. Columns resolve the surface exactly along their axis.
+    The axis with most crossings is closest to the surface's normal.
     """
     from gdfe_ros.mesh.columns import integrate_columns  # scenes without cut cells load without numba
 
@@ -63,11 +63,12 @@ def _along(
 
 
 def gather_slivers(moments: NDArray[np.float64], count: tuple[int, int, int]) -> NDArray[np.float64]:
-    """Move the material of nearly empty cubes to the fullest cell across one of their faces; return new moments.
+    """Move the material of slivers (nearly empty cubes) to neighbouring cells; return the new moments (cubes, 7).
 
-    Otherwise some corners of slivers would have a millionth of a cell's stiffness; to leave slivers out would be an
-    error of first order. Their material moves with the receiving cell's displacement field, extrapolated. A sliver
-    without such a cell is left out.
+    The receiving cell is the fullest cell that shares a face with the sliver. If slivers were cells, some of their
+    corners would have a millionth of a cell's stiffness. If their material were dropped, the error would be of first
+    order. The moved material follows the extrapolated displacement field of the receiving cell. A sliver without a
+    neighbouring cell is dropped.
     """
     nx, ny, nz = count
     gathered = moments.copy()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signed distances to a closed surface of triangles on a grid, compiled."""
+"""Compiled distances from the points of a grid to a surface of triangles."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def along(a, d, b, e):
 
 @inlined
 def squared_distance(p, corners):
-    """Return the squared distance [m^2] of a point from a triangle (3, 3) [m] that has an area."""
+    """Return the squared distance [m^2] from a point to a triangle (3, 3) [m] with nonzero area."""
     a = corners[0, 0], corners[0, 1], corners[0, 2]
     ab = minus((corners[1, 0], corners[1, 1], corners[1, 2]), a)
     ac = minus((corners[2, 0], corners[2, 1], corners[2, 2]), a)
@@ -55,9 +55,10 @@ def squared_distance(p, corners):
 
 @internal
 def nearest_ones(middle, reach, corners, among, away, out):
-    """Write to ``out`` the triangles of ``among`` that may be the nearest to a point; return their number.
+    """Write the triangles that may be the nearest to some point of a ball to ``out``; return their number.
 
-    The point is up to ``reach`` [m] away from ``middle``; ``away`` is scratch memory.
+    The ball has the centre ``middle`` and the radius ``reach`` [m]. The candidates are the triangles ``among``. The
+    array ``away`` is scratch memory.
     """
     least = math.inf
     for m in range(len(among)):
@@ -73,16 +74,16 @@ def nearest_ones(middle, reach, corners, among, away, out):
 
 @kernel
 def grid_distances(start, cell, corners, out):
-    """Write the distance [m] of each point of a grid to the nearest triangle.
+    """Write the distance [m] from each point of a grid to the nearest triangle.
 
-    Blocks of points are halved along each axis down to single points. Each block considers only those triangles of its
-    parent block that may be the nearest to one of its points.
+    The grid is divided recursively into blocks, halved along each axis, down to single points. Each block considers
+    only those triangles of its parent block that may be the nearest to one of its points.
 
     Args:
         start: (3,) position of the first point [m].
-        cell: spacing [m].
-        corners: (t, 3, 3) [m] of triangles with nonzero area.
-        out: (a, b, c), is written.
+        cell: spacing of the points [m].
+        corners: (t, 3, 3) [m] corners of the triangles, whose areas are nonzero.
+        out: (a, b, c) distances [m] at the points, output.
     """
     levels = 1
     while 2**levels < max(out.shape):

@@ -18,13 +18,14 @@ HEX_FACES = np.array(
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Faces with the cell to which each belongs.
+    """Faces, and the cell to which each face belongs.
 
     Attributes:
-        quads: vertex ids, int32, normals out of the owning cell. Hexahedra have (q, 4) in VTK's quad order; quadratic
-            tetrahedra (q, 6): three corners, then the nodes on the edges 01, 12, 20.
-        cells: owning cell of each quad, shape (q,), int32.
-        crowded: cells that share a face with more than one other cell, sorted, int32; empty for a sound mesh.
+        quads: vertex ids, int32, normals out of the owning cell. Faces of hexahedra have the shape (q, 4), in VTK's
+            quad order. Faces of quadratic tetrahedra have the shape (q, 6): three corners, then the nodes on the edges
+            01, 12, 20.
+        cells: owning cell of each face, shape (q,), int32.
+        crowded: cells with a face that belongs to three or more cells, sorted, int32; empty for a sound mesh.
     """
 
     quads: NDArray[np.int32]
@@ -54,13 +55,13 @@ def boundary_faces(cells: NDArray[np.int32]) -> Faces:
 
 
 def group_quads(quads: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Give the same number to quads with the same vertices in any order.
+    """Group the quads that have the same vertices in any order.
 
     Args:
         quads: vertex ids, shape (q, 4).
 
     Returns:
-        Group of each quad, shape (q,), and number of quads in each group.
+        Group number of each quad, shape (q,), and number of quads in each group, shape (groups,).
     """
     if len(quads) == 0:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
@@ -97,7 +98,10 @@ def turned(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def vertex_pieces(cells: NDArray[np.integer], count: int) -> NDArray[np.int32]:
-    """Return the connected piece, from 0, of each of ``count`` vertices (n,); ``cells`` (m, c) connect vertices."""
+    """Return the number, from 0, of the connected piece to which each of ``count`` vertices belongs, (count,) int32.
+
+    Each row of ``cells`` (m, c) connects its vertices.
+    """
     row, column = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
     graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int32)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import meshio
 
 Sets = dict[str, NDArray[np.int32]]
-#: Number of different values above which cell or point data count as numbers of items, which define no groups.
+#: Limit of distinct values in cell or point data that define groups. Data with more values are item numbers.
 MOST_GROUPS = 256
 
 _PHYSICAL = "gmsh:physical"
@@ -27,15 +27,16 @@ def named_sets(raw: meshio.Mesh, starts: dict[int, int], heading: str) -> tuple[
 
     Args:
         raw: mesh as read by meshio.
-        starts: index of the first cell of each block of solid cells, by the index of the block.
+        starts: dict from the index of a block of solid cells to the index of its first cell in the mesh.
         heading: name of the file in an error.
 
     Returns:
-        Two mappings by name: ids of solid cells, and vertex ids. A group of faces, edges or points becomes a set of its
-        vertices. Whole-number data ``name`` become a set for each value except zero: ``name_1``, ``name_2``, ...
+        Two dicts from set name to sorted ids, int32: one of solid cells, one of vertices. A group of faces, edges or
+        points becomes a set of its vertices. Whole-number data ``name`` become a set for each value except zero:
+        ``name_1``, ``name_2``, ...
 
     Raises:
-        MeshError: a set refers to blocks in an ambiguous manner.
+        MeshError: a set is made of other sets instead of cells.
     """
     cells: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
     vertices: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
@@ -53,7 +54,7 @@ def named_sets(raw: meshio.Mesh, starts: dict[int, int], heading: str) -> tuple[
 
 
 def _block_groups(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
-    """Yield name, block number and ids within the block of each set and group of cells."""
+    """Yield the name, the block index and the cell indices in the block, for each block of each set or group."""
     yield from _set_blocks(raw, heading)
     for key, per_block in raw.cell_data.items():
         whole = np.concatenate([np.asarray(data).ravel() for data in per_block]) if per_block else np.zeros(0)
@@ -62,7 +63,7 @@ def _block_groups(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, ND
 
 
 def _set_blocks(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
-    """Yield name, block number and ids within the block of each set of cells."""
+    """Yield the name, the block index and the cell indices in the block, for each block of each set of cells."""
     for name, per_block in raw.cell_sets.items():
         if not name or name.startswith("gmsh:"):
             continue
@@ -74,7 +75,7 @@ def _set_blocks(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, NDAr
 
 
 def _value_blocks(raw: meshio.Mesh, key: str, value: int) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
-    """Yield name, block number and ids of the cells with a ``value`` of the cell data ``key``."""
+    """Yield the name, the block index and the cell indices in the block of cells whose data ``key`` are ``value``."""
     names = {(int(tag), int(dim)): name for name, (tag, dim) in raw.field_data.items()}
     for block, data in enumerate(raw.cell_data[key]):
         name = f"{key}_{value}"
@@ -86,7 +87,7 @@ def _value_blocks(raw: meshio.Mesh, key: str, value: int) -> Iterator[tuple[str,
 
 
 def _groups(data: NDArray[np.generic]) -> list[int]:
-    """Return the values that define groups: whole numbers, not too many, except zero."""
+    """Return the nonzero values of whole-number data, one for each group; none if more than `MOST_GROUPS`."""
     if data.ndim != 1 or not np.issubdtype(data.dtype, np.integer):
         return []
     values = [int(value) for value in np.unique(data) if value]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Filled fraction of cells: a box in each cell with the moments of its material.
+"""Filled fraction of cells, and the box that represents the material of a cut cell.
 
 The material of a cut cell may have any shape. To second order, its stiffness and weight depend only on its volume,
-centroid and second moments. A box with the same moments therefore represents the cell. The element on this box has
-corners that the cell's corners carry with trilinear weights (docs/theory/cut_cells.md).
+centroid and second moments. A box with the same moments therefore represents the material. The element is this box. The
+positions of its corners are interpolated from the cell's corners with trilinear weights (docs/theory/cut_cells.md).
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ class Filling:
     """The material in each cell.
 
     Attributes:
-        share: (m,) volume of the material over that of the cell; above 1 for a cell that includes neighbouring slivers.
+        share: (m,) volume of the material divided by the volume of the cell; it may exceed 1 for a cell that received
+            the material of neighbouring slivers.
         centre: (m, 3) centroid of the material in reference coordinates -1 .. 1.
         spread: (m, 3) half edges of the box with the same second moments, in reference coordinates.
     """
@@ -34,7 +35,7 @@ class Filling:
 
     @classmethod
     def of_moments(cls, moments: NDArray[np.float64]) -> Filling:
-        """Return the filling from means over cells (m, 7): 1, xi, eta, zeta and their squares in the material."""
+        """Return the filling of cells with the moments (m, 7) that `cube_moments` returns."""
         share = moments[:, 0]
         centre = moments[:, 1:4] / share[:, None]
         variance = moments[:, 4:] / share[:, None] - centre**2
@@ -52,18 +53,18 @@ class Filling:
 
     @cached_property
     def cut(self) -> NDArray[np.intp]:
-        """The cells (k,) that are not entirely filled."""
+        """Indices (k,) of the cells that are not entirely filled."""
         return np.flatnonzero((self.share != 1.0) | (self.centre != 0.0).any(axis=1) | (self.spread != 1.0).any(axis=1))
 
     @cached_property
     def boxes(self) -> NDArray[np.float64]:
-        """Trilinear weights (k, 8, 8) of a cut cell's corners at the corners of its box."""
+        """Trilinear weights (k, 8, 8) in each cut cell: row b has the weights of the cell's corners at box corner b."""
         return trilinear_weights(self.points(CORNERS)[self.cut])
 
     def points(self, reference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the reference coordinates (m, p, 3) in the cells of points (p, 3) of their boxes."""
+        """Convert reference coordinates (p, 3) in a box to reference coordinates (m, p, 3) in the cell of each box."""
         return self.centre[:, None] + self.spread[:, None] * reference
 
     def of(self, cells: NDArray[np.bool_] | NDArray[np.intp]) -> Filling:
-        """Return the filling of some of the cells."""
+        """Return the filling of the given cells: a mask (m,) or indices."""
         return Filling(*(getattr(self, item.name)[cells] for item in fields(self)))

@@ -16,7 +16,7 @@ from gdfe_ros.mesh.subset import keep_cells
 
 
 def finger(size: Sequence[float], *, joints: int, gap: float, web: float, cell: float, taper: float = 1.0) -> HexMesh:
-    """Mesh a finger along x from 0, y and z centred on 0: a bar with notches cut from below.
+    """Mesh a finger: a bar along x with notches cut from below. It starts at x = 0; y and z are centred on 0.
 
     Args:
         size: length, width, height at the base [m].
@@ -24,13 +24,13 @@ def finger(size: Sequence[float], *, joints: int, gap: float, web: float, cell: 
         gap: width of each notch along x [m].
         web: height of the material left above each notch [m].
         cell: largest edge of a cell [m].
-        taper: width and height at the tip over those at the base, in (0, 1].
+        taper: width and height at the tip divided by width and height at the base, in (0, 1].
 
     Returns:
         The mesh with the cell sets links and joints (the webs) and the vertex sets base and tip (the ends).
 
     Raises:
-        MeshError: an argument does not fit.
+        MeshError: an argument is out of range.
     """
     require_sizes("finger", {"size": size, "gap": gap, "web": web, "cell": cell})
     require_counts("finger", {"joints": joints})
@@ -59,7 +59,7 @@ def finger(size: Sequence[float], *, joints: int, gap: float, web: float, cell: 
 
 
 def _planes(borders: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """Return planes at the borders and between them, at most `cell` apart."""
+    """Return ascending coordinates of planes: the borders, and planes between them at most ``cell`` apart [m]."""
     pieces = [borders[:1]]
     for low, high in pairwise(borders):
         count = max(1, int(np.ceil((high - low) / cell - 1e-9)))

@@ -15,7 +15,7 @@ from gdfe_ros.mesh.subset import keep_cells
 
 
 def bar(size: Sequence[float], cells: Sequence[int]) -> HexMesh:
-    """Mesh a straight bar: x from 0 along the length, y and z centred on 0.
+    """Mesh a straight bar along x. It starts at x = 0; y and z are centred on 0.
 
     Args:
         size: length, width, height [m], each > 0.
@@ -40,15 +40,15 @@ def bar(size: Sequence[float], cells: Sequence[int]) -> HexMesh:
 
 
 def grid(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> HexMesh:
-    """Mesh a block between planes.
+    """Mesh a block that planes perpendicular to x, y and z divide into cells; numbering as for `bar`.
 
     Args:
-        x: coordinates of the planes across x [m], strictly ascending, at least two; numbering as for `bar`.
-        y: the same across y.
-        z: the same across z.
+        x: coordinates of the planes perpendicular to x [m], strictly ascending, at least two.
+        y: coordinates of the planes perpendicular to y [m], likewise.
+        z: coordinates of the planes perpendicular to z [m], likewise.
 
     Raises:
-        MeshError: planes are fewer than two, not finite or not strictly ascending.
+        MeshError: an axis has fewer than two planes, or planes that are not finite or not strictly ascending.
     """
     defects = [
         f"grid.{name} = {list(planes)!r}: allowed: two or more planes, strictly ascending [m]"
@@ -67,10 +67,10 @@ def cut(mesh: HexMesh, holes: Sequence[Where]) -> HexMesh:
 
     Args:
         mesh: the mesh.
-        holes: selections of the cells to remove, by their centroids.
+        holes: selections of the cells to remove; boxes and spheres select cells by their centroids.
 
     Raises:
-        MeshError: a hole selects no cell, or nothing is left; all such holes are named.
+        MeshError: a hole selects no cell (the error names all such holes), or no cell is left.
     """
     keep = np.ones(mesh.n_cells, dtype=bool)
     defects = []
@@ -90,9 +90,9 @@ def grid_cells(nx: int, ny: int, nz: int) -> NDArray[np.int32]:
     """Return the cells of a structured grid.
 
     Args:
-        nx: cells along the first axis; ny, nz along the second and third.
-        ny: see nx.
-        nz: see nx.
+        nx: number of cells along the first axis.
+        ny: number of cells along the second axis.
+        nz: number of cells along the third axis.
 
     Returns:
         Vertex ids, shape (nx*ny*nz, 8), int32, in the numbering of `bar`.
@@ -105,7 +105,7 @@ def grid_cells(nx: int, ny: int, nz: int) -> NDArray[np.int32]:
 
 
 def require_sizes(where: str, sizes: dict[str, float | Sequence[float]]) -> None:
-    """Raise MeshError unless every length is finite and > 0; name all that are not."""
+    """Raise MeshError unless every length is finite and > 0; the error names every wrong length."""
     defects = [
         f"{where}.{name} = {value!r}: allowed: finite lengths > 0 [m]"
         for name, value in sizes.items()
@@ -116,7 +116,7 @@ def require_sizes(where: str, sizes: dict[str, float | Sequence[float]]) -> None
 
 
 def require_counts(where: str, counts: dict[str, int | Sequence[int]]) -> None:
-    """Raise MeshError unless every count is a whole number >= 1; name all that are not."""
+    """Raise MeshError unless every count is a whole number >= 1; the error names every wrong count."""
     defects = [
         f"{where}.{name} = {value!r}: allowed: whole numbers >= 1"
         for name, value in counts.items()

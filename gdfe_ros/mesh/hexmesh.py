@@ -18,8 +18,8 @@ from gdfe_ros.mesh.mesh import Mesh
 class HexMesh(Mesh):
     """A mesh of 8-vertex hexahedra.
 
-    Its ``cells`` (m, 8) are in VTK's order: the four vertices of the bottom counter-clockwise seen from the top, then
-    the four of the top above them. The other attributes are those of `Mesh`.
+    The vertices of ``cells`` (m, 8) are in VTK's order: the four bottom vertices, counter-clockwise seen from the top,
+    then the four top vertices, each above its bottom vertex. The other attributes are those of `Mesh`.
     """
 
     nodes: ClassVar[int] = 8

@@ -32,7 +32,7 @@ SUFFIXES = (".msh", ".vtk", ".vtu", ".inp")
 _FILL = "fill its surface with `mesh: {tets: {surface: FILE.stl, size: SIZE}}`"
 _TETRAHEDRA = ("tetra", "tetra10")
 """meshio's names of tetrahedra of first and of second order."""
-#: Remedies for solid cells that are not supported, by the beginning of meshio's name for them.
+#: Dict from the first letters of meshio's name of a solid cell type to the remedy for cells that are not supported.
 _REMEDIES = {
     "hexahedron": "mesh it in first order (Gmsh: -order 1, Abaqus: C3D8), or give `first_order: true`",
     "tetra": "mesh it with tetrahedra of first or second order (4 or 10 nodes)",
@@ -61,7 +61,7 @@ def read_mesh(path: str | Path, *, scale: float | None = None, merge: bool = Fal
         first_order: whether to reduce second-order hexahedra to their eight corners.
 
     Raises:
-        MeshError: with every defect and its remedy.
+        MeshError: the file has defects; the error names every defect and its remedy.
     """
     mesh, defects = examine_mesh(path, scale=scale, merge=merge, first_order=first_order)
     if defects:
@@ -114,7 +114,7 @@ def _read(path: Path, heading: str) -> meshio.Mesh:
 
 
 def _counts(raw: meshio.Mesh, kinds: tuple[str, ...] = ()) -> dict[str, int]:
-    """Return the number of cells of each kind, or only of the given ``kinds``."""
+    """Return a dict from kind of cell to number of cells, of all kinds or only of the given ``kinds``."""
     counts: dict[str, int] = {}
     for block in raw.cells:
         if len(block.data) and (not kinds or block.type in kinds):
@@ -123,12 +123,12 @@ def _counts(raw: meshio.Mesh, kinds: tuple[str, ...] = ()) -> dict[str, int]:
 
 
 def _unsuited(raw: meshio.Mesh, first_order: bool) -> list[str]:
-    """Return a line for each reason why no mesh can be made of a file."""
+    """Return a line of text for each reason why a file gives no mesh."""
     return [*_wrong_kinds(raw, first_order), *_nothing_solid(raw), *_damaged(raw)]
 
 
 def _wrong_kinds(raw: meshio.Mesh, first_order: bool) -> Iterator[str]:
-    """Yield a line for each kind of cells that cannot be used, and one for kinds that cannot be used together."""
+    """Yield a line for each kind of cell that cannot be used, and a line for kinds that cannot be used together."""
     solid = {kind: n for kind, n in _counts(raw).items() if _remedy(kind)}
     tets, hexes = _counts(raw, _TETRAHEDRA), [kind for kind in solid if kind.startswith("hexahedron")]
     sound = {*_TETRAHEDRA, "hexahedron", *(hexes if first_order else ())}
@@ -150,7 +150,7 @@ def _nothing_solid(raw: meshio.Mesh) -> Iterator[str]:
 
 
 def _damaged(raw: meshio.Mesh) -> Iterator[str]:
-    """Yield a line for each array of a file that has too few columns."""
+    """Yield a line if cells have too few vertices, and a line if the points do not have three coordinates."""
     least = {i: 8 for i, _ in _hex_blocks(raw)} | {i: int(block.type[5:] or 4) for i, block in _tet_blocks(raw)}
     if any(np.ndim(raw.cells[i].data) != 2 or np.shape(raw.cells[i].data)[1] < count for i, count in least.items()):
         yield "a cell has fewer vertices than its kind needs: the file seems cut off; remedy: export it again"
@@ -183,7 +183,7 @@ def _hex_blocks(raw: meshio.Mesh) -> Iterator[tuple[int, meshio.CellBlock]]:
 
 
 def _tetrahedra(raw: meshio.Mesh, heading: str) -> TetMesh:
-    """Return the tetrahedra; those of first order are raised to second order."""
+    """Return the mesh of second-order tetrahedra; first-order tetrahedra are raised to second order."""
     starts: dict[int, int] = {}
     blocks: list[NDArray[Any]] = []
     for i, block in _tet_blocks(raw):

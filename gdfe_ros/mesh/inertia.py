@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 ALIKE = 1e-6
-"""The given axes count as principal axes if the off-diagonal second moments, over the trace, are below this."""
+"""The axes x, y, z count as principal axes if the off-diagonal second moments divided by the trace are at most this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,10 +17,11 @@ class SolidIntegrals:
     """Integrals over a solid of uniform density.
 
     Attributes:
-        volume: [m^3].
+        volume: volume of the solid [m^3].
         centre: (3,) centre of mass [m].
-        axes: (3, 3) principal axes as columns, a rotation, each near the axis x, y or z in this order.
-        moments: (3,) mean squares of the distances along these axes from the centre [m^2].
+        axes: (3, 3) rotation matrix whose columns are the principal axes, ordered to be close to x, y and z.
+        moments: (3,) means of x^2, y^2, z^2 over the volume [m^2]; the coordinates are along the principal axes, from
+            the centre of mass.
     """
 
     volume: float
@@ -30,10 +31,11 @@ class SolidIntegrals:
 
 
 def inertia_of(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> SolidIntegrals:
-    """Return the inertia of a solid.
+    """Return the volume, the centre of mass and the principal second moments of a solid.
 
-    The solid is a sum of signed tetrahedra between a point o and each triangle (a, b, c). With V = det(a, b, c) / 6 and
-    s = a + b + c, the integral of x x^T over one tetrahedron is V / 20 (a a^T + b b^T + c c^T + s s^T).
+    The solid is a sum of signed tetrahedra between a point o and each triangle (a, b, c). Positions are relative to o.
+    With V = det(a, b, c) / 6 and s = a + b + c, the integral of x x^T over one tetrahedron is
+    V / 20 (a a^T + b b^T + c c^T + s s^T).
 
     Args:
         vertices: (n, 3) [m].
@@ -51,7 +53,7 @@ def inertia_of(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> S
 
 
 def _principal_axes(spread: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the principal axes of a symmetric matrix as columns; the unit matrix if it is diagonal already."""
+    """Return the principal axes of a symmetric matrix as columns; the unit matrix if it is diagonal within `ALIKE`."""
     beside = np.abs(spread - np.diag(np.diag(spread))).max()
     if beside <= ALIKE * np.trace(spread):
         return np.eye(3)

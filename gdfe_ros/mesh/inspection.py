@@ -31,10 +31,10 @@ class Inspection:
 
     Attributes:
         path: the file.
-        facts: contents as texts (name, value), for a table.
+        facts: pairs (name, value) of texts about the contents, for a table.
         defects: defects, each with its remedy; empty for a usable file.
-        mesh: the cells, or None for a surface or an unreadable file.
-        cavities: cavities of the cells, the largest first.
+        mesh: the mesh; None for a surface, a STEP file or an unreadable file.
+        cavities: cavities of the mesh, the largest first.
     """
 
     path: Path
@@ -45,7 +45,7 @@ class Inspection:
 
 
 def inspect_file(path: str | Path, *, scale: float | None = None) -> Inspection:
-    """Inspect a file of cells, of a surface, or of CAD solids; its defects are findings and raise no error.
+    """Inspect a file with cells, a surface or CAD solids; its defects are returned and raise no error.
 
     Args:
         path: the file.
@@ -69,7 +69,7 @@ def inspect_mesh(mesh: Mesh, *, path: Path | None = None, defects: list[str] | N
     Args:
         mesh: the mesh.
         path: its file.
-        defects: its defects if they are known already.
+        defects: the mesh's defects; None if `check_mesh` has to find them.
     """
     quality = check_mesh(mesh)
     found = quality.defects if defects is None else defects

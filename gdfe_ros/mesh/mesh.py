@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mesh: flat arrays in one layout, SI units; the base of the meshes of each cell type."""
+"""Base class of meshes: flat arrays in one layout, SI units."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gdfe_ros.mesh.touching import Touching
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
-    """A mesh of one type of cells; made as a `HexMesh` or a `TetMesh`.
+    """Base class of a mesh with cells of one type; its subclasses are `HexMesh` and `TetMesh`.
 
     Attributes:
         vertices: positions [m], shape (n, 3), float64, C-contiguous.
@@ -29,22 +29,24 @@ class Mesh:
         vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
         filling: filled fraction of the cells; None if every cell is entirely filled.
         skin: surface that is drawn instead of the cells' outer faces; None if these faces are drawn.
-        touching: contact points of skins, used instead of the faces of the cells under them; None if faces touch
-            everywhere.
-        parts: the meshes of which this one was assembled, by name; empty for a single mesh.
+        touching: contact points of skins, used instead of the faces of the cells under them; None if all contact is by
+            the faces of cells.
+        parts: dict from name to each mesh from which this mesh was assembled; empty for a single mesh.
 
-    Arrays of another type or layout are converted. Only the shapes are checked here; `check_mesh` checks the content.
+    Arrays are converted to these types and to this layout. Only shapes and integer ids are checked here. `check_mesh`
+    checks the content.
 
     Raises:
-        MeshError: `vertices` has another shape than (n, 3), or `cells` another than (m, c).
+        MeshError: `vertices` has another shape than (n, 3), `cells` has another shape than (m, c), or `cells` are not
+            integers.
     """
 
     nodes: ClassVar[int]
-    """Number c of a cell's vertices."""
+    """Number c of vertices of a cell."""
     noun: ClassVar[str]
-    """Name of a cell, plural."""
+    """Name of the cells in messages, plural."""
     vtk: ClassVar[str]
-    """meshio's name of a cell."""
+    """meshio's name of the cell type."""
 
     vertices: NDArray[np.float64]
     cells: NDArray[np.int32]
@@ -103,14 +105,14 @@ class Mesh:
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounding box [m]; of several meshes, the diagonal of the largest one."""
+        """Diagonal of the bounding box [m]; for an assembly, the largest diagonal among its meshes."""
         if self.parts:
             return max(part.mesh.size for part in self.parts.values())
         return self.extent
 
     @property
     def extent(self) -> float:
-        """Diagonal of the bounding box of all meshes together [m]; for several meshes it is larger than `size`."""
+        """Diagonal of the bounding box of all vertices [m]; for an assembly it is usually larger than `size`."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
     @cached_property
@@ -130,14 +132,14 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """A mesh among others.
+    """One mesh of an assembly, with its pose.
 
     Attributes:
         mesh: the mesh in its own frame.
-        at: origin of that frame [m], shape (3,).
-        rotation: axes of that frame as columns, shape (3, 3).
-        first_vertex: index of its first vertex among all; the others follow in their order.
-        first_cell: index of its first cell among all.
+        at: origin of the mesh's frame [m], shape (3,).
+        rotation: axes of the mesh's frame as columns, shape (3, 3).
+        first_vertex: index of the mesh's first vertex in the assembly; its other vertices follow in their order.
+        first_cell: index of the mesh's first cell in the assembly.
     """
 
     mesh: Mesh
@@ -147,7 +149,7 @@ class MeshPart:
     first_cell: int = 0
 
     def placed(self) -> Mesh:
-        """Return the mesh at its place; a part that is neither rotated nor moved keeps its coordinates bit by bit."""
+        """Return the mesh in the assembly's frame; if the pose is zero, its coordinates stay bitwise equal."""
         vertices = self.mesh.vertices
         if not np.array_equal(self.rotation, np.eye(3)):
             vertices = vertices @ self.rotation.T

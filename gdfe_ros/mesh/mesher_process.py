@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshers in a process of their own: ``python mesher_process.py KIND REQUEST.npz RESULT.npz``.
+"""Script that runs a mesher in a separate process: ``python mesher_process.py KIND REQUEST.npz RESULT.npz``.
 
 gmsh's licence (GPL) requires a separate process, and a mesher that crashes or hangs does not stop the simulator. This
-file imports nothing of the package. Arrays of the result: ``vertices`` (n, 3) [m], ``cells`` (m, 4) or (m, 10) in VTK's
-order, ``cell:NAME`` and ``vertex:NAME`` for sets; or ``defect``, a text.
+file imports no module of the package. The result has the arrays ``vertices`` (n, 3) [m], ``cells`` (m, 4) or (m, 10) in
+VTK's order, and ``cell:NAME`` and ``vertex:NAME`` for sets. If the mesher fails, the result has a text instead:
+``defect``, or ``missing`` with the name of a package that is not installed.
 """
 
 from __future__ import annotations
@@ -13,21 +14,21 @@ import sys
 import numpy as np
 
 MOST_CELLS = 2_000_000
-"""Limit of the expected number of tetrahedra; more need tens of gigabytes."""
+"""Limit of the expected number of tetrahedra; more tetrahedra need tens of gigabytes of memory."""
 FINEST = 0.2
-"""Least edge at curved surfaces, over the requested size."""
+"""Shortest edge at curved surfaces, divided by the requested size."""
 AROUND = 12
-"""Edges around a full circle of a curved surface. Quadratic edges follow it to 1e-4 of its radius."""
+"""Number of edges around a full circle. Quadratic edges deviate from the circle by at most 1e-4 of its radius."""
 _GMSH_TET10, _VTK_ORDER = 11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 
 
 def expected_cells(volume: float, size: float) -> float:
-    """Return the ``volume`` [m^3] over the volume of a regular tetrahedron with edges of ``size`` [m]."""
+    """Return the expected number of cells: ``volume`` [m^3] / volume of a regular tetrahedron of edge ``size`` [m]."""
     return volume / (2.0**0.5 / 12.0 * size**3)
 
 
 def too_many(volume: float, size: float) -> str:
-    """Return a defect if a mesh would have too many cells; empty if not."""
+    """Return the text of a defect if a mesh would have too many cells; an empty text if not."""
     count = expected_cells(volume, size)
     if count <= MOST_CELLS:
         return ""
@@ -37,7 +38,7 @@ def too_many(volume: float, size: float) -> str:
 
 
 def facts(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return numbers of solids and surfaces, volume [m^3] and bounds [m] of a STEP file."""
+    """Return the number of solids, the number of surfaces, the volume [m^3] and the bounds [m] of a STEP file."""
     import gmsh
 
     solids = _imported(gmsh, request)
@@ -50,7 +51,7 @@ def facts(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _imported(gmsh, request: dict[str, np.ndarray]) -> list[tuple[int, int]]:
-    """Read a STEP file in metres; return its solids."""
+    """Load a STEP file into gmsh, in metres; return gmsh's (dimension, tag) of each solid."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setString("Geometry.OCCTargetUnit", "M")
@@ -60,7 +61,7 @@ def _imported(gmsh, request: dict[str, np.ndarray]) -> list[tuple[int, int]]:
 
 
 def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return quadratic tetrahedra of a STEP file's solids, with curved edges on curved surfaces."""
+    """Return the mesh of a STEP file's solids: quadratic tetrahedra, with curved edges on curved surfaces."""
     import gmsh
 
     size = float(request["size"])
@@ -110,13 +111,13 @@ def _gmsh_cells(gmsh) -> dict[str, np.ndarray]:
 
 
 def _name(gmsh, dimension: int, entity: int, noun: str) -> str:
-    """Return the last part of a surface's name in the file, or noun and number of a solid or unnamed surface."""
+    """Return a set's name: a surface's name in the file without its path, or else ``noun`` and the entity's tag."""
     given = gmsh.model.getEntityName(dimension, entity).rpartition("/")[2].strip()
     return given if given and dimension == 2 else f"{noun}_{entity}"
 
 
 def from_surface(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return linear tetrahedra inside a surface of triangles, which may be open or intersect itself (fTetWild)."""
+    """Return linear tetrahedra inside a surface of triangles (fTetWild); it may be open or intersect itself."""
     import pytetwild
 
     vertices, cells = pytetwild.tetrahedralize(

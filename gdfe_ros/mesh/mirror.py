@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reflection of a mesh at a plane of its own frame."""
+"""Reflection of a mesh at a coordinate plane of its own frame."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.outside import Outside
 
 ACROSS = {8: np.array([1, 0, 3, 2, 5, 4, 7, 6]), 10: np.array([0, 2, 1, 3, 6, 5, 4, 7, 9, 8])}
-"""Order of the nodes of a reflected cell, by the number of nodes. A hexahedron is reversed in xi; in a tetrahedron the
-second and the third corner are exchanged. The reflected cell then has a positive volume."""
+"""Dict from the number of nodes of a cell to the node order of the reflected cell. A hexahedron is reversed in xi. In a
+tetrahedron the second and the third corner are exchanged. The reflected cell then has a positive volume."""
 _BACK = np.array([-1.0, 1.0, 1.0])
 
 
@@ -25,8 +25,8 @@ def mirrored(mesh: Mesh, axis: int) -> Mesh:
     order. Cells thus keep a positive volume, and the normals of faces point out of the material.
 
     Args:
-        mesh: of one piece, not assembled of parts.
-        axis: 0, 1 or 2.
+        mesh: a single mesh, not an assembly.
+        axis: 0, 1 or 2 for x, y or z.
     """
     signs = np.ones(3)
     signs[axis] = -1.0

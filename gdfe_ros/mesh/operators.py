@@ -12,7 +12,7 @@ from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.trilinear import CORNERS, MODES
 
 PARALLEL = 1e-9
-"""An element counts as a parallelepiped if its hourglass amplitude, over the shortest edge, is at most this."""
+"""An element counts as a parallelepiped if its hourglass amplitude divided by its shortest edge is at most this."""
 
 
 class ShapeOperators(NamedTuple):
@@ -24,17 +24,17 @@ class ShapeOperators(NamedTuple):
         gradient: (m, 8, 3) float64 [1/m], exact volume average g_a of the trilinear gradients (Flanagan and Belytschko
             1981). The mean deformation gradient is F = sum_a x_a (x) g_a.
         hourglass: (m, 4, 8) float64, vectors gamma_k orthogonal to every linear field, of unit length in whole cells.
-        edge_axes: (m, 3, 3) float64, row i is the unit direction of the element's undeformed i-th edge.
-        edge_lengths: (m, 3) float64 [m], mean length of the edges along each direction.
+        edge_axes: (m, 3, 3) float64, row i is the unit direction of dX/dxi_i at the undeformed element's centre.
+        edge_lengths: (m, 3) float64 [m], 2 |dX/dxi_i| at the centre: length of the mean edge vector along xi_i.
         reference: (m, 3, 3) float64 [1/m], inverse of dX/dxi at the element's centre.
-        parallel: (m,) bool, whether the element is a parallelepiped; its operators are then sums and differences of
-            corners.
-        corner_ratio: (m, 8) float64 [1/m^3], one over the triple product of the three edges at each corner.
-        cut: (m,) bool, whether the element is a box inside its cell; `corner_ratio` is then that of the box's corners.
-        box: (m, 3, 2) float64, ends of that box along each edge of its cell, as fractions of the edge; 0 and 1 in whole
-            cells.
-        across: (m,) int32 number of cells across the section to which the element belongs in torsion; 1 for a section
-            of one cell.
+        parallel: (m,) bool, whether the element is a whole parallelepiped; its operators are then sums and differences
+            of corners.
+        corner_ratio: (m, 8) float64 [1/m^3], inverse of the triple product of the three edges at each corner.
+        cut: (m,) bool, whether the element is a box inside its cell; `corner_ratio` then refers to the box's corners.
+        box: (m, 3, 2) float64, start and end of this box along each edge of its cell, as fractions of the edge; 0 and 1
+            in whole cells.
+        across: (m,) int32, number of cells across the section that contains the element, for its torsional stiffness;
+            1 if the section is a single cell.
     """
 
     cells: NDArray[np.int32]
@@ -54,10 +54,10 @@ class ShapeOperators(NamedTuple):
 def shape_operators(
     vertices: NDArray[np.float64], cells: NDArray[np.int32], filling: Filling | None = None
 ) -> ShapeOperators:
-    """Return the operators of all elements from rest vertices (n, 3) [m] and cells (m, 8).
+    """Return the operators of all elements from undeformed vertices (n, 3) [m] and cells (m, 8).
 
-    The volume and the mean gradient are integrated with 2 x 2 x 2 Gauss points, exact for trilinear shapes. A cut cell
-    has the operators of the box of its ``filling``; the cell's corners carry this box.
+    The volume and the mean gradient are integrated with 2 x 2 x 2 Gauss points, exact for trilinear shapes. The
+    operators of a cut cell are those of its box in ``filling``, expressed in terms of the cell's corners.
     """
     corners = vertices[cells]
     shape = _operators(corners, cells)
@@ -107,7 +107,7 @@ def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeO
 
 
 def _corner_products(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the triple products (m, 8) [m^3] of the edges at the corners (m, 8, 3): eight times det dX/dxi there."""
+    """Return the triple product (m, 8) [m^3] of the edges at each of the corners (m, 8, 3) [m]: 8 det(dX/dxi)."""
     local = np.stack([_local_gradients(point) for point in CORNERS])
     return 8.0 * np.linalg.det(np.einsum("eai,caj->ecij", corners, local))
 
@@ -126,7 +126,10 @@ def _local_gradients(point: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _hourglass_vectors(corners: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the modes without their linear parts, scaled to unit length (Flanagan and Belytschko 1981)."""
+    """Return the hourglass vectors (m, 4, 8): `MODES` minus their linear parts, scaled to unit length.
+
+    They are those of Flanagan and Belytschko (1981).
+    """
     slopes = np.einsum("ka,eai->eki", MODES, corners)
     vectors = MODES - np.einsum("eki,eai->eka", slopes, gradient)
     return np.ascontiguousarray(vectors / np.linalg.norm(vectors, axis=2, keepdims=True))

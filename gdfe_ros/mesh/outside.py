@@ -17,26 +17,28 @@ from gdfe_ros.mesh.tet_faces import facets
 from gdfe_ros.mesh.trilinear import CORNERS, MODES, NEWTON_STEPS, SETTLED, trilinear_weights
 
 NEAR = 12
-"""Number of cells nearest to a skin point that are searched for the cell that carries it."""
+"""Number of candidate cells for a skin point: the cells with the nearest centroids."""
 WITHIN = 1.0 - 1e-9
-"""A point certainly lies in a cell, and in no other cell, if its largest reference coordinate there is at most this."""
+"""A point is certainly inside a cell, and in no other cell, if all its reference coordinates are below this in
+magnitude.
+"""
 REACH = 2.5
-"""Largest reference coordinate of a carried point in its cell; a larger one means more than three quarters of an edge
-outside.
+"""Largest magnitude of a carried point's reference coordinates. At this limit the point is three quarters of an edge
+outside of its cell.
 """
 _TRILINEAR = np.concatenate([np.ones((1, 8)), CORNERS.T, MODES])
-"""Corner values (8, 8) of the eight fields that add up to a trilinear map, in the order of `find_carriers`."""
+"""Corner values (8, 8) of the eight basis fields of a trilinear map, one row a field, in `find_carriers`' order."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outside:
-    """Faces between points that move with a body.
+    """A surface that moves with a body: faces between k points, each of which is carried by mesh vertices.
 
     Attributes:
         faces: (f, 3 or 4) int32 indices of points.
-        cells: (f,) int32 cell whose value each face shows.
+        cells: (f,) int32 cell of each face; the face is drawn in the colour of this cell.
         corners: (k, 1 or 8) int32 vertices of the mesh that carry each point.
-        weights: (k, 1 or 8) their weights, which sum to one.
+        weights: (k, 1 or 8) weights of these vertices, which sum to one for each point.
     """
 
     faces: NDArray[np.int32]
@@ -46,7 +48,7 @@ class Outside:
 
     @classmethod
     def of_faces(cls, faces: Faces) -> Outside:
-        """Return the boundary faces as a surface between vertices; a six-node face as four triangles."""
+        """Return boundary faces as a surface whose points are mesh vertices; a six-node face becomes four triangles."""
         drawn, owners = faces.quads, faces.cells
         if drawn.shape[1] == 6:
             drawn, owners = facets(drawn), np.repeat(owners, 4)
@@ -56,12 +58,12 @@ class Outside:
 
     @classmethod
     def joined(cls, outsides: Sequence[Outside], vertices: Sequence[int], cells: Sequence[int]) -> Outside:
-        """Return several surfaces as one; its faces are triangles between points that cells carry.
+        """Return several surfaces as one, with triangles as faces and eight vertices for each point.
 
         Args:
-            outsides: surfaces of the meshes that become one.
-            vertices: index of each mesh's first vertex among all.
-            cells: index of each mesh's first cell among all.
+            outsides: the surface of each mesh of an assembly.
+            vertices: index of each mesh's first vertex in the assembly.
+            cells: index of each mesh's first cell in the assembly.
         """
         found, points = [], 0
         for each, first_vertex, first_cell in zip(outsides, vertices, cells, strict=False):
@@ -76,7 +78,7 @@ class Outside:
 
     @property
     def skin(self) -> bool:
-        """Whether this surface is a skin."""
+        """Whether this surface is a skin: its points are carried by eight vertices each."""
         return self.corners.shape[1] > 1
 
     @property
@@ -97,18 +99,18 @@ def carry_skin(
     points: NDArray[np.float64],
     triangles: NDArray[np.int64],
 ) -> Outside:
-    """Attach each point of a triangle surface to the cell that contains it, or to the nearest cell.
+    """Return a triangle surface as a skin: each point is attached to the cell that contains it, or to the nearest cell.
 
     Triangles with longer edges than the cells are divided, because they would stay flat when the cells bend.
 
     Args:
-        vertices: of the undeformed mesh (n, 3) [m].
-        cells: their corners (m, 8).
-        points: of the surface (k, 3) [m].
-        triangles: between the points (t, 3).
+        vertices: vertices of the undeformed mesh (n, 3) [m].
+        cells: vertex ids of the corners of each cell (m, 8).
+        points: points of the surface (k, 3) [m].
+        triangles: ids of the points of each triangle (t, 3).
 
     Raises:
-        MeshError: points are too far outside of the cells for attaching.
+        MeshError: points are too far outside of the cells.
     """
     corners = vertices[cells]
     edge = float(np.linalg.norm(corners[:, [1, 3, 4]] - corners[:, :1], axis=2).mean())
@@ -126,7 +128,7 @@ def hang(
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Return the cell (k,) that carries each of ``points`` (k, 3) [m], and the weights (k, 8) of its corners.
 
-    This is the cell that contains the point, or else the nearest one. ``vertices`` and ``cells`` are as for
+    The carrying cell contains the point, or is the nearest cell to it. ``vertices`` and ``cells`` are as for
     `carry_skin`; ``within`` is as for `reference_coordinates`.
 
     Raises:
@@ -150,9 +152,10 @@ def hang(
 def _too_far(
     points: NDArray[np.float64], far: NDArray[np.bool_], corners: NDArray[np.float64], place: NDArray[np.float64]
 ) -> str:
-    """Return a message about the points that are ``far`` from their nearest cells.
+    """Return the text of a defect about the points that are ``far`` from their nearest cells.
 
-    ``corners`` (k, 8, 3) [m] are the corners of these cells, ``place`` the reference coordinates of the points in them.
+    ``corners`` (k, 8, 3) [m] are the corners of each point's nearest cell. ``place`` (k, 3) are the point's reference
+    coordinates in this cell.
     """
     nearest = np.einsum("ka,kai->ki", trilinear_weights(np.clip(place, -1.0, 1.0)), corners)
     away = np.where(far, np.linalg.norm(points - nearest, axis=1), 0.0)

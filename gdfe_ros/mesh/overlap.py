@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Overlap of two meshes: cells as convex bodies, tested by separating axes."""
+"""Overlap of two meshes, found from separating axes between pairs of cells, which count as convex."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from gdfe_ros.mesh.tetrahedra import EDGES as TET_EDGES
 from gdfe_ros.mesh.tetrahedra import FACES as TET_FACES
 
 TOUCHING = 0.1
-"""Two cells count as touching up to this penetration depth over their shortest edge. The hulls of the cells of a ball
-in a fitting socket overlap by that much. Contact resolves smaller overlaps in the first step.
+"""Two cells touch, and do not overlap, if their penetration depth divided by their shortest edge is at most this. The
+hulls of the cells of a ball in a fitting socket overlap by that much. Contact resolves smaller overlaps in the first
+step.
 """
 _EDGES = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]])
 _BLOCK = 512
-"""Pairs of cells that are tested together."""
+"""Number of pairs of cells that are tested together."""
 
 
 class Overlap(NamedTuple):
@@ -36,7 +37,7 @@ def find_overlap(first: Mesh, second: Mesh) -> Overlap | None:
 
     Args:
         first: a sound mesh.
-        second: another one, in the same frame.
+        second: another sound mesh, in the same frame.
     """
     ours, theirs = (mesh.vertices[mesh.cells[:, : 8 if mesh.nodes == 8 else 4]] for mesh in (first, second))
     low, high = np.maximum(first.bounds[0], second.bounds[0]), np.minimum(first.bounds[1], second.bounds[1])
@@ -56,7 +57,7 @@ def find_overlap(first: Mesh, second: Mesh) -> Overlap | None:
 
 
 def _within(corners: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cells (m, c, 3) whose bounding boxes meet a box."""
+    """Return the corners (k, c, 3) [m] of those cells whose bounding boxes intersect the box ``low`` .. ``high``."""
     meet = (corners.min(axis=1) <= high).all(axis=1) & (corners.max(axis=1) >= low).all(axis=1)
     return corners[meet]
 
@@ -64,7 +65,7 @@ def _within(corners: NDArray[np.float64], low: NDArray[np.float64], high: NDArra
 def _blocks(
     ours: NDArray[np.float64], theirs: NDArray[np.float64]
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Yield index pairs of cells whose bounding boxes meet."""
+    """Yield the indices of pairs of cells whose bounding boxes intersect, at most `_BLOCK` pairs at a time."""
     if not len(ours) or not len(theirs):
         return
     centre, radius = ours.mean(axis=1), np.linalg.norm(ours - ours.mean(axis=1, keepdims=True), axis=2).max()
@@ -84,7 +85,10 @@ def _blocks(
 
 
 def _depths(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the penetration depth [m] of pairs of cells (k, 8 or 4, 3), negative if apart (Gottschalk 1996)."""
+    """Return the penetration depth (k,) [m] of pairs of cells with corners (k, 8 or 4, 3); it is negative for a gap.
+
+    The depth is the least overlap of the projections of both cells on all candidate axes (Gottschalk 1996).
+    """
     edges = [_directions(corners) for corners in (a, b)]
     across = np.cross(edges[0][:, :, None], edges[1][:, None]).reshape(len(a), -1, 3)
     axes = np.concatenate([_normals(a), _normals(b), across], axis=1)
@@ -97,7 +101,7 @@ def _depths(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return twice the area vectors (k, f, 3) of the faces of cells (k, 8 or 4, 3)."""
+    """Return twice the area vectors (k, f, 3) [m^2] of the faces of cells with corners (k, 8 or 4, 3) [m]."""
     if corners.shape[1] == 4:
         p, q, r = np.moveaxis(corners[:, TET_FACES[:, :3]], 2, 0)
         return np.cross(q - p, r - p)
@@ -106,11 +110,11 @@ def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _edges(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the lengths of the edges of cells (k, 8 or 4, 3) [m], shape (k, 12 or 6)."""
+    """Return the edge lengths (k, 12 or 6) [m] of cells with corners (k, 8 or 4, 3) [m]."""
     return np.linalg.norm(_directions(corners), axis=2)
 
 
 def _directions(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the edges (k, 12 or 6, 3) [m] of cells (k, 8 or 4, 3)."""
+    """Return the edge vectors (k, 12 or 6, 3) [m] of cells with corners (k, 8 or 4, 3) [m]."""
     ends = _EDGES if corners.shape[1] == 8 else TET_EDGES
     return corners[:, ends[:, 1]] - corners[:, ends[:, 0]]

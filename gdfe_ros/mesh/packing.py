@@ -32,7 +32,7 @@ def pack_mesh(mesh: Mesh) -> str:
 
 
 def mesh_arrays(mesh: Mesh) -> dict[str, NDArray]:
-    """Return the arrays of a mesh by name, without those of its skin."""
+    """Return a dict from name to array with the arrays of a mesh, without those of its skin."""
     arrays = {"vertices": mesh.vertices, "cells": mesh.cells}
     arrays |= {_CELL_SET + name: ids for name, ids in mesh.cell_sets.items()}
     arrays |= {_VERTEX_SET + name: ids for name, ids in mesh.vertex_sets.items()}
@@ -47,7 +47,12 @@ def pack_surface(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) ->
 
 
 def pack_robot(text: str, surfaces: Mapping[str, tuple[NDArray[np.float64], NDArray[np.int64]]]) -> str:
-    """Return a robot's URDF and the surfaces of its meshes, by URI, as text in the format of `pack_mesh`."""
+    """Return a robot as text in the format of `pack_mesh`.
+
+    Args:
+        text: the robot's URDF.
+        surfaces: dict from the URI of each mesh in the URDF to its vertices (n, 3) [m] and triangles (t, 3).
+    """
     arrays = {"urdf": np.frombuffer(text.encode(), dtype=np.uint8)}
     for uri, (vertices, triangles) in surfaces.items():
         arrays |= {_VERTICES + uri: vertices, _TRIANGLES + uri: triangles}
@@ -55,10 +60,10 @@ def pack_robot(text: str, surfaces: Mapping[str, tuple[NDArray[np.float64], NDAr
 
 
 def unpack_robot(text: str) -> tuple[str, dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]]:
-    """Return the URDF and the surfaces that `pack_robot` wrote.
+    """Return the URDF and the dict of surfaces that were given to `pack_robot`.
 
     Raises:
-        MeshError: the text is not such a robot.
+        MeshError: the text is damaged, or is not a packed robot.
     """
     with _undamaged("robot"):
         arrays = {key.replace(_SLASH, "/"): array for key, array in _unpack(text).items()}
@@ -68,17 +73,17 @@ def unpack_robot(text: str) -> tuple[str, dict[str, tuple[NDArray[np.float64], N
 
 
 def unpack_mesh(text: str) -> Mesh:
-    """Return the mesh that `pack_mesh` wrote.
+    """Return the mesh that was given to `pack_mesh`.
 
     Raises:
-        MeshError: the text is not such a mesh.
+        MeshError: the text is damaged, or is not a packed mesh.
     """
     with _undamaged("mesh"):
         return mesh_of(_unpack(text))
 
 
 def mesh_of(arrays: dict[str, NDArray]) -> Mesh:
-    """Return the mesh with the arrays of `mesh_arrays`."""
+    """Return the mesh whose arrays `mesh_arrays` returned."""
     arrays = dict(arrays)
     vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
     filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
@@ -93,10 +98,10 @@ def mesh_of(arrays: dict[str, NDArray]) -> Mesh:
 
 
 def unpack_surface(text: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the vertices (n, 3) [m] and triangles (t, 3) that `pack_surface` wrote.
+    """Return the vertices (n, 3) [m] and triangles (t, 3) that were given to `pack_surface`.
 
     Raises:
-        MeshError: the text is not such a surface.
+        MeshError: the text is damaged, or is not a packed surface.
     """
     with _undamaged("surface"):
         arrays = _unpack(text)
@@ -116,7 +121,7 @@ def _unpack(text: str) -> dict[str, NDArray]:
 
 @contextmanager
 def _undamaged(what: str) -> Iterator[None]:
-    """Raise MeshError for any error that a damaged text causes."""
+    """Convert any error that a damaged text causes in this context to MeshError."""
     try:
         yield
     except (

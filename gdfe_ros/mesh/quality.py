@@ -28,11 +28,12 @@ class QualityReport:
     """Result of `check_mesh`.
 
     Attributes:
-        scaled_jacobian: per cell the least of its eight corners, in [-1, 1], 1 for a box; shape (m,).
-        aspect: per cell longest over shortest edge; shape (m,).
-        volumes: volume of each cell [m^3]; shape (m,).
-        parts: number of pieces that share no vertex.
-        vertex_part: piece of each vertex, shape (n,), int32, pieces numbered from 0.
+        scaled_jacobian: least scaled Jacobian over the corners of each cell, shape (m,). It is 1 for a box and for a
+            regular tetrahedron, and <= 0 for a flat or inverted cell.
+        aspect: ratio of the longest to the shortest edge of each cell, shape (m,).
+        volumes: volume of each cell [m^3], shape (m,).
+        parts: number of connected pieces; two pieces have no vertex in common.
+        vertex_part: number, from 0, of the piece to which each vertex belongs, shape (n,), int32.
         defects: one line for each kind of defect, empty for a sound mesh.
 
     The arrays are empty if the cells refer to vertices that do not exist.
@@ -62,13 +63,12 @@ class QualityReport:
 
 
 def check_mesh(mesh: Mesh) -> QualityReport:
-    """Examine a mesh and name every defect; never raises.
+    """Return a report on a mesh that names every defect; a defect raises no error.
+
+    Several pieces that share no vertex are no defect.
 
     Args:
         mesh: the mesh.
-
-    Returns:
-        The report. It counts pieces that share no vertex; several pieces are no defect.
     """
     defects = _broken_indices(mesh)
     if defects:
@@ -89,14 +89,14 @@ def check_mesh(mesh: Mesh) -> QualityReport:
 
 
 def require_sound(mesh: Mesh, where: str = "mesh") -> QualityReport:
-    """Return the report of `check_mesh`, or raise if it lists a defect.
+    """Return the report of `check_mesh`, or raise an error if it lists a defect.
 
     Args:
         mesh: the mesh.
         where: name of the mesh in the error, e.g. a file name.
 
     Raises:
-        MeshError: with every defect.
+        MeshError: the mesh has defects; the error names every defect.
     """
     report = check_mesh(mesh)
     if report.defects:
@@ -105,7 +105,7 @@ def require_sound(mesh: Mesh, where: str = "mesh") -> QualityReport:
 
 
 def list_ids(ids: NDArray[np.integer]) -> str:
-    """Return the first ids and the number of the others as text, e.g. ``1, 2, 3 and 7 more``."""
+    """Return a text with the first ids and the number of the remaining ids, e.g. ``1, 2, 3 and 7 more``."""
     more = f" and {len(ids) - LISTED} more" if len(ids) > LISTED else ""
     return ", ".join(map(str, ids[:LISTED])) + more
 
@@ -157,17 +157,17 @@ def _vertex_defects(mesh: Mesh) -> list[str]:
 
 
 def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
-    """Return the pairs of points closer than a tolerance.
+    """Return the pairs of points whose distance is at most a tolerance.
 
-    The points are sorted along a generic direction, so that the points of a pair are close in the order. Each point is
-    compared with its successors as long as the distance along the direction is below the tolerance.
+    The points are sorted by their coordinate along a direction that is oblique to all axes. Each point is compared with
+    its successors as long as their coordinates differ by at most the tolerance.
 
     Args:
         points: finite positions [m], shape (n, 3).
         tolerance: distance [m].
 
     Returns:
-        Pairs of indices, shape (p, 2), the smaller first.
+        Pairs of indices, shape (p, 2), the smaller index first.
     """
     along = points @ np.array([0.5773, 0.6342, 0.5144])
     order = np.argsort(along, kind="stable")
@@ -184,7 +184,10 @@ def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[n
 
 
 def _named(what: str, mask: NDArray[np.bool_], remedy: str, mesh: Mesh | None = None) -> list[str]:
-    """Return the defect of the marked items; if they are cells of a ``mesh``, with the place of the first one."""
+    """Return a list with one text that names the marked items of a kind; the list is empty if no item is marked.
+
+    If the items are cells of ``mesh``, the text also has the centroid of the first marked cell.
+    """
     ids = np.flatnonzero(mask)
     if len(ids) == 0:
         return []

@@ -9,25 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 Levels = tuple[int, int, int]
-"""How often each edge of a triangle is halved; edge j is opposite to corner j."""
+"""Number of halvings of each edge of a triangle; edge j is opposite to corner j."""
 
 
 def refine(
     points: NDArray[np.float64], triangles: NDArray[np.int64], longest: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Divide triangles until the given edges are cut into parts of at most ``longest`` [m].
+    """Divide triangles so that no part of a given edge is longer than ``longest``.
 
     Each edge is divided into equal parts, whose number is a power of two. A triangle whose edges are all too long is
-    divided into four similar ones, repeatedly. A long thin triangle with one edge that is short enough is divided into
-    a strip across its other edges. Lines inside a strip are longer than ``longest`` by at most that short edge.
+    divided into four similar triangles, repeatedly. A long thin triangle with one edge that is short enough is divided
+    into a strip of triangles between its two other edges. Lines inside a strip are longer than ``longest`` by at most
+    the length of the short edge.
 
     Args:
         points: (k, 3) [m].
         triangles: (t, 3) ids of points.
-        longest: [m].
+        longest: largest length of a part of an edge [m].
 
     Returns:
-        Points, the given ones first, and triangles with the same orientation.
+        Points [m], the given points first, and ids of the points of each new triangle, with the same orientation.
     """
     ends = np.sort(np.stack([triangles[:, [1, 2, 0]], triangles[:, [2, 0, 1]]], axis=2), axis=2)
     edges, which = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
@@ -62,7 +63,10 @@ def refine(
 
 @lru_cache(maxsize=256)
 def _template(cut: Levels) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the division of a triangle: points (p, 3) in exact barycentric coordinates, and triangles (t, 3)."""
+    """Return the division of a triangle whose edges have the levels ``cut``.
+
+    It consists of points (p, 3) in exact barycentric coordinates, and of triangles (t, 3) between these points.
+    """
     count = 2 ** min(cut)
     small = _four_by_four(count)
     strip = _strip(tuple(level - min(cut) for level in cut))
@@ -72,7 +76,7 @@ def _template(cut: Levels) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
 
 def _four_by_four(count: int) -> NDArray[np.float64]:
-    """Return the barycentric corners (t, 3, 3) of the ``count``^2 triangles that are similar to the whole."""
+    """Divide a triangle into ``count``^2 similar triangles; return their barycentric corners (t, 3, 3)."""
     found = []
     for i in range(count):
         for j in range(count - i):
@@ -84,7 +88,10 @@ def _four_by_four(count: int) -> NDArray[np.float64]:
 
 
 def _strip(cut: Levels) -> NDArray[np.float64]:
-    """Return the barycentric corners (t, 3, 3) of a strip that begins at the corner opposite to the uncut edge."""
+    """Divide a triangle with one undivided edge into a strip of triangles; return their barycentric corners (t, 3, 3).
+
+    The first triangle of the strip is at the corner opposite to the undivided edge.
+    """
     turn = cut.index(0)
     ends = 2 ** cut[(turn + 2) % 3], 2 ** cut[(turn + 1) % 3]
     at, found = [1, 1], [((0, 0.0), (0, 1.0 / ends[0]), (1, 1.0 / ends[1]))]

@@ -22,7 +22,7 @@ _CORE = 0.55
 def tube(
     inner: float, outer: float, length: float, cells: Sequence[int], *, cap: float = 0.0, cap_cells: int = 1
 ) -> HexMesh:
-    """Mesh a tube along x from 0, its axis at y = z = 0; with caps it encloses a chamber.
+    """Mesh a tube along x with its axis at y = z = 0, from x = 0; with caps it encloses a chamber.
 
     Args:
         inner: inner radius [m], > 0.
@@ -34,10 +34,10 @@ def tube(
         cap_cells: number of cells through each cap.
 
     Returns:
-        The mesh with the vertex sets inner (between the caps), outer, start and end (x = 0 and length).
+        The mesh with the vertex sets inner (between the caps), outer, start (x = 0) and end (x = length).
 
     Raises:
-        MeshError: an argument does not fit.
+        MeshError: an argument is out of range.
     """
     require_sizes("tube", {"inner": inner, "outer": outer, "length": length})
     require_counts("tube", {"cells": cells, "cap_cells": cap_cells})
@@ -68,19 +68,19 @@ def tube(
 
 
 def ring(radius: float, section: Sequence[float], cells: Sequence[int], *, angle: float = 360.0) -> HexMesh:
-    """Mesh a ring, or an arc of one, of rectangular section about the z axis.
+    """Mesh a ring, or an arc of a ring, with a rectangular section, about the z axis.
 
     Args:
         radius: mean radius [m].
-        section: width along the radius, less than twice the radius, and height along z [m].
+        section: width along the radius and height along z [m]; the width is less than twice the radius.
         cells: number of cells (across the width, around, along the height); around >= 3 for a full ring.
-        angle: opening of the arc [degrees] from the x axis towards y, in (0, 360].
+        angle: angle of the arc [degrees] from the x axis towards y, in (0, 360].
 
     Returns:
-        The mesh with the vertex sets inner and outer, and start and end for an arc.
+        The mesh with the vertex sets inner and outer; an arc also has the vertex sets start and end.
 
     Raises:
-        MeshError: an argument does not fit.
+        MeshError: an argument is out of range.
     """
     require_sizes("ring", {"radius": radius, "section": section})
     require_counts("ring", {"cells": cells})
@@ -108,9 +108,9 @@ def ring(radius: float, section: Sequence[float], cells: Sequence[int], *, angle
 
 
 def sphere(inner: float, outer: float, cells: Sequence[int]) -> HexMesh:
-    """Mesh a hollow sphere about the origin from the six faces of a cube.
+    """Mesh a hollow sphere about the origin.
 
-    The faces are divided at equal angles and mapped to the sphere.
+    The six faces of a cube are divided at equal angles and mapped to the sphere.
 
     Args:
         inner: inner radius [m], > 0.
@@ -121,7 +121,7 @@ def sphere(inner: float, outer: float, cells: Sequence[int]) -> HexMesh:
         The mesh with the vertex sets inner and outer; it encloses one cavity.
 
     Raises:
-        MeshError: an argument does not fit.
+        MeshError: an argument is out of range.
     """
     require_sizes("sphere", {"inner": inner, "outer": outer})
     require_counts("sphere", {"cells": cells})
@@ -139,7 +139,7 @@ def sphere(inner: float, outer: float, cells: Sequence[int]) -> HexMesh:
 
 
 def _plug(radius: float, around: int, planes: NDArray[np.float64]) -> HexMesh:
-    """Mesh a disc along x: a square core and a ring around it that ends in `around` cells."""
+    """Mesh a solid cylinder along x: a square core, and a ring around it with ``around`` cells at its rim."""
     side = around // 4
     core = np.tan(np.linspace(-np.pi / 4, np.pi / 4, side + 1)) * _CORE * radius
     square = _mapped(grid(core, core, planes), lambda y, z, x: (x, y, z))
@@ -154,7 +154,7 @@ def _plug(radius: float, around: int, planes: NDArray[np.float64]) -> HexMesh:
 
 
 def _full_turn(around: int) -> NDArray[np.float64]:
-    """Return angles around a full circle, from one corner of a square (-45 degrees) back to it."""
+    """Return ``around`` + 1 equally spaced angles [rad] of a full circle, from -45 degrees (a square's corner)."""
     return np.linspace(-np.pi / 4, 7 * np.pi / 4, around + 1)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Selections: the vertices or cells that a scene's `where` refers to."""
+"""Selections of vertices, cells or faces of a mesh, as in the key `where` of a scene."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class Side(Enum):
 
 @dataclass(frozen=True)
 class Face:
-    """Vertices on one side of the bounding box; as cells, those with at least one such vertex."""
+    """Vertices on one side of the bounding box. In a selection of cells: the cells with at least one such vertex."""
 
     side: Side
 
 
 @dataclass(frozen=True)
 class BoxSelection:
-    """Points within closed intervals [m]; None leaves an axis open."""
+    """Points within closed intervals [low, high] [m]; None does not limit an axis."""
 
     x: tuple[float, float] | None = None
     y: tuple[float, float] | None = None
@@ -58,28 +58,28 @@ class SphereSelection:
 
 @dataclass(frozen=True)
 class Vertices:
-    """Vertices by id; as cells, those with all their vertices among the ids."""
+    """Vertices by id. In a selection of cells: the cells all of whose vertices are among the ids."""
 
     ids: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class CellSelection:
-    """Cells by id; as vertices, those of these cells."""
+    """Cells by id. In a selection of vertices: the vertices of these cells."""
 
     ids: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class NamedSet:
-    """A vertex or cell set of the mesh by name; it is converted to the requested kind."""
+    """A vertex set or cell set of the mesh by name; it is converted like `Vertices` or `CellSelection`."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Within:
-    """A selection in one of several meshes, in this mesh's frame and ids; without ``where``, the whole mesh."""
+    """A selection in one mesh of an assembly, in the frame and the ids of this mesh; without ``where``, all of it."""
 
     part: str
     where: Where | None = None
@@ -87,7 +87,7 @@ class Within:
 
 @dataclass(frozen=True)
 class AnyOf:
-    """Items that belong to at least one of several selections."""
+    """Union of several selections."""
 
     places: tuple[Where, ...]
 
@@ -96,11 +96,11 @@ Where = Face | BoxSelection | SphereSelection | Vertices | CellSelection | Named
 
 
 def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
-    """Return the sorted vertex ids of a selection (perhaps none).
+    """Return the sorted vertex ids of a selection; it may be empty.
 
     Args:
         mesh: the mesh.
-        where: the selection; boxes and spheres are closed with a slack of 1e-9 of the mesh size.
+        where: the selection; boxes and spheres are closed, and extended by 1e-9 of the mesh size.
 
     Returns:
         Vertex ids, int32, sorted, unique.
@@ -132,9 +132,9 @@ def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 
 
 def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
-    """Return the sorted cell ids of a selection (perhaps none).
+    """Return the sorted cell ids of a selection; it may be empty.
 
-    Boxes and spheres test the cell centroids; see the selection classes for the others.
+    Boxes and spheres select cells by their centroids. The selection classes describe the other rules.
 
     Args:
         mesh: the mesh.
@@ -170,9 +170,9 @@ def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 
 
 def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
-    """Return the boundary faces whose corners are all selected (perhaps none).
+    """Return the boundary faces whose corners are all selected; there may be none.
 
-    In an `AnyOf`, one of the selections must select all corners of a face.
+    In an `AnyOf`, a single one of its selections must contain all corners of a face.
 
     Args:
         mesh: the mesh.
@@ -193,10 +193,10 @@ def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 
 
 def part_of(mesh: Mesh, name: str) -> MeshPart:
-    """Return one of the meshes from which a mesh was assembled.
+    """Return the mesh with a given name in an assembly, with its pose.
 
     Raises:
-        MeshError: there is no mesh of that name.
+        MeshError: there is no mesh of this name.
     """
     if name in mesh.parts:
         return mesh.parts[name]
@@ -205,12 +205,12 @@ def part_of(mesh: Mesh, name: str) -> MeshPart:
 
 
 def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
-    """Return the triangles (t, 3) int32 of a mesh's skin with three selected points (perhaps none).
+    """Return the triangles (t, 3) int32 of a mesh's skin whose three points are selected; there may be none.
 
-    A face selects by the skin's own bounding box.
+    A `Face` refers to the bounding box of the skin.
 
     Raises:
-        MeshError: the selection is by ids or sets; these belong to the mesh and not to its skin.
+        MeshError: the selection is by ids, sets or the name of a mesh; these refer to cells and not to a skin.
     """
     points = mesh.skin.at(mesh.vertices)
     match where:
@@ -226,12 +226,12 @@ def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 
 
 def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
-    """Return the indices of the selected contact points of a mesh's skin (perhaps none), sorted.
+    """Return the sorted indices of the selected contact points of a mesh's skin; there may be none.
 
-    A face selects by the skin's own bounding box.
+    A `Face` refers to the bounding box of the skin.
 
     Raises:
-        MeshError: as for `select_skin`.
+        MeshError: the selection is by ids or sets, which refer to cells and not to a skin, or a mesh is unknown.
     """
     if isinstance(where, Within):
         part = part_of(mesh, where.part)
@@ -263,7 +263,7 @@ def _on_side(mesh: Mesh, side: Side) -> NDArray[np.bool_]:
 
 
 def _at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np.bool_]:
-    """Return for each point whether it lies on a side of the bounding box of all points."""
+    """Return whether each point is on a side of the bounding box of all points, within ``slack`` [m]."""
     coordinate = points[:, "xyz".index(side.value[0])]
     if side.value[1] == "-":
         return coordinate <= coordinate.min() + slack

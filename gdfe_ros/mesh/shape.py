@@ -23,8 +23,8 @@ def scaled_jacobians(mesh: HexMesh) -> NDArray[np.float64]:
     """Return the least scaled Jacobian over the eight corners of each cell, shape (m,).
 
     At a corner with the edge vectors a, b, c it is a . (b x c) / (|a| |b| |c|), in [-1, 1]. It is 1 for a box, and <= 0
-    for a flat or inverted corner (Knupp 2000; the Verdict library's `scaled jacobian` without the centre). A corner
-    with an edge of zero length counts as 0.
+    for a flat or inverted corner (Knupp 2000; the Verdict library's `scaled jacobian` without the value at the centre).
+    At a corner with an edge of zero length it is 0.
     """
     corners = mesh.vertices[mesh.cells]
     edges = corners[:, CORNERS] - corners[:, :, None]
@@ -33,7 +33,7 @@ def scaled_jacobians(mesh: HexMesh) -> NDArray[np.float64]:
 
 
 def aspect_ratios(mesh: HexMesh) -> NDArray[np.float64]:
-    """Return longest over shortest edge of each cell, shape (m,), >= 1; inf with an edge of zero length."""
+    """Return the ratio of the longest to the shortest edge of each cell, shape (m,); inf if an edge has no length."""
     corners = mesh.vertices[mesh.cells]
     lengths = np.linalg.norm(corners[:, EDGES[:, 1]] - corners[:, EDGES[:, 0]], axis=2)
     shortest, longest = lengths.min(axis=1), lengths.max(axis=1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Closed triangle surfaces made of nested shells; the inside follows from the even-odd rule."""
+"""Closed triangle surfaces that consist of nested shells; the even-odd rule defines their inside."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from gdfe_ros.mesh.faces import vertex_pieces
 
-#: Pairs of a triangle and a column of the grid that are tested together.
+#: Number of pairs of a triangle and a grid column that are tested together.
 _CHUNK = 2_000_000
 
 
 @dataclass(frozen=True)
 class Shells:
-    """The connected pieces of a closed surface.
+    """Nesting and volumes of the shells (connected pieces) of a closed surface.
 
     Attributes:
         depths: number of other shells around each shell; odd for a cavity.
-        volumes: volume inside each shell [m^3], whatever the orientation of its triangles.
+        volumes: volume inside each shell [m^3], positive for either orientation of its triangles.
     """
 
     depths: tuple[int, ...]
@@ -39,11 +39,11 @@ class Shells:
 
 
 def shells(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Shells:
-    """Divide a closed surface into its shells.
+    """Return the nesting and the volumes of the shells of a closed surface.
 
     Args:
         vertices: positions [m], shape (n, 3).
-        triangles: vertex ids, shape (t, 3); shells do not intersect each other.
+        triangles: vertex ids, shape (t, 3); the shells must not intersect each other.
     """
     shell = shell_numbers(len(vertices), triangles)
     _, first = np.unique(shell, return_index=True)
@@ -62,17 +62,21 @@ def shells(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Shell
 
 
 def shell_numbers(n: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the shell (t,) to which each triangle between ``n`` vertices belongs, in the order of `Shells`."""
+    """Return the number (t,) of the shell to which each triangle belongs, in the order of `Shells`.
+
+    ``triangles`` (t, 3) are ids of ``n`` vertices.
+    """
     return np.unique(vertex_pieces(triangles, n)[triangles[:, 0]], return_inverse=True)[1]
 
 
 def points_inside(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int]
 ) -> NDArray[np.bool_]:
-    """Return for each point (i, j, k) whether it lies inside a closed surface.
+    """Return whether each point (i, j, k) of a grid is inside a closed surface.
 
-    In each column along z that pierces a triangle, the points above the triangle change between inside and outside. An
-    edge belongs to only one of its two triangles. A column through an edge or a corner thus crosses the surface once.
+    If a column along z pierces a triangle, the points of the column above the triangle change between inside and
+    outside. An edge belongs to only one of its two triangles. A column through an edge or a corner thus crosses the
+    surface once.
 
     Args:
         vertices: positions in units of the point spacing, shape (n, 3).
@@ -80,7 +84,7 @@ def points_inside(
         count: number of points along each axis.
 
     Returns:
-        Shape `count`.
+        Array of bool, shape ``count``.
     """
     toggles = np.zeros((count[0], count[1], count[2] + 1), dtype=np.uint8)
     for x, y, height in _crossings(vertices[triangles], count[:2]):
@@ -92,9 +96,10 @@ def points_inside(
 def inside(
     points: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Return (k,) whether points (k, 3) lie inside a closed surface of any orientation, by the even-odd rule.
+    """Return whether each point (k, 3) is inside a closed surface of any orientation, shape (k,), by the even-odd rule.
 
-    The shells that wind around a point are counted by their solid angles (van Oosterom and Strackee 1983).
+    A shell winds around a point if its solid angle there is not zero (van Oosterom and Strackee 1983). A point is
+    inside if an odd number of shells wind around it.
     """
     shell = shell_numbers(len(vertices), triangles)
     found = np.zeros(len(points), dtype=np.int64)
@@ -111,7 +116,7 @@ def inside(
 def _crossings(
     corners: NDArray[np.float64], count: tuple[int, int]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]]:
-    """Yield x, y and height of the crossings of columns with triangles (t, 3, 3), in chunks."""
+    """Yield x, y and height of the crossings of grid columns with triangles (t, 3, 3), in chunks."""
     for which, x, y in _columns(corners, count):
         hit = _pierced(corners[which], x, y)
         yield x[hit], y[hit], _heights(corners[which[hit]], x[hit], y[hit])
@@ -120,7 +125,7 @@ def _crossings(
 def _columns(
     corners: NDArray[np.float64], count: tuple[int, int]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:
-    """Yield triangle, x and y of the columns in the bounding box of each triangle, in chunks."""
+    """Yield pairs of a triangle and a grid column (x, y) in its bounding box, in chunks."""
     low = np.maximum(np.ceil(corners[:, :, :2].min(axis=1)), 0).astype(np.int64)
     high = np.minimum(np.floor(corners[:, :, :2].max(axis=1)), np.array(count) - 1).astype(np.int64)
     width = np.maximum(high - low + 1, 0)
@@ -134,7 +139,7 @@ def _columns(
 
 
 def _pierced(corners: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return whether the column (x, y) pierces its triangle: a ray to +x crosses the triangle's outline once."""
+    """Return whether each column at (x, y) pierces its triangle: a ray to +x crosses the projected outline once."""
     hit = np.zeros(len(corners), dtype=bool)
     for first, second in ((0, 1), (1, 2), (2, 0)):
         a, b = corners[:, first, :2], corners[:, second, :2]
@@ -147,7 +152,7 @@ def _pierced(corners: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.i
 
 
 def _heights(corners: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the height of each triangle at its column, clamped to its corners' heights."""
+    """Return the height z of each triangle at its column (x, y), limited to the heights of its corners."""
     a = corners[:, 0]
     normal = np.cross(corners[:, 1] - a, corners[:, 2] - a)
     fall = (x - a[:, 0]) * normal[:, 0] + (y - a[:, 1]) * normal[:, 1]

@@ -18,26 +18,28 @@ if TYPE_CHECKING:
     from gdfe_ros.mesh.hexmesh import HexMesh
 
 FINE, SMALL = 0.25, 0.1
-"""Longest edge of a refined skin's triangles, over a quantile of the sizes of boundary cells; and the level of that
-quantile.
+"""FINE: longest edge of a refined skin's triangles, divided by a quantile of the sizes of the boundary cells. SMALL:
+level of this quantile.
 """
 CREASE = np.cos(np.radians(30.0))
 """The common edge of two triangles is a crease if the cosine between their normals is below this."""
 FARTHEST = np.array([0.5, 0.75, 1.0])
-"""A further point is chosen if its distance to the nearest chosen point, over the size of its cell, exceeds this. Three
-values: for a corner, for a crease point, and for any other point.
+"""A further point is chosen if its distance to the nearest chosen point, divided by the size of its cell, exceeds this.
+The three values are for a corner, for a crease point, and for any other point.
 """
 NEAR = 8
-"""Number of nearest chosen points among which one on the same side of a wall is searched."""
+"""Number of nearest chosen points that are searched for a point on the same side of a wall."""
 ALIKE = -1e-9
-"""Two normals count as on the same side of a wall if their cosine exceeds this; perpendicular normals do."""
+"""Two points count as on the same side of a wall if the cosine between their normals exceeds this. Points with
+perpendicular normals do.
+"""
 PLACE = 1e-12
-"""Tolerance of reference coordinates in cells."""
+"""Tolerance of a skin point's reference coordinates in its cell."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
-    """Points of a skin with the cells that carry them.
+    """Points of a skin, and the cell that carries each point.
 
     Attributes:
         places: (k, 3) positions [m].
@@ -45,7 +47,7 @@ class SkinPoints:
         kinds: (k,) 0 for a corner, 1 for a crease point, 2 for any other point.
         corners: (k, 8) vertices of the cell that carries each point.
         weights: (k, 8) weights of these vertices.
-        sizes: (k,) edge of a cube with that cell's volume [m].
+        sizes: (k,) edge of a cube with the volume of the point's cell [m].
     """
 
     places: NDArray[np.float64]
@@ -57,7 +59,10 @@ class SkinPoints:
 
     @classmethod
     def of(cls, mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> SkinPoints:
-        """Return the points of a closed surface of triangles (t, 3), which are oriented out of the material."""
+        """Return the points of a closed surface after its refinement.
+
+        ``triangles`` (t, 3) are ids of ``points`` (n, 3) [m], oriented out of the material.
+        """
         sizes = np.cbrt(cell_volumes(mesh))
         points, triangles = refine(points, triangles, FINE * float(np.quantile(sizes[mesh.boundary.cells], SMALL)))
         areas = 0.5 * np.cross(*(points[triangles[:, i]] - points[triangles[:, 0]] for i in (1, 2)))
@@ -70,11 +75,11 @@ class SkinPoints:
         return cls(points[used], _unit(slopes[used]), kinds, mesh.cells[cells], weights, sizes[cells])
 
     def touching(self, mesh: HexMesh) -> NDArray[np.intp]:
-        """Return the indices (p,) of the contact points.
+        """Return the indices (p,) of the contact points among the skin points.
 
-        Each boundary vertex gets a contact point. Otherwise only the material of its cells would hold it, and a vertex
-        with little material would pull the skin into the obstacle. If the cells are too coarse for the surface, points
-        far from the chosen ones are added.
+        Each boundary vertex gets a contact point. A vertex without one would be supported by the material of its cells
+        only, and a vertex with little material would pull the skin into the obstacle. If the cells are too coarse for
+        the surface, points that are far from all contact points are added.
         """
         vertices, normals = _boundary(mesh)
         own = np.full(mesh.n_vertices, -1)
@@ -88,7 +93,10 @@ class SkinPoints:
         return self._completed(self._cornered(np.unique(point[first])))
 
     def _cornered(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the chosen points; a corner near one of them replaces the chosen point nearest to it."""
+        """Return the chosen points; each corner of the skin replaces the nearest chosen point if this is close.
+
+        A chosen point that is a corner is not replaced.
+        """
         tree, found = cKDTree(self.places[chosen]), chosen.copy()
         for corner in np.setdiff1d(np.flatnonzero(self.kinds == 0), chosen):
             limit = FARTHEST[0] * self.sizes[corner]
@@ -101,7 +109,7 @@ class SkinPoints:
         return np.unique(found)
 
     def _completed(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the chosen points and further ones, so that every point is within `FARTHEST` of one of them."""
+        """Return the chosen points and further points, so that each skin point is within `FARTHEST` of one of these."""
         limits = FARTHEST[self.kinds] * self.sizes
         near = cKDTree(self.places[chosen]).query(self.places, k=min(NEAR, len(chosen)))[1]
         near = chosen[near.reshape(len(self.places), -1)]
@@ -118,7 +126,7 @@ class SkinPoints:
 
 
 def _kinds(triangles: NDArray[np.int64], normals: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the kinds of points, as in `SkinPoints`, by the number of creases that meet in each point."""
+    """Return the kind of each point, as in `SkinPoints`, from the number of creases that meet there: 0, 2 or other."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges, owner = edges[order], order // 3
@@ -129,7 +137,10 @@ def _kinds(triangles: NDArray[np.int64], normals: NDArray[np.float64], count: in
 
 
 def _boundary(mesh: HexMesh) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the boundary vertices (v,) of a mesh and outward unit vectors (v, 3), zero where faces cancel."""
+    """Return the boundary vertices (v,) of a mesh and their outward unit normals (v, 3).
+
+    A normal is zero if the area vectors of the faces at the vertex cancel.
+    """
     quads, vectors = mesh.boundary.quads, np.zeros_like(mesh.vertices)
     corners = mesh.vertices[quads]
     each = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])

@@ -17,11 +17,13 @@ from gdfe_ros.mesh.voxels import examine_surface
 CELLS = 64
 """Default number of grid cells along the longest edge of a solid's bounding box."""
 MARGIN = 4
-"""Cells of the grid beyond the bounding box, on each side."""
+"""Number of grid cells outside of the bounding box, on each side."""
 MOST_POINTS = 4_000_000
-"""Limit of the grid's points; more take minutes and gigabytes."""
+"""Limit of the number of grid points; more points need minutes and gigabytes of memory."""
 VOLUME_ERROR = 0.3
-"""The grid counts as too coarse if its volume differs from the surface's by more than this fraction."""
+"""The grid is too coarse if the volume of its inner points differs from the surface's volume by more than this
+fraction.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +31,11 @@ class Solid:
     """The solid inside a closed surface.
 
     Attributes:
-        vertices: (n, 3) float64 [m].
-        triangles: (t, 3) int64.
+        vertices: (n, 3) float64 [m], vertices of the surface.
+        triangles: (t, 3) int64, vertex ids of the surface's triangles.
         cell: spacing of the grid [m].
-        start: (3,) [m] of the grid's first point.
-        distances: (a, b, c) float64 [m] of the grid's points from the surface, negative inside.
+        start: (3,) position of the grid's first point [m].
+        distances: (a, b, c) float64 [m], distances of the grid's points from the surface, negative inside.
     """
 
     vertices: NDArray[np.float64]
@@ -44,7 +46,7 @@ class Solid:
 
     @property
     def size(self) -> float:
-        """Diagonal of its bounding box [m]."""
+        """Diagonal of the solid's bounding box [m]."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
 
@@ -58,7 +60,7 @@ def read_solid(surface: str | Path, *, scale: float | None = None, cell: float |
         cell: spacing of the grid [m]; None for a 64th of the longest edge of the bounding box.
 
     Raises:
-        MeshError: with every defect and its remedy.
+        MeshError: the surface has defects; the error names every defect and its remedy.
     """
     where = f"surface {surface}"
     vertices, triangles, defects = examine_surface(surface, scale=scale)
@@ -70,7 +72,7 @@ def read_solid(surface: str | Path, *, scale: float | None = None, cell: float |
 def make_solid(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, cell: float | None = None, where: str = "surface"
 ) -> Solid:
-    """Return the solid inside a closed surface; recent grids are cached.
+    """Return the solid inside a closed surface; the last eight solids are cached in memory.
 
     Args:
         vertices: (n, 3) [m].
@@ -79,7 +81,7 @@ def make_solid(
         where: name of the surface in an error.
 
     Raises:
-        MeshError: the surface is inside out, or the grid too fine or too coarse for it.
+        MeshError: the surface is inside out, the grid has too many points, or the grid is too coarse for the surface.
     """
     vertices, triangles = np.asarray(vertices, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
     require_outward(vertices, triangles, where=where)
@@ -102,7 +104,7 @@ def require_outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64],
     """Raise an error if a surface is inside out; the arguments are those of `make_solid`.
 
     Raises:
-        MeshError: with the volume and the remedy.
+        MeshError: the volume is not positive; the error names the volume and the remedy.
     """
     a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
     volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Disk cache of results, by the content from which they were computed, beside the cache of the kernels.
+"""Disk cache of computed meshes; the key is a digest of the content from which a mesh is computed.
 
-A file is first written under a temporary name and then renamed, so that concurrent processes never see an incomplete
-file. It starts with the digest of its content; if a power cut or a full disk has truncated the file, the result is
-computed again. A key depends on the sources of this package, numpy's version and the machine. Other versions therefore
-never read the file.
+A file is first written under a temporary name and then renamed, so that concurrent processes never read an incomplete
+file. It starts with the digest of its content. If a power cut or a full disk has truncated the file, the mesh is
+computed again. The key also depends on the sources of `gdfe_ros.mesh`, numpy's version and the machine's architecture,
+so that other versions never read the file.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_BYTES = 256_000_000
-"""Limit of the total size of the files [B]; the files used least recently are deleted first."""
+"""Limit of the total size of the cached files [B]; the least recently used files are deleted first."""
 _DIGEST = 32
 
 
 def key_of(*parts: bytes) -> str:
-    """Return the key of results that depend on these contents and on the code."""
+    """Return the cache key of a result that is computed from these contents, a SHA-256 digest in hexadecimal."""
     digest = hashlib.sha256(_code())
     for part in parts:
         digest.update(len(part).to_bytes(8, "little") + part)
@@ -36,7 +36,7 @@ def key_of(*parts: bytes) -> str:
 
 
 def recall(key: str) -> dict[str, NDArray] | None:
-    """Return the arrays kept under a key; None if there are none, or if the file is damaged."""
+    """Return the arrays stored under a key; None if there are none, or if the file is damaged."""
     path = _folder() / f"{key}.npz"
     try:
         content = path.read_bytes()
@@ -50,7 +50,7 @@ def recall(key: str) -> dict[str, NDArray] | None:
 
 
 def keep(key: str, arrays: Mapping[str, NDArray]) -> None:
-    """Keep arrays under a key. If the disk is full or read-only, nothing is kept, and no error is raised."""
+    """Store arrays under a key. If the disk is full or read-only, nothing is stored, and no error is raised."""
     buffer = BytesIO()
     np.savez(buffer, **arrays)
     content, folder = buffer.getvalue(), _folder()
@@ -78,7 +78,7 @@ def _tidy(folder: Path) -> None:
 
 
 def _folder() -> Path:
-    """Return the folder of the files, in the place where numba keeps the kernels."""
+    """Return the folder of the cached files, beside numba's cache of compiled kernels."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
         return Path(chosen) / "gdfe_ros_bodies"
@@ -90,7 +90,7 @@ def _folder() -> Path:
 
 @lru_cache(maxsize=1)
 def _code() -> bytes:
-    """Return a digest of this package's sources, of numpy's version and of the machine."""
+    """Return a digest of the sources of `gdfe_ros.mesh`, of numpy's version and of the machine's architecture."""
     digest = hashlib.sha256(f"{np.__version__} {platform.machine()}".encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of a mesh, removal of unused vertices and merging of coincident ones."""
+"""Meshes made from other meshes: selection of cells, merging of coincident vertices, joining."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.quality import COINCIDENT, coincident_pairs
 
 _BARE: Mapping[str, Any] = {"skin": None, "touching": None, "parts": {}}
-"""Values of the fields that a mesh loses if cells or vertices are removed, merged or joined."""
+"""Dict from each field that is lost if cells or vertices are removed, merged or joined, to its empty value."""
 
 
 def keep_cells(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
-    """Return the mesh of some cells and their vertices, both in their old order.
+    """Return a mesh with some of the cells, and only the vertices that these cells use, both in their old order.
 
     Args:
         mesh: the mesh.
-        keep: cells that stay, shape (m,).
+        keep: whether each cell is kept, bool, shape (m,).
     """
     cells = mesh.cells[keep]
     used = np.zeros(mesh.n_vertices, dtype=bool)
@@ -43,7 +43,7 @@ def keep_cells(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
 
 
 def merge_vertices(mesh: Mesh, tolerance: float | None = None) -> Mesh:
-    """Return the mesh with coincident vertices merged; the first of each group stays.
+    """Return the mesh with coincident vertices merged; the first vertex of each group gives the position.
 
     Args:
         mesh: a mesh with finite vertices.
@@ -71,7 +71,10 @@ def merge_vertices(mesh: Mesh, tolerance: float | None = None) -> Mesh:
 
 
 def join(*meshes: Mesh) -> Mesh:
-    """Return several meshes of one type as one, in order; sets of one name are united, vertices stay separate."""
+    """Return several meshes of one type as one mesh, in order.
+
+    Sets with the same name are united. Vertices stay separate.
+    """
     filled = any(mesh.filling is not None for mesh in meshes)
     vertex_start = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
     cell_start = np.cumsum([0, *(mesh.n_cells for mesh in meshes)])

@@ -11,7 +11,7 @@ from gdfe_ros.mesh.tetrahedra import FACES, FACETS, face_slopes, face_weights, t
 
 
 def tet_boundary(cells: NDArray[np.int32]) -> Faces:
-    """Return the faces (q, 6) of cells (m, 10) that belong to exactly one of them, in the order of the cells."""
+    """Return the faces (q, 6) that belong to exactly one of the cells (m, 10), in the order of the cells."""
     faces = cells[:, FACES].reshape(-1, 6)
     owners = np.repeat(np.arange(len(cells), dtype=np.int32), 4)
     if len(faces) == 0:
@@ -28,14 +28,19 @@ def facets(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def flat_quads(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return faces as quads: (q, 4) as they are, (q, 6) as four triangles each, which repeat their last corner."""
+    """Return faces as quads (k, 4).
+
+    Quads (q, 4) are returned unchanged. A six-node face becomes four triangles, written as quads whose last two corners
+    are equal.
+    """
     return faces if faces.shape[1] == 4 else facets(faces)[:, [0, 1, 2, 2]]
 
 
 def node_areas(points: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return int N_a dA of the nodes of six-node faces at ``points`` (n, 3) [m], as (q, 6) [m^2].
+    """Return the integrals of the shape functions, int N_a dA (q, 6) [m^2], over six-node faces (q, 6).
 
-    On a flat face the integral is zero for the corners, and a third of the area for each node on an edge.
+    The nodes are at ``points`` (n, 3) [m]. On a flat face with straight edges the integral is zero for the corners, and
+    a third of the area for each node on an edge.
     """
     nodes, areas = points[faces], np.zeros(faces.shape)
     for place, weight in zip(*triangle_rule(4), strict=True):

@@ -17,10 +17,10 @@ class TetOperators(NamedTuple):
     Attributes:
         cells: (m, 10) int32 nodes, VTK order.
         volume: (m,) float64 [m^3].
-        weight: (m, 4) float64 [m^3], volume that belongs to each integration point.
+        weight: (m, 4) float64 [m^3], volume of each integration point; the sum is ``volume``.
         inverse: (m, 4, 3, 3) float64 [1/m], inverse of dX/dxi at the integration points.
         gradient: (m, 10, 3) float64 [1/m], volume average of the shape functions' gradients.
-        corner_ratio: (m, 4) float64 [1/m^3], one over the triple product of dX/dxi at each corner.
+        corner_ratio: (m, 4) float64 [1/m^3], 1 / det(dX/dxi) at each corner.
     """
 
     cells: NDArray[np.int32]
@@ -32,7 +32,7 @@ class TetOperators(NamedTuple):
 
 
 def tet_operators(vertices: NDArray[np.float64], cells: NDArray[np.int32]) -> TetOperators:
-    """Return the operators of all elements from rest vertices (n, 3) [m] and cells (m, 10)."""
+    """Return the operators of all elements from undeformed vertices (n, 3) [m] and cells (m, 10)."""
     nodes = vertices[cells]
     jacobian = np.einsum("eai,gaj->egij", nodes, quadratic_slopes(POINTS))
     weight, inverse = np.linalg.det(jacobian) / 24.0, np.linalg.inv(jacobian)
@@ -49,7 +49,7 @@ def tet_operators(vertices: NDArray[np.float64], cells: NDArray[np.int32]) -> Te
 
 
 def gradients(inverse: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return dN_a/dX_i (m, 4, 10, 3) [1/m] at the integration points, from their ``inverse`` (m, 4, 3, 3) [1/m]."""
+    """Return dN_a/dX_i (m, 4, 10, 3) [1/m] at the integration points; ``inverse`` (m, 4, 3, 3) is dxi/dX [1/m]."""
     return np.einsum("gak,egki->egai", quadratic_slopes(POINTS), inverse)
 
 

@@ -14,8 +14,9 @@ from gdfe_ros.mesh.tetrahedra import EDGES, quadratic_slopes, simplex_rule
 def scaled_jacobians(mesh: TetMesh) -> NDArray[np.float64]:
     """Return the least scaled Jacobian over the four corners of each cell, shape (m,).
 
-    At a corner with the directions a, b, c of dX/dL: 2^(1/2) a . (b x c) / (|a| |b| |c|), which is 1 for a regular
-    tetrahedron with straight edges, and <= 0 for a flat or inverted corner. An edge of zero length counts as 0.
+    At a corner whose edges have the tangent vectors a, b, c it is 2^(1/2) a . (b x c) / (|a| |b| |c|). It is 1 for a
+    regular tetrahedron with straight edges, and <= 0 for a flat or inverted corner. At a corner with a tangent vector
+    of zero length it is 0.
     """
     jacobian = corner_jacobians(mesh.vertices[mesh.cells])
     first, second, third = np.moveaxis(jacobian, 3, 0)
@@ -30,7 +31,10 @@ def scaled_jacobians(mesh: TetMesh) -> NDArray[np.float64]:
 
 
 def aspect_ratios(mesh: TetMesh) -> NDArray[np.float64]:
-    """Return longest over shortest edge of each cell, shape (m,), >= 1; inf with an edge of zero length."""
+    """Return the ratio of the largest to the smallest distance of two corners of each cell, shape (m,).
+
+    It is inf if two corners coincide.
+    """
     corners = mesh.vertices[mesh.cells[:, :4]]
     lengths = np.linalg.norm(corners[:, EDGES[:, 1]] - corners[:, EDGES[:, 0]], axis=2)
     shortest, longest = lengths.min(axis=1), lengths.max(axis=1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mesh of quadratic tetrahedra, and its construction from linear ones and from hexahedra."""
+"""The mesh of quadratic tetrahedra, and its construction from linear tetrahedra and from hexahedra."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from gdfe_ros.mesh.tetrahedra import EDGES
 SIX_OF_A_HEXAHEDRON = np.array(
     [[0, 1, 2, 6], [0, 5, 1, 6], [0, 2, 3, 6], [0, 4, 5, 6], [0, 3, 7, 6], [0, 7, 4, 6]], dtype=np.int32
 )
-"""Corners of the six tetrahedra about the diagonal 0-6 of a hexahedron (Kuhn); neighbours in a grid match at their
-common faces."""
+"""Corners of the six tetrahedra around the diagonal 0-6 of a hexahedron (Kuhn). In a structured grid, the tetrahedra of
+neighbouring hexahedra match at the common face."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TetMesh(Mesh):
     """A mesh of 10-node tetrahedra.
 
-    Its ``cells`` (m, 10) are in VTK's order: four corners, then the nodes on the edges 01, 12, 02, 03, 13, 23. Seen
-    from the last corner, the first three are counter-clockwise. The other attributes are those of `Mesh`.
+    The nodes of ``cells`` (m, 10) are in VTK's order: four corners, then the nodes on the edges 01, 12, 02, 03, 13, 23.
+    Seen from the last corner, the first three corners are counter-clockwise. The other attributes are those of `Mesh`.
 
     Attributes:
-        linear: whether it was made from a file's linear tetrahedra, with straight edges.
+        linear: whether the mesh was made from the linear tetrahedra of a file; all edges are then straight.
     """
 
     linear: bool = False
@@ -59,7 +59,7 @@ def raised(
     *,
     linear: bool = False,
 ) -> TetMesh:
-    """Return quadratic tetrahedra: linear ones with a node in the middle of each edge; corners keep their ids.
+    """Return a quadratic mesh from linear tetrahedra: each edge gets a node in its middle, and corners keep their ids.
 
     Args:
         vertices: (n, 3) [m].
@@ -81,7 +81,10 @@ def raised(
 
 
 def divided(mesh: HexMesh) -> TetMesh:
-    """Return each hexahedron of a mesh as six tetrahedra; in a structured grid they match at their common faces."""
+    """Divide each hexahedron of a mesh into six quadratic tetrahedra.
+
+    In a structured grid, the tetrahedra of neighbouring hexahedra match at the common face.
+    """
     corners = mesh.cells[:, SIX_OF_A_HEXAHEDRON].reshape(-1, 4)
     cells = {name: (6 * ids[:, None] + np.arange(6)).ravel() for name, ids in mesh.cell_sets.items()}
     return raised(mesh.vertices, corners, cells, mesh.vertex_sets)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quadratic tetrahedra: node order, shape functions, integration points, inverse of the map.
+"""Quadratic tetrahedra: node order, shape functions, integration points, inverse of the isoparametric map.
 
 A cell has four corners and a node on each of its six edges, in VTK's order. With the barycentric coordinates L_0 .. L_3
 of a point, the shape functions are N_i = L_i (2 L_i - 1) for the corners and N_ij = 4 L_i L_j for the edges.
@@ -11,29 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]], dtype=np.int32)
-"""Corners of the edge on which each of the nodes 4 .. 9 lies."""
+"""The two end corners of the edge of each of the nodes 4 .. 9."""
 FACES = np.array([[1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6], [0, 1, 3, 4, 8, 7], [0, 2, 1, 6, 5, 4]], dtype=np.int32)
 """Nodes of the faces, counter-clockwise seen from outside: three corners, then the nodes on the edges 01, 12, 20."""
 FACETS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]], dtype=np.int32)
 """The four triangles between the six nodes of a face."""
 SIX = np.array([[0, 1, 2], [1, 2, 0]], dtype=np.int32)
-"""The two corners of a face between which each of its nodes 3 .. 5 lies."""
+"""The two end corners (rows) of the edge of each of a face's nodes 3 .. 5 (columns)."""
 
 _NEAR, _FAR = (5.0 + 3.0 * 5.0**0.5) / 20.0, (5.0 - 5.0**0.5) / 20.0
 POINTS = np.full((4, 4), _FAR) + (_NEAR - _FAR) * np.eye(4)
-"""Barycentric coordinates (4, 4) of the element's integration points. Each has a quarter of the volume; the rule is
-exact for quadratic polynomials.
+"""Barycentric coordinates (4, 4) of the element's integration points. The weight of each point is a quarter of the
+volume. The rule is exact for quadratic polynomials.
 """
 CORNER_SLOPES = np.array([[-1.0, -1.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 """dL_i/dxi_k (4, 3) with xi = (L_1, L_2, L_3)."""
 NEWTON_STEPS = 25
-"""Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps."""
+"""Limit of Newton steps for a point's barycentric coordinates; three to five steps are usual."""
 SETTLED = 1e-10
 """Newton's method ends when a point's barycentric coordinates change by less than this."""
 
 
 def quadratic_weights(place: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the shape functions (..., 10) at barycentric coordinates (..., 4)."""
+    """Return the values of the shape functions (..., 10) at barycentric coordinates (..., 4)."""
     corners = place * (2.0 * place - 1.0)
     return np.concatenate([corners, 4.0 * place[..., EDGES[:, 0]] * place[..., EDGES[:, 1]]], axis=-1)
 
@@ -47,9 +47,10 @@ def quadratic_slopes(place: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def barycentric(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the coordinates (k, 4) of points (k, 3) or (3,) in cells with nodes (k, 10, 3), by Newton's method.
+    """Return the barycentric coordinates (k, 4) of points (k, 3) or (3,) in cells with nodes (k, 10, 3).
 
-    In a cell with straight edges the first step is exact. The sum of the coordinates is one. They lie within -3 .. 4.
+    They are found by Newton's method. In a cell with straight edges the first step is exact. The sum of the coordinates
+    is one. The last three are limited to -3 .. 4.
     """
     place = np.full((len(corners), 4), 0.25)
     points = np.broadcast_to(points, (len(corners), 3))
@@ -68,10 +69,10 @@ def barycentric(points: NDArray[np.float64], corners: NDArray[np.float64]) -> ND
 
 
 def simplex_rule(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return barycentric points (q, 4) and weights (q,), which sum to one, of an integration rule.
+    """Return an integration rule of a tetrahedron: barycentric points (q, 4), and weights (q,) whose sum is one.
 
-    It is exact for polynomials of degree 2 order - 1. The points are Gauss-Jacobi points on a collapsed cube (Stroud
-    1971). Their number is not minimal, but all points lie inside and all weights are positive.
+    The rule is exact for polynomials of degree 2 order - 1. The points are Gauss-Jacobi points on a collapsed cube
+    (Stroud 1971). Their number is not minimal, but all points are inside the tetrahedron and all weights are positive.
     """
     from scipy.special import roots_jacobi
 
@@ -87,7 +88,7 @@ def simplex_rule(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def triangle_rule(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return barycentric points (q, 3) and weights (q,) of a triangle, as `simplex_rule` does for tetrahedra."""
+    """Return an integration rule of a triangle: barycentric points (q, 3) and weights (q,), as in `simplex_rule`."""
     from scipy.special import roots_jacobi
 
     (u, wu), (v, wv) = ((0.5 * (1.0 + p), w / w.sum()) for p, w in (roots_jacobi(order, n, 0.0) for n in (1, 0)))
@@ -97,7 +98,7 @@ def triangle_rule(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def face_weights(place: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the shape functions (..., 6) of a face's nodes at barycentric coordinates (..., 3)."""
+    """Return the values of the shape functions (..., 6) of a face's nodes at barycentric coordinates (..., 3)."""
     edges = 4.0 * place[..., SIX[0]] * place[..., SIX[1]]
     return np.concatenate([place * (2.0 * place - 1.0), edges], axis=-1)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tetrahedra from CAD: STEP files by gmsh, triangles by fTetWild; both in processes of their own, and cached."""
+"""Tetrahedral meshes of STEP files (gmsh) and triangle surfaces (fTetWild), made in a separate process and cached."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from gdfe_ros.mesh.voxels import examine_surface
 
 STEP_SUFFIXES = (".step", ".stp")
 ENVELOPE = 1e-3
-"""Largest distance between fTetWild's surface and the file's, over the diagonal."""
+"""Largest distance between fTetWild's surface and the file's surface, divided by the diagonal of the body."""
 NARROW = 0.1
-"""Largest distance between the same surfaces, over the size of the cells; the smaller limit applies."""
+"""Largest distance between the same two surfaces, divided by the size of the cells; the smaller limit applies."""
 STRAIGHTENED = 0.1
 """The curved edges of a cell are straightened if its scaled Jacobian is below this."""
 LONGEST_RUN = 1800.0
-"""A mesher is stopped after this time [s]."""
+"""Time [s] after which a mesher is stopped."""
 _SCRIPT = Path(__file__).with_name("mesher_process.py")
 
 
@@ -44,10 +44,10 @@ def from_step(path: str | Path, *, size: float) -> TetMesh:
 
     Args:
         path: a .step or .stp file.
-        size: largest edge of a cell [m]; at curved surfaces edges may be as short as a fifth of it.
+        size: largest edge of a cell [m]; edges at curved surfaces may be as short as a fifth of the size.
 
     Raises:
-        MeshError: with every reason.
+        MeshError: the file cannot be meshed; the error names the reason.
     """
     path, heading = Path(path), f"step {path}"
     if not path.is_file():
@@ -59,19 +59,19 @@ def from_step(path: str | Path, *, size: float) -> TetMesh:
 
 
 def from_surface(surface: str | Path, *, size: float, scale: float | None = None) -> TetMesh:
-    """Fill the inside of a surface of triangles with tetrahedra.
+    """Fill the inside of a triangle surface with quadratic tetrahedra, which have straight edges.
 
-    The triangles may be open or intersect each other; a point is inside if the surface winds around it. In a closed
-    surface, nested shells of any orientation are cavities. The distance of the filled surface to the file's is at most
-    a thousandth of the diagonal, and at most a tenth of ``size``.
+    The surface may be open or intersect itself; a point is inside if the surface winds around it. In a closed surface,
+    nested shells of any orientation are cavities. The distance between the mesh's surface and the file's surface is at
+    most a thousandth of the body's diagonal, and at most a tenth of ``size``.
 
     Args:
         surface: an STL, OBJ, PLY or OFF file.
-        size: edge of the cells [m].
+        size: target edge length of the cells [m].
         scale: metres for each unit of the file; None assumes metres and rejects bodies of implausible size.
 
     Raises:
-        MeshError: with every reason.
+        MeshError: the surface cannot be meshed; the error names every reason.
     """
     heading = f"surface {surface}"
     vertices, triangles, defects = examine_surface(surface, scale=scale, closed=False)
@@ -97,12 +97,12 @@ def from_surface(surface: str | Path, *, size: float, scale: float | None = None
 
 
 def step_bounds(path: str | Path) -> NDArray[np.float64]:
-    """Return the lowest and highest corner of a STEP file's solids (2, 3) [m]."""
+    """Return the lowest and the highest corner (2, 3) [m] of the bounding box of a STEP file's solids."""
     return _run("facts", {"path": str(Path(path).resolve())}, f"step {path}")["bounds"]
 
 
 def step_facts(path: str | Path) -> list[tuple[str, str]]:
-    """Return the contents of a STEP file as texts (name, value): solids, surfaces, volume, bounds in metres."""
+    """Return pairs (name, value) of texts about a STEP file: kind, solids, surfaces, bounds in metres, volume."""
     raw = _run("facts", {"path": str(Path(path).resolve())}, f"step {path}")
     low, high = raw["bounds"]
     spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
@@ -115,7 +115,11 @@ def step_facts(path: str | Path) -> list[tuple[str, str]]:
 
 
 def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
-    """Run a mesher in a process of its own; return its arrays."""
+    """Run a mesher in a separate process; return the arrays of its result.
+
+    Raises:
+        MeshError: the mesher fails, takes longer than `LONGEST_RUN`, or is not installed.
+    """
     began = time.monotonic()
     if kind != "facts":
         print(f"{heading}: meshing", end=" ", file=sys.stderr, flush=True)
@@ -147,7 +151,7 @@ def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
 
 
 def _curved(raw: dict[str, NDArray]) -> TetMesh:
-    """Return the mesh of a STEP file; curved edges that would fold a cell are straightened."""
+    """Return the mesh from a mesher's arrays; the curved edges of cells below `STRAIGHTENED` are straightened."""
     sets = [
         {name.removeprefix(start): ids for name, ids in raw.items() if name.startswith(start)}
         for start in ("cell:", "vertex:")
@@ -161,12 +165,12 @@ def _curved(raw: dict[str, NDArray]) -> TetMesh:
 
 
 def _cached(key: str) -> TetMesh | None:
-    """Return the mesh that was made before from the same contents; None if there is none."""
+    """Return the mesh that is stored under a key; None if there is none."""
     found = recall(key)
     return None if found is None else mesh_of(found)
 
 
 def _kept(key: str, mesh: TetMesh) -> TetMesh:
-    """Keep a mesh for the next time, and return it."""
+    """Store a mesh under a key, and return the mesh."""
     keep(key, mesh_arrays(mesh))
     return mesh

@@ -14,12 +14,12 @@ from gdfe_ros.mesh.outside import Outside
 
 @dataclass(frozen=True, eq=False)
 class Touching:
-    """Contact points and surface of the meshes of a body that touch by their skins.
+    """Contact points and contact surface of those meshes of a body that touch by their skins, not by their faces.
 
     Attributes:
         corners: (p, 8) int32 vertices of the cell that carries each contact point.
-        weights: (p, 8) their weights, which sum to one.
-        vertices: (v,) int32 vertices of the meshes with such a skin, whose faces do not touch.
+        weights: (p, 8) weights of these vertices, which sum to one for each point.
+        vertices: (v,) int32 all vertices of these meshes.
         surface: the skins of these meshes.
     """
 
@@ -30,7 +30,11 @@ class Touching:
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[Touching, int, int]]) -> Touching:
-        """Return several of them as one; each comes with the indices of its mesh's first vertex and first cell."""
+        """Return the contact points and surfaces of several meshes as one.
+
+        Each item of ``parts`` has those of one mesh, and the indices of this mesh's first vertex and first cell in the
+        assembly.
+        """
         each, vertices, cells = zip(*parts, strict=True)
         return cls(
             np.concatenate([one.corners + np.int32(first) for one, first in zip(each, vertices, strict=True)]),
@@ -40,16 +44,17 @@ class Touching:
         )
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions (p, 3) [m] of the points for vertices at ``positions`` (n, 3) [m]."""
+        """Return the positions (p, 3) [m] of the contact points for vertices at ``positions`` (n, 3) [m]."""
         return np.einsum("pa,pai->pi", self.weights, positions[self.corners])
 
 
 def outline(
     quads: NDArray[np.int32], touching: Touching | None, positions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return the contact surface for vertices at ``positions`` (n, 3) [m]: points [m], and quads between them.
+    """Return the contact surface for vertices at ``positions`` (n, 3) [m]: points (k, 3) [m], and quads of point ids.
 
-    ``quads`` (q, 4) are the faces of all cells; a triangle of a skin repeats its last corner.
+    ``quads`` (q, 4) are the boundary faces of all meshes. A triangle of a skin becomes a quad whose last two corners
+    are equal.
     """
     if touching is None:
         return positions, quads

@@ -21,7 +21,7 @@ MODES = np.stack(
         CORNERS.prod(axis=1),
     ]
 )
-"""Corner values (4, 8) of the fields eta zeta, xi zeta, xi eta and xi eta zeta: mode i < 3 lacks axis i."""
+"""Corner values (4, 8) of the fields eta zeta, xi zeta, xi eta and xi eta zeta: mode i < 3 is constant along axis i."""
 
 
 NEWTON_STEPS = 25
@@ -29,8 +29,8 @@ NEWTON_STEPS = 25
 
 
 SETTLED = 1e-8
-"""Newton's method ends when a point's reference coordinates change by less than this. The remaining error is about its
-square, below double precision.
+"""Newton's method ends when a point's reference coordinates change by less than this. The remaining error is about the
+square of this value, below double precision.
 """
 
 
@@ -42,12 +42,10 @@ def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
 def reference_coordinates(
     points: NDArray[np.float64], corners: NDArray[np.float64], *, within: float = SETTLED
 ) -> NDArray[np.float64]:
-    """Invert the trilinear map of cells (k, 8, 3) at points (k, 3), or at one (3,), by Newton's method.
+    """Return the reference coordinates (k, 3) of points (k, 3), or of one point (3,), in cells with corners (k, 8, 3).
 
-    The iteration ends for a point when none of its coordinates changes by more than ``within``.
-
-    Returns:
-        Reference coordinates (k, 3), within -3 .. 3.
+    They invert the trilinear map by Newton's method and are limited to -3 .. 3. The iteration ends for a point when
+    none of its coordinates changes by more than ``within``.
     """
     reference, sought = np.zeros((len(corners), 3)), np.arange(len(corners))
     points = np.broadcast_to(points, reference.shape)

@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Units of length of mesh files: a guess, and an error if metres are implausible."""
+"""Units of length of mesh files: a guess of the unit, and a defect if metres are implausible."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 
-#: Length [m] above which a soft body counts as given in another unit, unless the scene states a scale.
+#: Diagonal [m] above which a soft body counts as given in another unit, unless the scene states a scale.
 LONGEST = 3.0
-#: Length [m] below which a soft body counts as scaled twice, unless the scene states a scale.
+#: Diagonal [m] below which a soft body counts as given in another unit, unless the scene states a scale.
 SHORTEST = 1e-4
 #: Usual units of mesh files and their size in metres.
 UNITS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "inch": 0.0254, "mm": 0.001, "um": 1e-6}
 
 
 def guess_unit(size: float) -> str:
-    """Return the unit in which a body of this diagonal would be closest to a hand's size, 0.1 m.
+    """Return the unit (m, mm or um) in which a body with this diagonal is closest in size to a hand, 0.1 m.
 
     Args:
         size: bounding-box diagonal in the file's own unit, > 0.
@@ -24,7 +24,7 @@ def guess_unit(size: float) -> str:
 
 
 def unit_defects(size: float, scale: float | None) -> list[str]:
-    """Return a defect if no scale was stated and the size in metres is implausible.
+    """Return a list with one defect if no scale was stated and the size in metres is implausible; empty otherwise.
 
     Args:
         size: bounding-box diagonal in the file's own unit.

@@ -32,7 +32,7 @@ VOLUME_ERROR = 0.3
 
 
 class CutCubes(str, Enum):
-    """Treatment of the cubes that a surface cuts."""
+    """Treatment of the cubes that a surface cuts: whole cubes, or cut cubes with their filled fraction."""
 
     WHOLE = "whole"
     CUT = "cut"
@@ -48,13 +48,13 @@ def read_voxels(
         cell: edge of the cubes [m].
         scale: metres for each unit of the file, e.g. 0.001 for millimetres; None assumes metres and rejects bodies of
             implausible size.
-        cells: kind of cubes: whole ones with their centres inside, or cut ones with their filled fraction.
+        cells: WHOLE for whole cubes whose centres are inside, CUT for cut cubes with their filled fraction.
 
     Returns:
-        The mesh, its grid centred on the bounding box of the surface; x is the fastest index of vertices and cells.
+        The mesh. Its grid is centred on the bounding box of the surface; x is the fastest index of vertices and cells.
 
     Raises:
-        MeshError: with every defect and its remedy.
+        MeshError: the surface has defects; the error names every defect and its remedy.
     """
     vertices, triangles, defects = examine_surface(surface, scale=scale)
     if defects:
@@ -65,11 +65,11 @@ def read_voxels(
 def examine_surface(
     surface: str | Path, *, scale: float | None = None, closed: bool = True
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], list[str]]:
-    """Read a surface file.
+    """Read a surface file, and examine whether the surface can be filled.
 
     Returns:
-        Vertices [m], shape (n, 3); triangles, shape (t, 3); and the defects that prevent filling it. With
-        ``closed=False`` only defects that prevent drawing it count.
+        Vertices [m], shape (n, 3); triangles, shape (t, 3); and the defects. With ``closed=False`` an open surface is
+        no defect.
 
     Raises:
         MeshError: the file has no usable surface; the error names the reason.
@@ -95,11 +95,11 @@ def fill_surface(
         vertices: positions [m], shape (n, 3).
         triangles: vertex ids of a closed surface, shape (t, 3).
         cell: edge of the cubes [m].
-        cells: kind of cubes: whole ones with their centres inside, or cut ones with their filled fraction.
+        cells: WHOLE for whole cubes whose centres are inside, CUT for cut cubes with their filled fraction.
         where: name of the surface in an error.
 
     Raises:
-        MeshError: too many cubes, or the grid is too coarse for the surface.
+        MeshError: ``cell`` is not positive, the number of cubes is too large, or the grid is too coarse.
     """
     if not (np.isfinite(cell) and cell > 0):
         raise MeshError(where, [f"cell = {cell!r}; allowed: edge of the cubes [m] > 0"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of messages that command actuators, loads and joints to orders, or refusals with a reason."""
+"""Convert command messages for actuators, loads and joints to orders, and refuse invalid messages with a reason."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from gdfe_ros.node.orders import ActuatorOrder, TrajectoryOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
 EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes with their command in ``effort`` of a JointState; all other modes have it in ``position``."""
+"""Modes whose command is in the field ``effort`` of a JointState. All other modes have it in ``position``."""
 
 LATEST_START = 60.0
-"""Longest time [s] from now to the start of a trajectory; until the start, an idle node keeps stepping."""
+"""Longest allowed time [s] until a trajectory starts. Meanwhile the node makes steps, even without other commands."""
 
 
 class ActuatorOrders:
-    """Checks messages against the actuators, loads and joints of a scene.
+    """Converts command messages to orders, after a check against the actuators, loads and joints of a scene.
 
     Args:
-        actuators: in the order of ``~/commands``.
+        actuators: actuators of the scene, in the order of ``~/commands``.
         loads: names of the loads, which are commanded by a factor.
         joints: joints of all arms, which are commanded by position.
     """
@@ -39,9 +39,10 @@ class ActuatorOrders:
         self._loads = tuple(loads)
 
     def from_joint_state(self, message: JointState) -> ActuatorOrder:
-        """Return the commands by name: tension [N] and pressure [Pa] from ``effort``, all others from ``position``.
+        """Return the commands of a JointState: tension [N] and pressure [Pa] from ``effort``, others from ``position``.
 
-        The ``position`` of a load is its factor [1], that of a joint is its position [rad] or [m]. NaN is no command.
+        The ``position`` of a load is its factor [1], that of a joint is its position [rad] or [m]. A value of NaN
+        commands nothing.
 
         Raises:
             Refusal: a name is unknown or repeated, an array has the wrong size, or a value is infinite or out of range.
@@ -62,7 +63,7 @@ class ActuatorOrders:
         return ActuatorOrder(values)
 
     def from_array(self, message: Float64MultiArray) -> ActuatorOrder:
-        """Return the commands of an array with one value for each actuator, in the scene's order.
+        """Return the commands of an array with one value for each actuator, in the scene's order and each mode's unit.
 
         Raises:
             Refusal: the array has the wrong size, or a value is not finite or out of range.
@@ -79,17 +80,18 @@ class ActuatorOrders:
     ) -> TrajectoryOrder:
         """Return the order of a trajectory; ``positions`` are in the unit of each mode, ``effort`` is ignored.
 
-        A trajectory without points ends the running trajectories of the named actuators, loads and joints; without
-        names, all trajectories. Present commands are kept, as by joint_trajectory_controller.
+        A trajectory without points ends the running trajectories of the named actuators, loads and joints. If it has
+        no names either, it ends all trajectories. The present commands stay in force, as in
+        joint_trajectory_controller.
 
         Args:
             message: trajectory; its header's stamp is its start, and a stamp of 0 starts it when it is consumed.
-            now: simulation time [s].
-            convert: returns the simulation time [s] of a stamp [ns].
+            now: present simulation time [s].
+            convert: function that returns the simulation time [s] of a stamp [ns].
 
         Raises:
-            Refusal: a name is unknown or repeated, a point has the wrong size, the times do not ascend, the end is in
-                the past, the start is too far ahead, or a value is not finite or out of range.
+            Refusal: a name is unknown or repeated, a point has the wrong size, a time is negative, the times do not
+                ascend, the end is in the past, the start is too far ahead, or a value is not finite or out of range.
         """
         names = tuple(message.joint_names)
         if not message.points:
@@ -156,7 +158,7 @@ class ActuatorOrders:
 
 
 def _table(message: JointTrajectory, field: str) -> NDArray[np.float64] | None:
-    """Return the velocities or accelerations (k, n) of a trajectory; None if some of its points lack them.
+    """Return the values (k, n) of a field, velocities or accelerations, at all k points; None if a point lacks them.
 
     Raises:
         Refusal: a point has the wrong number of values, or a value is not finite.

@@ -20,12 +20,12 @@ from gdfe_ros.scene.scene import Scene
 
 
 class Bags:
-    """Records every topic of a session.
+    """Records the topics of a session, one bag at a time.
 
     Args:
-        run: the recorded run; its parameters name the next bag.
-        inputs: recorded as received.
-        outputs: recorded as published.
+        run: the recorded run; its parameter ``bag_path`` is the directory of the next bag.
+        inputs: command topics; their messages are recorded as received.
+        outputs: output topics; their messages are recorded as published.
 
     Attributes:
         recorder: recorder of the bag in progress, or of the last bag; None before the first.
@@ -39,13 +39,13 @@ class Bags:
         self.active = False
 
     def begin(self, *, state: bytes | None) -> str:
-        """Begin a bag at the parameter ``bag_path``, or at ``runs/<scene>_<time>``; return a message with its path.
+        """Begin a bag in the directory ``bag_path`` (default: ``runs/<scene>_<time>``); return a text with its path.
 
-        Under the wall clock a slow disk causes dropped messages, which are counted; under other clocks it slows the
-        steps.
+        If the disk is too slow, messages are dropped and counted under the wall clock. Under other clocks the steps
+        wait for the disk.
 
         Args:
-            state: initial state of the first step; None for the initial state of the scene.
+            state: serialised state from which the first step starts; None: the initial state of the scene.
 
         Raises:
             RecordingError: the bag cannot be created.
@@ -84,7 +84,7 @@ class Bags:
         return self.recorder is not None and self.recorder.error is not None
 
     def _say_failed(self, status: RecorderStatus) -> None:
-        """Log a failure at once, from the recorder's thread; the simulation continues."""
+        """Log that the recording has failed; called in the recorder's thread. The simulation continues."""
         self._logger.error(f"recording ended, the simulation goes on: {_outcome(self.recorder, status)}")
 
     def _attach(self, recorder: Recorder | None) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishers with their recordings, and the thread that publishes steps."""
+"""Publishers that also record their messages, and the thread that publishes steps."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from gdfe_ros.recording.topic import Qos, TopicInfo
 from gdfe_ros.threads import COURIER, show_name
 
 _WAITING = 2
-"""Number of steps that may wait to be published; if more wait, the stepping blocks."""
+"""Largest number of steps in the queue for publishing. While the queue is full, the stepping thread waits."""
 
 
 class Channel:
-    """A publisher and the recording of its topic.
+    """Publishes a topic and records its messages.
 
     Args:
         node: publishing node.
         spec: description of the topic.
-        matched: called when a subscriber appears.
-        own: number of subscriptions of this node itself, which do not count.
+        matched: function that is called when a subscriber appears; None: not called.
+        own: number of this node's own subscriptions to the topic; they do not count as subscribers.
         names: values for the braces in the topic's name, e.g. ``handle="tip"``.
 
     Attributes:
         latest: number of the step that was published last; -1 before the first.
         info: description of the topic for a bag.
-        recorded: whether bags contain it.
+        recorded: whether bags contain the topic.
         recorder: recorder of the bag in progress, or None.
     """
 
@@ -69,7 +69,7 @@ class Channel:
 
             events = PublisherEventCallbacks(matched=node.guarded(tell, f"subscriber events of {topic}"))
         self._publisher = make(interface_class(spec.type), topic, profile, event_callbacks=events)
-        # The handle stays entered: rclpy would enter and leave it at each count, and each step counts subscribers.
+        # Enter the handle once: rclpy would enter and leave it for each count of subscribers, i.e. in each step.
         self._held, self._count = ExitStack(), self._publisher.get_subscription_count
         if matched is not None:
             self._held.enter_context(self._publisher.handle)
@@ -80,24 +80,27 @@ class Channel:
 
     @property
     def wanted(self) -> bool:
-        """Whether there is a subscriber or a bag; otherwise no message has to be built."""
+        """Whether a subscriber or a bag needs the messages. If not, no message has to be built."""
         return self.recorder is not None or self._count() > self._own
 
     def due(self, step: Step) -> bool:
-        """Return whether a step is to be published; a repeated step only if a new subscriber has not received it."""
+        """Return whether to publish a step. A repeated step is published only for new subscribers that lack it."""
         if step.again:
             untold = self._newcomers or self.latest < step.record.step
             return untold and self._count() > self._own
         return step.first or self.wanted
 
     def missed(self) -> bool:
-        """Return whether there are new volatile subscribers; read the graph again if it did not show all of them."""
+        """Return whether there are new subscribers with volatile durability; they lack the last message.
+
+        If the ROS graph did not show all subscribers when it was last read, read it again.
+        """
         if self._unsure:
             self._greet()
         return self._newcomers
 
     def _greet(self) -> None:
-        """Note whether there are new volatile subscribers; DDS itself delivers the last message to all others."""
+        """Search the ROS graph for new volatile subscribers. DDS itself delivers the last message to all others."""
         listeners = self._node.get_subscriptions_info_by_topic(self.info.name)
         self._unsure = len(listeners) < self._count()
         volatile = (each for each in listeners if each.qos_profile.durability is DurabilityPolicy.VOLATILE)
@@ -113,9 +116,9 @@ class Channel:
         """Serialise, publish and record a message.
 
         Args:
-            message: of the topic's type, or serialised bytes.
-            log_time: for the bag [ns].
-            recorded: whether it is recorded in the bag in progress.
+            message: message of the topic's type, or its serialised bytes.
+            log_time: log time of the message in the bag [ns].
+            recorded: whether the message is recorded in the bag in progress.
         """
         data = message if isinstance(message, bytes) else serialize_message(message)
         self._publisher.publish(data)
@@ -133,7 +136,7 @@ class Courier:
     """Publishes steps in order, in a separate thread.
 
     Args:
-        handle: publishes and records one step; it raises nothing.
+        handle: function that publishes and records one step; it must not raise.
 
     Attributes:
         spent: wall time spent on publishing and recording so far [s].
@@ -147,7 +150,7 @@ class Courier:
         self._thread.start()
 
     def put(self, step: Step) -> None:
-        """Queue a step; block while two others wait."""
+        """Queue a step for publishing; wait while two other steps are in the queue."""
         self._steps.put(step)
 
     def flush(self) -> None:

@@ -21,22 +21,22 @@ from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.scene.scene import Scene
 
 SHEET = (4.0, 0.005)
-"""Edge and thickness of the sheet that represents a plane, over the body's size."""
+"""Edge and thickness of the sheet that represents a plane, divided by the extent of all meshes."""
 MOST_TRIANGLES = 4000
-"""Largest number of triangles of a mesh in one message; the close vertices of a finer mesh are merged."""
+"""Largest number of triangles of an obstacle's mesh in a message. In a finer mesh, neighbouring vertices are merged."""
 LONGEST = 0.3
-"""Length, over the body's size, of the arrow for the largest force so far."""
+"""Length of the arrow for the largest force so far, divided by the body's size."""
 _OBSTACLE, _BODY = (0.55, 0.57, 0.6, 0.6), (0.9, 0.55, 0.2, 1.0)
 _STICKS, _SLIPS = (0.1, 0.7, 0.2, 1.0), (0.9, 0.1, 0.1, 1.0)
 _SHAFT, _HEAD = 0.01, 0.02
-"""Diameters of arrows over the body's size."""
+"""Diameters of an arrow's shaft and head, divided by the body's size."""
 
 
 class ContactMarkers:
-    """Makes the markers of a step: namespaces ``obstacles``, ``bodies`` and ``forces``.
+    """Makes the markers of a step, in the namespaces ``obstacles``, ``bodies``, ``links`` and ``forces``.
 
-    A plane is a sheet around the projection of the undeformed body's centre. Arrows begin at the contact points; those
-    of sticking points are green, those of slipping points red.
+    A plane is drawn as a sheet. The centre of the sheet is the projection of the undeformed body's centre onto the
+    plane. Each contact force is an arrow that begins at its contact point: green if the point sticks, red if it slips.
 
     Args:
         scene: scene with the obstacles and rigid bodies.
@@ -51,11 +51,11 @@ class ContactMarkers:
         self._triangles = {thing.name: _corners(thing.form.solid) for thing in meshes}
 
     def message(self, head: Header, poses: Mapping[str, Pose], points: NDArray[np.void]) -> MarkerArray:
-        """Return the markers.
+        """Return the markers of obstacles, rigid bodies and contact forces.
 
         Args:
             head: header of all markers, in the node's frame.
-            poses: poses of obstacles and rigid bodies, relative to rest.
+            poses: poses of obstacles and rigid bodies by name, relative to rest.
             points: contact points, as `gdfe_ros.contacts.POINT`.
         """
         # Delete all markers of the last message, including arrows of points that no longer touch.
@@ -73,7 +73,10 @@ class ContactMarkers:
         return MarkerArray(markers=[*markers, *self._arrows(head, points)])
 
     def _parts(self, thing: Obstacle, pose: Pose) -> Iterator[tuple[int, tuple[float, ...], NDArray[np.float64]]]:
-        """Yield the kind, extent (3,) [m] and position in the obstacle's frame (3,) [m] of each marker of its shape."""
+        """Yield the type, the size (3,) [m] and the position (3,) [m] of each marker that draws an obstacle's shape.
+
+        The position is in the obstacle's frame.
+        """
         match thing.form:
             case Sphere(radius):
                 yield Marker.SPHERE, (2.0 * radius,) * 3, np.zeros(3)
@@ -106,7 +109,7 @@ class ContactMarkers:
 
 
 def _corners(solid: Solid) -> list[Point]:
-    """Return the corners of a solid's triangles, three for each; the surface is coarsened to `MOST_TRIANGLES`."""
+    """Return the corners of a solid's triangles, three for each triangle; at most `MOST_TRIANGLES` triangles remain."""
     corners, cell = solid.vertices[solid.triangles], solid.size / 512.0
     while len(corners) > MOST_TRIANGLES:
         near, place = np.unique(np.round(solid.vertices / cell), axis=0, return_inverse=True)

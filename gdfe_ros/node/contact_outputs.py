@@ -24,7 +24,7 @@ class ContactOutputs:
 
     Args:
         run: the published run.
-        channel: makes the channel of a topic that each step publishes.
+        channel: function that makes the channel of a topic with a message for each step.
     """
 
     def __init__(self, run: Run, channel: Callable[..., Channel]) -> None:
@@ -40,14 +40,14 @@ class ContactOutputs:
 
     @property
     def channels(self) -> Iterator[Channel]:
-        """Every topic, in no particular order."""
+        """Channels of all contact topics, in no particular order."""
         if self._points is not None:
             yield from (self._points, self._told, self._shown)
         yield from self._wrenches.values()
 
     @property
     def wanted(self) -> bool:
-        """Whether any of these topics is wanted from the next step."""
+        """Whether a subscriber or a bag needs a contact topic of the next step."""
         touch = self._points is not None and (self._points.wanted or self._marker_due())
         return touch or any(channel.wanted for channel in self._wrenches.values())
 
@@ -57,7 +57,7 @@ class ContactOutputs:
             self._told.send(String(data=json.dumps(self._names)), log_time)
 
     def publish_step(self, step: Step) -> None:
-        """Publish and record a step."""
+        """Publish and record the contacts of a step."""
         stamp, result = step.record.stamp, step.result
         if self._points is not None:
             self._publish_points(step)

@@ -34,7 +34,7 @@ class _Part:
 
 @dataclass(frozen=True)
 class _Mark:
-    """Readings of the run at one moment."""
+    """Wall time, simulation time and counters of the run at one moment."""
 
     wall: float = field(default_factory=time.monotonic)
     simulation: float = 0.0
@@ -56,12 +56,12 @@ class _Mark:
 class Diagnostics:
     """Publishes a status of the node and one of each part: solver, commands, recording, clock.
 
-    The first status has the worst level of all parts and the reason of that part. No message is built without a
-    subscriber.
+    The status of the node has the level and the reason of the worst part. After a failed transition or step it is an
+    error. No message is built without a subscriber.
 
     Args:
         node: the reporting node.
-        refusals: counts of commands.
+        refusals: counts of accepted and refused commands.
     """
 
     def __init__(self, node: ManagedNode, refusals: RefusalLog) -> None:
@@ -124,7 +124,7 @@ class Diagnostics:
         return parts
 
     def _commands(self, session: SimulationSession | None) -> _Part:
-        """Return the refusals and exceptions since the last report, and the inputs for which a lockstep step waits."""
+        """Return the status of the commands: counts, new refusals and exceptions, inputs that lockstep waits for."""
         counts: dict[str, object] = dict(self._refusals.counts())
         refused, faults = int(counts["commands refused"]) - self._refused, self._node.faults.count - self._faults
         self._refused, self._faults = self._refused + refused, self._faults + faults
@@ -156,13 +156,13 @@ class Diagnostics:
 
 
 def _limited(session: SimulationSession | None) -> dict[str, str]:
-    """Return a text for each joint with limits that cut its motion in the last step, or that its effort exceeds."""
+    """Return a dict from joint name to a text, for joints whose motion or effort reached a limit in the last step."""
     last = session.run.last if session is not None else None
     return {} if last is None else {name: joint.told for name, joint in last.joints.items() if joint.told}
 
 
 def _on_their_way(session: SimulationSession) -> str:
-    """Return a text about the commands that approach their goals at a limited rate, and about the rate."""
+    """Return a text about the commands that a rate limit delays on their path to their goals, and about the limit."""
     slew, present = session.stepper.slew, session.simulation.commands
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
     if slew.stopped:
@@ -171,7 +171,7 @@ def _on_their_way(session: SimulationSession) -> str:
 
 
 def _work(session: SimulationSession) -> dict[str, object]:
-    """Return a description of the present task if it takes long."""
+    """Return the entry ``working on``: a task longer than `_LONG`, or a request of ~/step; empty without either."""
     stepper, walk = session.stepper, session.walk
     work, rounds = stepper.work, stepper.rounds
     if work is not None and (spent := time.monotonic() - work[1]) > _LONG:
@@ -223,7 +223,7 @@ def _recording(session: SimulationSession) -> _Part:
 
 
 def _clock(session: SimulationSession, last: _Mark, mark: _Mark) -> _Part:
-    """Return the status of the pace; rates are over the time since the last report."""
+    """Return the status of the clock; its rates are averages since the last report."""
     span, steps = max(mark.wall - last.wall, 1e-9), mark.steps - last.steps
     values: dict[str, object] = {
         "clock": "paused" if session.stepper.paused else session.mode.value,
@@ -243,9 +243,10 @@ def _clock(session: SimulationSession, last: _Mark, mark: _Mark) -> _Part:
 
 
 def _figures(session: SimulationSession, last: _Mark, mark: _Mark) -> dict[str, str]:
-    """Return the requested rate, the achieved rate, and the delay per step.
+    """Return texts with the requested rate [Hz], the achieved rate [Hz] and the delay per step [s].
 
-    Under the wall clock the achieved rate of n steps is n / (n / rate + delay), so that idle time does not reduce it.
+    Under the wall clock, n steps with a total delay have the achieved rate n / (n / rate + delay): idle time does not
+    reduce it.
     """
     steps, late, span = max(0, mark.steps - last.steps), mark.late - last.late, max(mark.wall - last.wall, 1e-9)
     timing = session.run.timing()

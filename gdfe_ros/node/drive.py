@@ -26,7 +26,8 @@ from gdfe_ros.simulation import Command
 class CommandAssembler:
     """Assembles one command per step from orders; used by the stepping thread only.
 
-    A pose ends the velocity of its handle; a command of an actuator ends the trajectory of that actuator only.
+    A pose command ends the velocity command of its handle. A command for an actuator ends the trajectory of that
+    actuator only.
 
     Args:
         run: owner of the commanded simulation.
@@ -48,13 +49,13 @@ class CommandAssembler:
         self._resting = replace(resting, bodies={**resting.bodies, **bodies})
 
     def rest(self) -> None:
-        """Drop every velocity and trajectory; the next command is the rest command, changed only by new orders."""
+        """Drop every velocity and trajectory. The next command is the initial command, changed only by new orders."""
         self.clear()
         self._resting = self._run.simulation.rest_command()
 
     @property
     def moving(self) -> bool:
-        """Whether the next step changes a command without a new order."""
+        """Whether the next step changes a command even without a new order."""
         return bool(self._twists or self._courses) or self._resting is not None
 
     def command(self, orders: Iterable[Order], *, time: float, dt: float) -> Command:
@@ -63,7 +64,7 @@ class CommandAssembler:
         Args:
             orders: orders since the last step.
             time: simulation time at the end of the step [s].
-            dt: time over which velocities act [s].
+            dt: time for which velocity commands act in this step [s].
         """
         first, self._resting = self._resting or Command(), None
         poses: dict[str, Pose] = dict(first.handles)
@@ -106,13 +107,14 @@ class CommandAssembler:
         )
 
     def _target(self, name: str, poses: Mapping[str, Pose]) -> Pose:
-        """Return a handle's target before an order: that of an earlier order in this step, or else the present one."""
+        """Return a handle's target before an order: the target set earlier in this step, or else the present target."""
         return poses.get(name) or self._run.simulation.targets[name]
 
     def _moved(self, dt: float, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return the targets that velocities move by ``dt`` [s]; each velocity acts for the parameter's timeout.
+        """Return the targets after their velocity commands have acted for ``dt`` [s].
 
-        A target moves also while the body lags behind it.
+        A velocity acts for ``velocity_timeout`` in all. It moves the target from the last target, even if the body has
+        not reached the last target.
         """
         poses = {}
         for name, (twist, left) in list(self._twists.items()):
@@ -131,7 +133,7 @@ class CommandAssembler:
         return poses
 
     def _followed(self, time: float) -> dict[str, float]:
-        """Return the commands of the trajectories at a time [s]; a finished one gives its last command once."""
+        """Return the trajectories' commands at a simulation time [s]; a trajectory that has ended is then removed."""
         begun = {name: course for name, course in self._courses.items() if time >= course.start}
         for name, course in begun.items():
             if time - course.start >= course.order.times[-1]:
@@ -144,10 +146,10 @@ class _Course:
     """The trajectory of one actuator, load or joint.
 
     Attributes:
-        start: simulation time of its time 0 [s].
-        before: command at that time.
-        rate: velocity of a joint at that time; 0 for actuators and loads.
-        order: the part of the trajectory that commands this name.
+        start: simulation time at which the trajectory starts [s].
+        before: command at the start, in the unit of the mode.
+        rate: velocity of a joint at the start [rad/s] or [m/s]; 0 for actuators and loads.
+        order: the trajectory, restricted to this actuator, load or joint.
     """
 
     start: float
@@ -156,5 +158,5 @@ class _Course:
     order: TrajectoryOrder
 
     def at(self, time: float) -> float:
-        """Return the command interpolated at a time [s]; until the first point, from the command at the start."""
+        """Return the command at a simulation time [s]; before the first point it is interpolated from ``before``."""
         return float(self.order.at(time - self.start, np.array([self.before]), np.array([self.rate]))[0])

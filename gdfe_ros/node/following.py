@@ -20,7 +20,7 @@ from gdfe_ros.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Leader:
-    """The leader of a handle: a topic or a frame; the attribute of the other kind is empty."""
+    """The leader of a handle. Either ``topic`` or ``frame`` is its name; the other attribute is empty."""
 
     handle: Handle
     topic: str = ""
@@ -31,21 +31,21 @@ class Leader:
 
     @property
     def key(self) -> str:
-        """Name of the input in ``command_set`` and in bags."""
+        """Key of the handle's input in ``command_set`` and in bags."""
         return f"{self.handle.section}/{self.handle.name}/follow"
 
 
 def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict[str, Leader]:
-    """Return the leaders in the parameter ``follow``, by name of the handle or obstacle.
+    """Return the leaders in the parameter ``follow``: dict from the name of a handle or obstacle to its leader.
 
     Args:
         entries: entries of the parameter.
         scene: scene with the handles and obstacles.
-        listening: whether /tf is available.
+        listening: whether tf2_msgs is installed, so that the node receives /tf.
 
     Raises:
-        GdfeError: an entry is malformed, names no movable handle or obstacle, names one a second time, or names a
-            frame while tf2_msgs is not installed.
+        GdfeError: an entry is malformed, names no movable handle or obstacle, names the same handle as another entry,
+            or names a frame while tf2_msgs is not installed.
     """
     handles, found = {handle.name: handle for handle in scene.handles}, {}
     for entry in entries:
@@ -74,17 +74,17 @@ def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict
 
 
 def refuse_followed(message: object, leader: Leader) -> PoseOrder:
-    """Raise a Refusal of a command to a handle that follows a leader."""
+    """Refuse a command to a handle that follows a leader: always raise a ``Refusal``."""
     handle = leader.handle
     raise Refusal(Reason.FOLLOWS, f"{handle.noun} {handle.name!r} follows {leader} and takes no commands")
 
 
 def followed_order(message: PoseStamped, leader: Leader, *, size: float, frames: Frames) -> PoseOrder:
-    """Return the order for a handle from a message on its leader's topic; ``size`` is that of the body [m].
+    """Return the order for a handle from a message on its leader's topic; ``size`` is the body's size [m].
 
     Raises:
         Refusal: no transforms lead to the header's frame, a number is not finite, the quaternion is not of unit
-            length, or the place is farther away than ten times the body's size.
+            length, or the pose is farther from rest than ten times the body's size.
     """
     place = frames.place(message.header.frame_id)
     if place is None:
@@ -98,9 +98,9 @@ class Followers:
     Args:
         leaders: leaders that are frames.
         size: size of the body [m].
-        frames: provides the places of the frames.
-        put: receives the key of an input and its order.
-        refuse: receives the key of an input and the refusal of its order.
+        frames: frames of the body, with the transforms from /tf.
+        put: function that receives the key of an input and its order.
+        refuse: function that receives the key of an input and the refusal of its order.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Followers:
         self._last: dict[str, PoseOrder] = {}
 
     def look(self, *, anew: bool = False) -> None:
-        """Command each handle with a frame that moved since the last call; with ``anew``, with any known frame."""
+        """Command each handle whose leader has moved since the last call; with ``anew``, each whose leader is known."""
         if anew:
             self._last.clear()
         for leader in self._leaders:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names and places of a body's frames, and transforms from other frames to them."""
+"""Names and placements of the coordinate frames of a body, and transforms from other frames to them."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from gdfe_ros.solver.motion.imu import ImuReading
 
 
 class Frames:
-    """The frames of a body, and transforms from other frames to them.
+    """The coordinate frames of a body, and transforms from other frames to them.
 
     The name of every frame begins with the part of ``frame_id`` before its last slash, so that frames of several robots
     differ: with ``left/base_link`` the handle ``tip`` has the frame ``left/tip``.
 
     Args:
-        frame_id: the node's own frame; the coordinates of the rest shape refer to it.
+        frame_id: name of the node's own frame; the coordinates of the rest shape refer to it.
         scene: scene of the body; None if only names are needed.
         transforms: transforms of other frames; None if none are known.
 
     Attributes:
-        frame_id: as given.
-        positions: returns the present vertices (n, 3) [m].
-        poses: returns the present poses of the obstacles, relative to rest, by name.
+        frame_id: name of the node's own frame.
+        positions: function that returns the present vertices (n, 3) [m].
+        poses: function that returns the present poses of the obstacles by name, relative to rest.
     """
 
     def __init__(self, frame_id: str, scene: Scene | None = None, transforms: Transforms | None = None) -> None:
@@ -73,7 +73,7 @@ class Frames:
 
     @property
     def moving(self) -> list[str]:
-        """Names of the frames that ``places`` returns, in its order."""
+        """Names of the moving frames, in the order of ``places``."""
         units = map(self.imu, self._scene.probes if self._scene.dynamics else ())
         handles = [name(handle.name) for handle in self._framed for name in (self.centre, self.handle)]
         links = [self.link(name) for arm in self._scene.arms for name in arm.dynamics.description.links]
@@ -81,11 +81,11 @@ class Frames:
 
     @property
     def _framed(self) -> list[Handle]:
-        """The handles with frames of their own: all except pieces of links; these move with the links' frames."""
+        """Handles with a frame of their own. Pieces of an arm's link have none; they move with the link's frame."""
         return [handle for handle in self._scene.handles if not isinstance(handle, ArmLink)]
 
     def rests(self) -> dict[str, Placement]:
-        """Return the rest centres of handles and obstacles, by frame."""
+        """Return a dict from frame name to placement, for the frames at the rest centres of handles and obstacles."""
         vertices = self._scene.mesh.vertices
         return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._framed}
 
@@ -97,12 +97,12 @@ class Frames:
         positions: NDArray[np.float64],
         links: Mapping[str, LinkFrame],
     ) -> list[Placement]:
-        """Return the places of the moving frames.
+        """Return the placements of the moving frames in the node's frame, in the order of ``moving``.
 
         Args:
             poses: poses of handles and obstacles, relative to rest.
             probes: poses of the material points.
-            units: readings of the inertial units at the material points; empty without dynamics.
+            units: readings of the inertial measurement units at the material points; empty without dynamics.
             positions: positions of the vertices (n, 3) [m].
             links: frames of the links of arms.
         """
@@ -117,13 +117,13 @@ class Frames:
         return found + [Placement(frame.origin, Rotation.from_matrix(frame.axes)) for frame in links.values()]
 
     def place(self, frame: str) -> Placement | None:
-        """Return the place of any frame in the node's frame; None if no transforms connect them."""
+        """Return the placement of a named frame in the node's frame; None if no transforms connect the two."""
         if frame in ("", self.frame_id):
             return Placement()
         return self.transforms and self.transforms.find(frame, self.frame_id, self._own())
 
     def relative(self, frame: str, handle: str) -> Placement | None:
-        """Return the place of a command's frame in a handle's rest frame; None if the command needs no transform.
+        """Return the placement of a command's frame in a handle's rest frame; None if no transform is needed.
 
         Raises:
             Refusal: no transforms connect the two frames.
@@ -147,7 +147,10 @@ class Frames:
         return found
 
     def _own(self) -> dict[str, tuple[str, Placement]]:
-        """Return the frames that the node computes itself; a handle's frame has the rotation that fits its vertices."""
+        """Return a dict from frame name to its parent and its placement there, for frames that the node computes.
+
+        A handle's frame has the rotation that best fits the handle's vertices.
+        """
         now, poses = self.positions(), self.poses()
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
         for handle in self._framed:
@@ -159,12 +162,12 @@ class Frames:
         return own | {self.sensor(name): (self.frame_id, Placement(centre)) for name, centre in centres.items()}
 
     def _moved(self, handle: Handle, pose: Pose) -> Placement:
-        """Return the place of the frame of a handle or obstacle at a pose relative to rest."""
+        """Return the placement of the frame of a handle or obstacle with a pose relative to rest."""
         origin = handle.centre(self._scene.mesh.vertices) + pose.translation
         return Placement(origin, Rotation.from_rotvec(pose.rotation))
 
     def _turned(self, handle: Handle, now: NDArray[np.float64]) -> Placement:
-        """Return the place of the frame of a handle with vertices ``now`` (n, 3) [m]."""
+        """Return the placement of a handle's frame, fitted to the body's vertices ``now`` (n, 3) [m]."""
         rest, centre = self._scene.mesh.vertices, handle.centre(now)
         arms = now[handle.vertices] - centre, rest[handle.vertices] - handle.centre(rest)
         return Placement(centre, Rotation.align_vectors(*arms)[0])

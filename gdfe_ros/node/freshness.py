@@ -11,9 +11,10 @@ from gdfe_ros.node.refusals import Reason, Refusal
 
 
 class Freshness:
-    """Keeps the last stamp of each handle and actuator. A stamp of zero means "now" and is always accepted.
+    """Checks the stamp of a command against the clock and against the last stamp for the same handle or actuator.
 
-    If the clock goes back, as at the start of a replayed bag, all stamps are dropped.
+    A stamp of zero means "now" and is always accepted. If the clock goes back, as at the start of a replayed bag, the
+    stored stamps are dropped.
     """
 
     def __init__(self) -> None:
@@ -24,11 +25,11 @@ class Freshness:
         """Check a stamp and store it.
 
         Args:
-            sources: the commanded items, each with its topic.
+            sources: topic and name of each commanded item; each has a last stamp of its own.
             stamp: stamp of the command.
             now: time on the clock of the stamps [ns].
             max_age: largest age of a command [s]; 0: no limit.
-            max_lead: how far ahead a stamp may be [s].
+            max_lead: largest time by which a stamp may be ahead of ``now`` [s].
 
         Raises:
             Refusal: the stamp is ahead, too old, or before the last accepted one.
@@ -61,5 +62,5 @@ class Freshness:
         self._last |= dict.fromkeys(sources, moment)
 
     def reset(self) -> None:
-        """Drop all stamps, e.g. because time goes back to zero."""
+        """Drop the stored stamps, e.g. because time goes back to zero."""
         self._last.clear()

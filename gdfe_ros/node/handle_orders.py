@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of messages that command handles, obstacles or rigid bodies to orders, or refusals with a reason."""
+"""Convert command messages for handles, obstacles and rigid bodies to orders, and refuse invalid ones with a reason."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from gdfe_ros.node.orders import FARTHEST, PoseOrder, TeleportOrder, TwistOrder,
 from gdfe_ros.node.refusals import Reason, Refusal
 
 UNIT_SLACK = 1e-3
-"""Largest allowed difference of a quaternion's length from 1."""
+"""Largest allowed difference between a quaternion's length and 1."""
 FASTEST_TURN = 1e3
 """Largest allowed angular velocity [rad/s]."""
 Vector, Quaternion = tuple[float, float, float], tuple[float, float, float, float]
 
 
 def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Frames) -> PoseOrder:
-    """Return the order of a target message.
+    """Return the order of a message with a target pose.
 
     Args:
         message: target pose.
         handle: the commanded handle.
         size: size of the body [m].
-        frames: frames of the body. A target in any other frame is the pose of the handle's own frame in that frame.
+        frames: frames of the body. In the node's frame and the handle's rest frame, the target is relative to the rest
+            pose. In any other frame, it is the pose of the handle's own frame in that frame.
 
     Raises:
         Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, the quaternion
@@ -48,7 +49,7 @@ def put_order(message: PoseStamped, handle: Handle, *, size: float, frames: Fram
 
 
 def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frames) -> PoseOrder:
-    """Return the order that moves a handle to a place in the node's frame; ``size`` is that of the body [m].
+    """Return the order that moves a handle's frame to ``place`` in the node's frame; ``size`` is the body's size [m].
 
     Raises:
         Refusal: the place is farther from rest than ten times the body's size.
@@ -58,17 +59,17 @@ def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frame
 
 
 def require_pose(pose: PoseMessage) -> Placement:
-    """Return the placement of a checked pose message.
+    """Check a pose message and return its placement.
 
     Raises:
-        Refusal: as in ``_checked``.
+        Refusal: a number is not finite, or the quaternion is not of unit length.
     """
     _checked(pose)
     return Placement.of(pose.position, pose.orientation)
 
 
 def _checked(pose: PoseMessage) -> tuple[Vector, Quaternion]:
-    """Return translation and quaternion of a pose message.
+    """Check a pose message and return its translation [m] and its quaternion (x, y, z, w).
 
     Raises:
         Refusal: a number is not finite, or the quaternion is not of unit length.
@@ -82,7 +83,7 @@ def _checked(pose: PoseMessage) -> tuple[Vector, Quaternion]:
 
 
 def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: Frames) -> TwistOrder:
-    """Return the order of a velocity message, whose vectors are in the axes of the header's frame.
+    """Return the order of a velocity message. Its vectors are in the axes of the header's frame.
 
     Arguments are as for ``pose_order``.
 
@@ -106,7 +107,7 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
 
 
 def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) -> tuple[Vector, Quaternion]:
-    """Return translation from rest and quaternion of a message; without a transform they are bitwise the message's."""
+    """Return a message's translation from rest [m] and quaternion, bitwise as sent if they need no transform."""
     place = frames.relative(message.header.frame_id, handle.name)
     if place is not None:
         return _near(place @ require_pose(message.pose), size)
@@ -116,7 +117,7 @@ def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) ->
 
 
 def _near(place: Placement, size: float) -> tuple[Vector, Quaternion]:
-    """Return translation and quaternion of a place relative to rest; raise a ``Refusal`` if it is too far away."""
+    """Return translation [m] and quaternion of a placement relative to rest; refuse it if it is too far from rest."""
     translation = tuple(place.origin.tolist())
     require_near(translation, size)
     return translation, tuple(place.turn.as_quat().tolist())

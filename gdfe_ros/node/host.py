@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interface of the owner of a simulation, a node's run or a live session, for the stepper and the drive."""
+"""Interface through which the stepping thread uses the owner of a simulation: a node's run or a live session."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ class Settings(Protocol):
     """Present parameter values by name, as in the node: `dt`, `velocity_timeout`, `slew_time`, `deadline`, ..."""
 
     def __getitem__(self, name: str) -> Any:
-        """Return a value."""
+        """Return the present value of a parameter."""
 
 
 class Host(Protocol):
     """Owner of a simulation that is stepped.
 
     Attributes:
-        simulation: used by the stepping thread only; replaced after a change of moduli.
-        scene: of the simulation.
-        parameters: present values.
-        refusals: counts refused commands.
+        simulation: present simulation, used by the stepping thread only; replaced after a change of moduli.
+        scene: scene of the simulation.
+        parameters: present parameter values by name.
+        refusals: counts of refused commands.
         last: the last step, or None.
-        log_time: of that step, for the bag [ns]; it never goes back.
+        log_time: log time of the last step in the bag [ns]; it never goes back.
     """
 
     simulation: Simulation
@@ -45,4 +45,4 @@ class Host(Protocol):
         """Report an error message to the user."""
 
     def stamp(self, ending: float, early: float = 0.0) -> int:
-        """Return the stamp [ns] of a step that ends at ``ending`` [s], ``early`` [s] before an external clock."""
+        """Return the stamp [ns] of a step that ends at ``ending`` [s] and ``early`` [s] before an external clock."""

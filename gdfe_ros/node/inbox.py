@@ -16,14 +16,14 @@ _LIMIT = 10_000
 class Inbox:
     """Commands that wait for their step.
 
-    In lockstep no command is dropped. The commands of each input are queued in the order received, and a step consumes
-    one command of each input; without a command set it consumes a single command. Under the other clocks only the
-    latest command of each handle and each actuator is kept, from any sender and topic.
+    In lockstep no command is dropped. The commands of each input are queued in the order received. With a command set,
+    a step consumes one command of each input. Without a command set, it consumes the oldest command only. Under the
+    other clocks only the latest command for each handle and each actuator is kept, whatever its sender and topic.
 
     Args:
-        changed: notified when a command arrives; its lock guards the inbox.
+        changed: condition that is notified when a command arrives; its lock guards the inbox.
         queued: whether the clock is lockstep.
-        command_set: inputs; a step begins once each has a command. If it is empty, one command is enough.
+        command_set: names of inputs; a step begins once each has a command. If it is empty, one command is enough.
     """
 
     def __init__(self, changed: threading.Condition, *, queued: bool, command_set: Collection[str] = ()) -> None:
@@ -38,7 +38,7 @@ class Inbox:
         """Add an order of the input ``name``.
 
         Raises:
-            Refusal: ten thousand commands are waiting already.
+            Refusal: in lockstep, ten thousand commands are waiting already.
         """
         with self._changed:
             if self._queued:
@@ -58,7 +58,7 @@ class Inbox:
         self._count += 1
 
     def ready(self) -> bool:
-        """Return whether commands for a step have arrived, in lockstep a whole command set. Needs the lock."""
+        """Return whether the next step has its commands: in lockstep the command set, else any. Needs the lock."""
         if self._queued and self._set:
             return not self.missing()
         return self._count > 0 or bool(self._latest)

@@ -39,10 +39,10 @@ class Input:
     """One command topic.
 
     Attributes:
-        key: its purpose in the node, e.g. ``handles/tip/target``, as in ``command_set``.
-        topic: its name.
-        spec: of the topic.
-        check: returns the order of a message, or raises ``Refusal``.
+        key: name of the input in ``command_set`` and in bags, e.g. ``handles/tip/target``.
+        topic: name of the topic.
+        spec: description of the topic.
+        check: function that returns the order of a message, or raises ``Refusal``.
         stamped: whether the header's stamp is the time of the command.
     """
 
@@ -56,14 +56,14 @@ class Input:
 class Inputs:
     """Subscriptions of the command topics.
 
-    Messages arrive as bytes, so that the bag contains the sent message, even if it is refused.
+    Messages are received as bytes, so that a bag contains every message as it was sent, including refused ones.
 
     Args:
         run: the run that is commanded.
-        leaders: leader of each follower, by name of the handle or obstacle.
+        leaders: dict from the name of a following handle or obstacle to its leader.
 
     Attributes:
-        inbox: receives the commands; None while the node is not active.
+        inbox: queue that receives the commands; None while the node is not active.
         recorder: recorder of the bag in progress, or None.
         freshness: check of the commands' stamps.
     """
@@ -83,16 +83,16 @@ class Inputs:
 
     @property
     def keys(self) -> list[str]:
-        """Inputs that a command set may name."""
+        """Names of the inputs, as in ``command_set``."""
         return [*self._inputs, *(leader.key for leader in self._leaders.values() if leader.frame)]
 
     def led(self) -> dict[str, str]:
-        """Return a text about each follower's leader, by follower; it states whether the leader was heard."""
+        """Return a dict from follower to a text about its leader; the text states whether a pose was received."""
         leaders = self._leaders.items()
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
     def unheard(self) -> list[str]:
-        """Return a text about each topic with best-effort publishers; their commands do not reach the node."""
+        """Return a text for each command topic with best-effort publishers, whose messages do not reach the node."""
         found = []
         for topic in sorted(self._unheard):
             publishers = self._run.node.get_publishers_info_by_topic(topic)
@@ -117,28 +117,28 @@ class Inputs:
         ]
 
     def trajectory(self, message: Any) -> TrajectoryOrder:
-        """Return the order of a checked trajectory.
+        """Check a JointTrajectory message and return its order.
 
         Raises:
-            Refusal: as for a message on the topic.
+            Refusal: as for a message on ~/trajectory, or the scene has no actuators, loads and arms.
         """
         if _TRAJECTORY not in self._inputs:
             raise Refusal(Reason.UNKNOWN, f"scene {self._run.scene.name!r} has neither actuators nor loads nor arms")
         return self._inputs[_TRAJECTORY].check(message)
 
     def pursue(self, pursuit: Pursuit) -> None:
-        """Queue the order of a trajectory whose client waits for its end."""
+        """Queue the order of an action client's trajectory, and report its progress from now on."""
         self._put(_TRAJECTORY, replace(pursuit.order, begun=pursuit.begin))
         self._pursuits.append(pursuit)
         self._run.refusals.take()
 
     def hold(self, pursuit: Pursuit) -> None:
-        """Keep the actuators and loads of a trajectory at their present commands."""
+        """End a trajectory: keep its actuators, loads and joints at their present commands."""
         names = pursuit.order.names
         self._put(_TRAJECTORY, TrajectoryOrder(names, None, np.zeros(0), np.zeros((0, len(names)))), told=False)
 
     def look(self, step: Step) -> None:
-        """Report a step to every trajectory with a waiting client; called between steps."""
+        """Report a step to every action client's trajectory; called between steps."""
         if not self._pursuits:
             return
         states = self._run.simulation.actuator_states()
@@ -152,7 +152,7 @@ class Inputs:
                     self._pursuits.remove(pursuit)
 
     def give_up(self, reason: str) -> None:
-        """End every trajectory with a waiting client."""
+        """End every action client's trajectory with an error and its reason."""
         pursuits, self._pursuits = self._pursuits, []
         for pursuit in pursuits:
             pursuit.end(Code.INVALID_GOAL, reason)

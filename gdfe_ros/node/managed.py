@@ -23,7 +23,7 @@ from rclpy.timer import Timer
 from gdfe_ros.node.throttle import Throttle
 
 _KEPT = 1000
-"""Number of destroyed subscriptions, publishers and timers that are kept before release; a node has fewer."""
+"""Largest number of destroyed subscriptions, publishers and timers that stay in memory; a node has fewer."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
@@ -31,11 +31,11 @@ class Faults:
     """Counts exceptions in callbacks, and logs them with traceback, for each place at most once in five seconds.
 
     Args:
-        log: receives the text of an error.
+        log: function that receives the text of an error.
 
     Attributes:
-        count: exceptions so far.
-        last: the last one, with its place; empty if there was none.
+        count: number of exceptions so far.
+        last: place and text of the last exception; empty before the first.
     """
 
     def __init__(self, log: Callable[[str], object]) -> None:
@@ -55,12 +55,13 @@ class Faults:
 class ManagedNode(LifecycleNode):
     """A lifecycle node whose callbacks cannot end the process.
 
-    Exceptions are counted and logged; a service returns them as its answer. rclpy itself would let such an exception
-    out of the executor, even for a transition that the present state does not have (rclpy #1209). A service's callback
-    may return a ``Future``: the executor continues, and the response is sent when it is complete.
+    Exceptions in callbacks are counted and logged; a service answers with the exception's text. With rclpy alone, such
+    an exception ends the executor, even if it only reports a transition that the present state does not allow (rclpy
+    #1209). A service's callback may return a ``Future``. The executor then continues, and the response is sent when
+    the ``Future`` is complete.
 
     Attributes:
-        faults: counts exceptions.
+        faults: counts of exceptions in callbacks.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
@@ -80,14 +81,14 @@ class ManagedNode(LifecycleNode):
 
     @property
     def given_parameters(self) -> dict[str, object]:
-        """The parameters that were given at start, by name, declared or not."""
+        """Dict from name to value of the parameters that were given at start, whether declared or not."""
         # rclpy has no public interface for this.
         return {name: parameter.value for name, parameter in self._parameter_overrides.items()}
 
     def unknown_parameters(self) -> set[str]:
-        """Return the parameters that were given at start and are not declared, except QoS overrides.
+        """Return the names of parameters that were given at start and are not declared.
 
-        Moduli are excluded too, because a scene declares them on configuration.
+        Parameters of rclpy are excluded, and moduli, which are declared when a scene is configured.
         """
         later = ("materials.", "qos_overrides.", "start_type_description_service", "use_sim_time")
         return {name for name in self.given_parameters if not self.has_parameter(name) and not name.startswith(later)}
@@ -110,8 +111,9 @@ class ManagedNode(LifecycleNode):
     def destroy_later(self, subscription: Subscription) -> None:
         """Destroy a subscription in a later cycle of the executor, after the publishers that are destroyed now.
 
-        If a publisher of this node is matched with it, its end is an event of that publisher. An EventsExecutor that
-        removes both in one cycle frees the event without holding Python's lock, and the process dies by SIGSEGV.
+        If the subscription is matched with a publisher of this node, its destruction is an event of the publisher. An
+        EventsExecutor that removes both in one cycle frees the event without holding Python's lock. The process then
+        crashes by SIGSEGV.
         """
 
         def destroy() -> None:
@@ -123,26 +125,26 @@ class ManagedNode(LifecycleNode):
     def destroy_subscription(self, subscription: Subscription) -> bool:
         """Destroy a subscription, as rclpy does; its memory is released later.
 
-        Earlier messages wait in the executor's queue, and EventsExecutor accesses the subscription by its address.
+        Its messages may still be in the executor's queue, and EventsExecutor accesses the subscription by its address.
         """
         self._destroyed_last.append(subscription)
         return super().destroy_subscription(subscription)
 
     def destroy_publisher(self, publisher: Publisher) -> bool:
-        """Destroy a publisher; its memory is released later, because its events may wait in the same queue."""
+        """Destroy a publisher; its memory is released later, because its events may be in the executor's queue."""
         self._destroyed_last.append(publisher)
         return super().destroy_publisher(publisher)
 
     def destroy_timer(self, timer: Timer) -> bool:
-        """Destroy a timer; its memory is released later, because its calls may wait in the same queue."""
+        """Destroy a timer; its memory is released later, because its calls may be in the executor's queue."""
         self._destroyed_last.append(timer)
         return super().destroy_timer(timer)
 
     def destroy_node(self) -> None:
-        """Destroy the node at once.
+        """Destroy the node and its state machine at once.
 
-        rclpy keeps a lifecycle's state machine, and with it the node's name in the graph, until Python collects the
-        node as garbage.
+        rclpy would keep the state machine, and with it the node's name in the graph, until Python collects the node as
+        garbage.
         """
         super().destroy_node()
         if not self._destroyed:
@@ -150,7 +152,7 @@ class ManagedNode(LifecycleNode):
             self._state_machine.destroy_when_not_in_use()
 
     def guarded(self, callback: Callable[..., None], place: str) -> Callable[..., None]:
-        """Return a callback that records exceptions as faults of ``place``."""
+        """Return a callback that calls ``callback``, and counts and logs its exceptions as faults of ``place``."""
 
         @wraps(callback)
         def outliving(*arguments: Any) -> None:
@@ -162,7 +164,10 @@ class ManagedNode(LifecycleNode):
         return outliving
 
     def _shield(self, service: Service) -> None:
-        """Make a service answer a failure if its callback raises, and send a ``Future`` response once it is set."""
+        """Make a service answer with a failure if its callback raises, and send a ``Future`` response once it is set.
+
+        Exceptions of the callback and of sending are counted and logged as faults.
+        """
         callback, send, place = service.callback, service.send_response, f"the service {service.srv_name}"
 
         def answer(request: Any, response: Any) -> Any:
@@ -187,10 +192,13 @@ class ManagedNode(LifecycleNode):
         service.callback, service.send_response = answer, send_now_or_later
 
     def prepare(self) -> None:
-        """Do the slow part of ``on_configure`` in a separate thread; it must not use ROS."""
+        """Do the slow part of ``on_configure``; called in a separate thread, so it must not use ROS."""
 
     def configure_later(self) -> Future[TransitionCallbackReturn]:
-        """Configure without blocking other callbacks: the state is ``configuring`` until ``prepare`` is done."""
+        """Start the transition ``configure`` without blocking other callbacks, and return its future result.
+
+        The state is ``configuring`` until ``prepare`` is done.
+        """
         before = LifecycleState(self._state_machine.current_state[1], self._state_machine.current_state[0])
         self._state_machine.trigger_transition_by_id(Transition.TRANSITION_CONFIGURE, True)
         future: Future = Future()
@@ -228,14 +236,14 @@ class ManagedNode(LifecycleNode):
         return answer
 
     def _conclude(self, code: TransitionCallbackReturn, before: LifecycleState) -> TransitionCallbackReturn:
-        """End a transition, as rclpy does, and return its code."""
+        """Complete a transition with its result code, as rclpy does, and return the code."""
         self._state_machine.trigger_transition_by_label(code.to_label(), True)
         if code is TransitionCallbackReturn.ERROR:
             self._state_machine.trigger_transition_by_label(self.on_error(before).to_label(), True)
         return code
 
     def _checked(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """Return a callback that refuses transitions that the present state does not have."""
+        """Return a callback that calls ``change`` only for transitions that the present state allows."""
 
         def answer(request: Any, response: Any) -> Any:
             wanted, state = request.transition, self.lifecycle_state

@@ -24,11 +24,11 @@ _COLOUR_PROBE = -1.2345678e30
 
 
 class SurfaceMarker:
-    """Serialised markers of a mesh's surface, or of its skin.
+    """Makes serialised markers of a mesh's surface, or of its skin.
 
     Args:
         mesh: the undeformed body.
-        frame_id: of its coordinates.
+        frame_id: frame of the coordinates.
     """
 
     def __init__(self, mesh: HexMesh, frame_id: str) -> None:
@@ -44,9 +44,9 @@ class SurfaceMarker:
         """Return the serialised marker.
 
         Args:
-            stamp: of its header [ns].
-            positions: of the vertices (n, 3) [m].
-            values: of the cells (m,), shown by colours from the least to the largest.
+            stamp: stamp of the header [ns].
+            positions: positions of the vertices (n, 3) [m].
+            values: values of the cells (m,); the colours range from the smallest to the largest value.
         """
         self._points[:] = self._outside.at(positions)[self._corners]
         self._colours[:, :3] = colour(values)[self._cells]
@@ -55,7 +55,7 @@ class SurfaceMarker:
 
 
 def _marker(count: int, frame_id: str) -> Marker:
-    """Return a marker with values by which the first point and the first colour can be found in its bytes."""
+    """Return a marker whose first point and first colour have values that can be found in the serialised bytes."""
     marker = Marker(header=Header(frame_id=frame_id), ns="surface", type=Marker.TRIANGLE_LIST, action=Marker.ADD)
     marker.scale.x = marker.scale.y = marker.scale.z = 1.0
     marker.color.a = 1.0

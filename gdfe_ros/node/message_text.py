@@ -15,7 +15,7 @@ from gdfe_ros.node.qos import interface_class
 from gdfe_ros.spelling import did_you_mean
 
 MOST_SHOWN = 16
-"""Limit of shown values of an array. Of a longer array, the first values and the number of values are shown."""
+"""Largest number of shown values of an array. A longer array is shown by its first values and its length."""
 _ARRAY = re.compile(r"sequence<(?P<kind>[^,]+)(, \d+)?>|(?P<fixed>.+)\[(?P<count>\d+)\]")
 _TEXT = re.compile(r"w?string(<\d+>)?")
 
@@ -37,9 +37,9 @@ def fill(message: Any, values: object, where: str = "") -> Any:
     """Set fields of a message from nested mappings and lists, and return it; other fields keep their defaults.
 
     Args:
-        message: of any type.
-        values: by field.
-        where: path of this message inside the outermost one, for errors.
+        message: message of any type.
+        values: mapping from field name to value.
+        where: path of this message inside the outermost message, for error texts.
 
     Raises:
         GdfeError: a field does not exist, or a value has the wrong type.
@@ -77,7 +77,7 @@ def _converted(kind: str, value: object, path: str, present: Any) -> Any:
 
 
 def _checked(kind: str, value: object, path: str) -> Any:
-    """Return a value of a plain ROS type, checked."""
+    """Check a value of a primitive ROS type, and return it converted to the type of the message's field."""
     convert: Callable[[Any], Any]
     if _TEXT.fullmatch(kind):
         good, convert = isinstance(value, str), str
@@ -97,7 +97,7 @@ def _checked(kind: str, value: object, path: str) -> Any:
 
 
 def _is_number(value: object) -> bool:
-    """Return whether a value is a number; YAML reads 1e5 without a point as text."""
+    """Return whether a value is a number or the text of a number, because YAML reads 1e5 as text."""
     if isinstance(value, str):
         try:
             float(value)
@@ -108,7 +108,7 @@ def _is_number(value: object) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value in types that YAML can write."""
+    """Return a message or a field's value in types that YAML can write."""
     if hasattr(value, "get_fields_and_field_types"):
         return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, bytes):

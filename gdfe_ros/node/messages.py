@@ -46,7 +46,7 @@ STRAIN_FIELDS = ("x", "y", "z", "eps_eq", "J", "omega", "tangent", "energy_densi
 
 
 def to_time(nanoseconds: int) -> Time:
-    """Return the stamp of a time in nanoseconds."""
+    """Return a time in nanoseconds as a Time message."""
     return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
@@ -123,7 +123,7 @@ def imu(head: Header, reading: ImuReading) -> Imu:
 
 
 def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
-    """Return the message of the cells (m, c), row by row."""
+    """Return a message with the vertex ids of the cells (m, c), row by row."""
     count, corners = cells.shape
     data = array.array("i")
     data.frombytes(np.ascontiguousarray(cells, dtype=np.int32).tobytes())
@@ -135,10 +135,10 @@ def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
 
 
 class ActuatorStates:
-    """Makes joint states of actuators and joints; keeps the last step for the velocities of actuators.
+    """Makes JointState messages of actuators and joints; it computes actuator velocities from successive steps.
 
     Args:
-        scene: with the actuators.
+        scene: scene with the actuators.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -146,7 +146,7 @@ class ActuatorStates:
         self._last: tuple[float, NDArray[np.float64]] | None = None
 
     def message(self, head: Header, step: Step) -> JointState:
-        """Return the states of a step; actuators' velocities are averages since the last call, 0 if no time passed."""
+        """Return the message of a step. Actuator velocities are averages since the last call, 0 if no time passed."""
         states = step.actuators.values()
         positions = self._readings.positions(step.actuators)
         velocities = np.zeros(len(positions))
@@ -175,7 +175,7 @@ def actuation(actuators: Mapping[str, Actuator], values: Mapping[str, float]) ->
 
 
 def refused(source: str, refusal: Refusal) -> String:
-    """Return the message about a refused command."""
+    """Return the message about a command on topic ``source`` that was refused, as JSON text."""
     entries = {"source": source, "reason": refusal.reason.value, "message": shortened(str(refusal))}
     return String(data=json.dumps(entries))
 
@@ -196,7 +196,10 @@ def _doubles(values: NDArray[np.float64]) -> array.array:
 
 
 def _cloud(head: Header, fields: Sequence[str | tuple[str, int]], values: NDArray[Any]) -> PointCloud2:
-    """Return a cloud with a row (k, c) for each point; fields are float32, or have the given type of four bytes."""
+    """Return a cloud with a point for each row of ``values`` (k, c).
+
+    A field is a name, for float32, or a name with a type of four bytes.
+    """
     data = array.array("B")
     data.frombytes(values.tobytes())
     kinds = [(each, PointField.FLOAT32) if isinstance(each, str) else each for each in fields]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Young's moduli as parameters: ``materials.<name>.young`` of every material with such a modulus."""
+"""Young's moduli as parameters: ``materials.<name>.young`` for every linear or neo-Hookean material."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ from gdfe_ros.scene.scene import Scene
 
 
 class Moduli:
-    """Declares the moduli of a scene as parameters while it is configured.
+    """Declares Young's moduli of a scene as parameters while the scene is configured.
 
     Args:
-        node: declares them.
-        scene: with the materials.
-        bags: while they write a bag, a change of moduli is refused, because a replay could not repeat it.
-        changed: called with the new moduli [Pa] by material after a change.
+        node: node of the parameters.
+        scene: scene with the materials.
+        bags: recorder of the session. While it writes a bag, a change of moduli is refused, because a replay could not
+            repeat the change.
+        changed: function that is called after a change, with a dict from material name to new modulus [Pa].
     """
 
     def __init__(
@@ -69,10 +70,10 @@ class Moduli:
 
 
 def given_moduli(parameters: Mapping[str, object], scene: Scene) -> dict[str, float]:
-    """Return the moduli [Pa] among parameters from the command line and from files, as overrides of the scene.
+    """Return the moduli [Pa] among the given parameters, by parameter name, as overrides of the scene.
 
     Raises:
-        GdfeError: one of them is not allowed.
+        GdfeError: the value of a modulus is not allowed.
     """
     given = {name: parameters[name] for name in _materials(scene) if name in parameters}
     for name, value in given.items():
@@ -81,7 +82,7 @@ def given_moduli(parameters: Mapping[str, object], scene: Scene) -> dict[str, fl
 
 
 def _materials(scene: Scene) -> dict[str, str]:
-    """Return the materials that have a modulus, by parameter."""
+    """Return a dict from parameter name to material name, for the materials with a Young's modulus."""
     return {MODULUS.name.format(material=name): name for name in moduli_of(scene)}
 
 

@@ -17,7 +17,7 @@ class MotionOutputs:
 
     Args:
         run: the published run; its scene has dynamics.
-        channel: makes the channel of a topic that each step publishes.
+        channel: function that makes the channel of a topic with a message for each step.
     """
 
     def __init__(self, run: Run, channel: Callable[..., Channel]) -> None:
@@ -28,22 +28,22 @@ class MotionOutputs:
 
     @property
     def channels(self) -> Iterator[Channel]:
-        """Every topic, in no particular order."""
+        """Channels of all motion topics, in no particular order."""
         yield self._velocity
         yield from self._imus.values()
 
     @property
     def velocity_wanted(self) -> bool:
-        """Whether the velocities of the vertices are wanted from the next step."""
+        """Whether a subscriber or a bag needs the vertices' velocities of the next step."""
         return self._velocity.wanted
 
     @property
     def imus_wanted(self) -> bool:
-        """Whether readings of inertial units are wanted from the next step."""
+        """Whether a subscriber or a bag needs a reading of an inertial measurement unit of the next step."""
         return any(channel.wanted for channel in self._imus.values())
 
     def publish_step(self, step: Step) -> None:
-        """Publish and record a step."""
+        """Publish and record the motion of a step."""
         if self._velocity.due(step):
             result = step.result
             cloud = self._velocity_packer.pack(step.record.stamp, result.positions, result.velocities)

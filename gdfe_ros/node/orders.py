@@ -20,16 +20,16 @@ from gdfe_ros.constraints import Pose, nearest_turn
 from gdfe_ros.node.refusals import Reason, Refusal
 
 FARTHEST = 10.0
-"""Largest distance of a handle from rest, and largest displacement in a second, over the body's size."""
+"""Largest distance of a target from rest, and largest displacement in a second, in multiples of the body's size."""
 
 
 @dataclass(frozen=True)
 class PoseOrder:
-    """A target of a handle; its quaternion is continued from the rotation of the previous target.
+    """A target of a handle. Of the equivalent rotation vectors, it means the one closest to that of the last target.
 
     Attributes:
-        handle: name.
-        translation: from rest [m].
+        handle: name of the handle.
+        translation: translation from rest [m].
         quaternion: x, y, z, w, of unit length.
     """
 
@@ -42,7 +42,7 @@ class PoseOrder:
         return None if isinstance(later, PoseOrder) and later.handle == self.handle else self
 
     def after(self, last: Pose) -> Pose:
-        """Return the pose with the rotation vector closest to the last target's."""
+        """Return the target pose; its rotation vector is the equivalent one closest to that of the last target."""
         return Pose(self.translation, nearest_turn(self.quaternion, last))
 
 
@@ -51,9 +51,9 @@ class TwistOrder:
     """A velocity of a handle's target, valid until another command or its timeout.
 
     Attributes:
-        handle: name.
-        linear: of the handle's centre [m/s].
-        angular: about the handle's centre, world axes [rad/s].
+        handle: name of the handle.
+        linear: velocity of the handle's centre [m/s].
+        angular: angular velocity about the handle's centre, in world axes [rad/s].
     """
 
     handle: str
@@ -62,7 +62,7 @@ class TwistOrder:
 
     @property
     def still(self) -> bool:
-        """Whether it stops the handle."""
+        """Whether the velocity is zero, so that the order stops the handle."""
         return not any((*self.linear, *self.angular))
 
     def without(self, later: Order) -> TwistOrder | None:
@@ -70,7 +70,7 @@ class TwistOrder:
         return None if isinstance(later, (PoseOrder, TwistOrder)) and later.handle == self.handle else self
 
     def after(self, last: Pose, dt: float) -> Pose:
-        """Return the last target moved for a time ``dt`` [s]; rotations add up beyond 180 degrees."""
+        """Return the last target after motion for ``dt`` [s]; rotations add up beyond 180 degrees."""
         translation = np.array(last.translation) + dt * np.array(self.linear)
         turn = dt * np.array(self.angular)
         rotation = Rotation.from_rotvec(turn) * Rotation.from_rotvec(last.rotation)
@@ -83,8 +83,8 @@ class TeleportOrder:
     """A teleport of a rigid body.
 
     Attributes:
-        body: name.
-        translation: from rest [m].
+        body: name of the rigid body.
+        translation: translation from rest [m].
         quaternion: x, y, z, w, of unit length.
     """
 
@@ -98,18 +98,21 @@ class TeleportOrder:
 
     @property
     def pose(self) -> Pose:
-        """Its pose relative to rest."""
+        """Commanded pose of the body relative to rest."""
         return Pose(self.translation, tuple(Rotation.from_quat(self.quaternion).as_rotvec()))
 
 
 @dataclass(frozen=True)
 class ActuatorOrder:
-    """Commands of actuators by name, in the unit of each mode, and factors of loads; an empty order changes nothing."""
+    """Commands by name: actuator values in the unit of the mode, factors of loads, joint positions [rad] or [m].
+
+    An empty order changes nothing.
+    """
 
     values: Mapping[str, float]
 
     def without(self, later: Order) -> ActuatorOrder | None:
-        """Return the commands that a later order does not replace; a trajectory replaces none but starts from them."""
+        """Return the commands that a later order does not replace. A trajectory replaces none, and starts from them."""
         if not isinstance(later, ActuatorOrder):
             return self
         values = {name: value for name, value in self.values.items() if name not in later.values}
@@ -118,16 +121,17 @@ class ActuatorOrder:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryOrder:
-    """Commands of actuators, loads and joints over time; without points they stay constant.
+    """Commands of actuators, loads and joints over time. An order without points ends running trajectories.
 
     Attributes:
         names: names of the actuators, loads and joints.
-        start: simulation time at which it starts [s]; None for the time of the step that consumes it.
+        start: simulation time at which the trajectory starts [s]; None: when the step that consumes the order begins.
         times: (k,) ascending times after the start [s].
         values: (k, len(names)) commands in the units of the modes.
-        slopes: (k, len(names)) velocities of the commands, for cubics between the points; None: linear.
-        bends: (k, len(names)) accelerations of the commands, for quintics; None: cubics or linear.
-        begun: called once a step has consumed it, with the start [s], and the commands and velocities at the start.
+        slopes: (k, len(names)) velocities of the commands, for cubic interpolation; None: linear interpolation.
+        bends: (k, len(names)) accelerations of the commands, for quintic interpolation; None: cubic or linear.
+        begun: function that is called when a step consumes the order, with the start [s], and the commands and
+            velocities at the start; None: not called.
     """
 
     names: tuple[str, ...]
@@ -140,7 +144,7 @@ class TrajectoryOrder:
 
     @property
     def ends(self) -> bool:
-        """Whether it only ends running trajectories."""
+        """Whether the order only ends running trajectories."""
         return not len(self.times)
 
     def without(self, later: Order) -> TrajectoryOrder | None:
@@ -160,18 +164,18 @@ class TrajectoryOrder:
         return replace(self, names=tuple(self.names[place] for place in kept), **parts)
 
     def only(self, name: str) -> TrajectoryOrder:
-        """Return the trajectory of one name."""
+        """Return the trajectory restricted to one actuator, load or joint."""
         return self.without(ActuatorOrder(dict.fromkeys([each for each in self.names if each != name], 0.0))) or self
 
     def at(
         self, elapsed: float, before: NDArray[np.float64], rates: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Return the commands (len(names),) at a time after the start.
+        """Return the interpolated commands (len(names),) at a time after the start.
 
         Args:
             elapsed: time since the start [s].
-            before: commands (len(names),) at the start, from which the first point is approached.
-            rates: velocities (len(names),) at the start, used by cubics and quintics; None: 0.
+            before: commands (len(names),) at the start; the commands before the first point are interpolated from them.
+            rates: velocities (len(names),) at the start, for cubic and quintic interpolation; None: 0.
         """
         times, tables = self.times, [self.values, self.slopes, self.bends]
         if times[0] > 0.0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Output topics of a simulation, published by each step and each scene."""
+"""Output topics of a simulation, published for each step or once for each scene."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from gdfe_ros.recording.recorder import Recorder
 
 
 class TopicOutputs:
-    """Publishes scenes and steps; no message is built for a topic without subscriber or bag.
+    """Publishes a scene and its steps; no message is built for a topic without subscriber or bag.
 
     Args:
         run: the published run.
-        matched: called when a topic of the steps gets a subscriber.
+        matched: function that is called when a topic with a message for each step gets a subscriber.
     """
 
     def __init__(self, run: Run, *, matched: Callable[[], object]) -> None:
@@ -75,7 +75,7 @@ class TopicOutputs:
 
     @property
     def channels(self) -> Iterator[Channel]:
-        """Every topic, in no particular order."""
+        """Channels of all output topics, in no particular order."""
         yield from (self._mesh, self._strain, self._record, self._topology, self._scene_text, self._markers)
         for group in (self._poses, self._wrenches, self._sensors, self._probes, self._robots):
             yield from group.values()
@@ -87,8 +87,8 @@ class TopicOutputs:
                 yield channel
 
     def demand(self) -> Demand:
-        """Return the outputs that are wanted from the next step."""
-        # Each channel is asked at most once, because counting subscribers is a call into the middleware.
+        """Return the outputs of the next step that a subscriber or a bag needs."""
+        # Read ``wanted`` of each channel at most once, because counting subscribers is a call into the middleware.
         fields = self._strain.wanted or self._marker_due()
         frames = self._tf is not None and self._tf.wanted
         poses = frames or _any_wanted(self._turning)
@@ -108,7 +108,7 @@ class TopicOutputs:
         return any([channel.missed() for channel in self.channels])
 
     def attach(self, recorder: Recorder | None) -> None:
-        """Record, from now on, every topic that bags contain; with None, end the recording."""
+        """Record all topics that bags contain, from now on; None ends the recording."""
         for channel in self.channels:
             channel.recorder = recorder if channel.recorded else None
 
@@ -125,7 +125,7 @@ class TopicOutputs:
             self._tf_static.send(packer.pack(self._run.clock(), list(rests.values())), log_time)
 
     def publish_jacobian(self, values: object, log_time: int) -> None:
-        """Publish d position / d command (probes, 3, actuators)."""
+        """Publish the Jacobian d(probe position) / d(command), (probes, 3, actuators)."""
         names = [actuator.name for actuator in self._run.scene.actuators]
         self._jacobian.send(messages.jacobian(values, list(self._run.scene.probes), names), log_time)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pace of the steps: when the next one begins, and how much simulation time it covers."""
+"""Pace of the steps: when the next step begins, and how much simulation time it covers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enum import Enum
 from typing import Protocol
 
 FARTHEST_JUMP = 10.0
-"""Largest jump of an external clock [s] that is followed by steps; after a larger jump only its new time is adopted."""
+"""Largest forward jump of an external clock [s] for which steps are made. After a larger jump, the time is skipped."""
 
 
 class ClockMode(str, Enum):
@@ -24,12 +24,12 @@ class ClockMode(str, Enum):
 
 @dataclass(frozen=True)
 class Timing:
-    """Present values of the parameters that pace the steps.
+    """Present values of the parameters that determine the pace of the steps.
 
     Attributes:
         rate: steps per second of wall time [Hz].
         dt: simulation time of a step [s].
-        heartbeat: interval of steps while idle [s]; 0: none.
+        heartbeat: interval of the steps while idle, called heartbeats [s]; 0: no heartbeats.
         ticking: whether to keep stepping while idle.
     """
 
@@ -43,10 +43,10 @@ class Pace(Protocol):
     """Decides when to step.
 
     Attributes:
-        overruns: steps that should have begun while an earlier one was still running.
-        late: total delay of the ends of steps [s].
-        moment: time on an external clock at the end of the step that began last [ns]; 0 without such a clock.
-        behind: lead of the external clock over ``moment`` [s]; 0 without such a clock.
+        overruns: number of steps that should have begun while an earlier step was still running.
+        late: sum of the delays of steps that ended too late [s].
+        moment: time of the external clock at the end of the latest step [ns]; 0 without external clock.
+        behind: time by which the external clock is ahead of ``moment`` [s]; 0 without external clock.
     """
 
     overruns: int
@@ -55,7 +55,7 @@ class Pace(Protocol):
     behind: float
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Return the wall time to wait [s]: 0 to step now, None to wait for an event.
+        """Return the wall time to wait before the next step [s]: 0 to step now, None to wait for an event.
 
         Args:
             pending: whether orders for a step are waiting.
@@ -76,15 +76,15 @@ class _OwnPace:
 
 
 class WallPace(_OwnPace):
-    """Steps at a rate of wall time; while idle, only heartbeats.
+    """Makes steps at a constant rate of wall time or, while idle, at the interval of the heartbeats.
 
-    An idle time of n periods becomes one step of n dt, so that simulation time keeps up with wall time. A step that
+    After an idle time of n periods, one step covers n dt, so that simulation time keeps up with wall time. A step that
     ends n periods too late counts as n overruns, even if the node is idle after it. Simulation time then stays behind
     by the missed periods.
 
     Args:
-        timing: returns the present values.
-        now: monotonic clock [s].
+        timing: function that returns the present values of the parameters.
+        now: function that returns the time on a monotonic clock [s].
     """
 
     def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
@@ -93,7 +93,7 @@ class WallPace(_OwnPace):
         self.restart()
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Return the time to the next period of the rate, or to the heartbeat if idle."""
+        """Return the wall time to the next period [s] or, if idle, to the next heartbeat; None: no heartbeats."""
         timing, now = self._timing(), self._now()
         if self._running:
             self._end(now, 1.0 / timing.rate)
@@ -103,7 +103,7 @@ class WallPace(_OwnPace):
         return max(0.0, self._last + timing.heartbeat - now) if timing.heartbeat else None
 
     def begin(self) -> float:
-        """Advance to the next period and count missed ones."""
+        """Begin a step: advance to the next period, count missed periods, and return the step's simulation time [s]."""
         timing, now = self._timing(), self._now()
         period, periods = 1.0 / timing.rate, 1
         if self._idle:
@@ -116,7 +116,7 @@ class WallPace(_OwnPace):
         return periods * timing.dt
 
     def _end(self, now: float, period: float) -> None:
-        """Record the end of a step; if the next one is overdue by a period or more, the periods restart now."""
+        """Record the end of a step. If the next step is late by a period or more, count overruns and restart now."""
         self._running = False
         if (late := now - self._due) >= period:
             self.overruns += int(late / period)
@@ -124,17 +124,17 @@ class WallPace(_OwnPace):
             self._due, self._last = now, now - period
 
     def restart(self) -> None:
-        """Begin the periods now."""
+        """Restart the periods now."""
         self._last = self._due = self._now()
         self._idle = self._running = False
 
 
 class FastPace(_OwnPace):
-    """Steps without waiting while there is work; then only heartbeats.
+    """Makes steps without waiting while there is work or, while idle, at the interval of the heartbeats.
 
     Args:
-        timing: returns the present values.
-        now: monotonic clock [s].
+        timing: function that returns the present values of the parameters.
+        now: function that returns the time on a monotonic clock [s].
     """
 
     def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
@@ -143,27 +143,27 @@ class FastPace(_OwnPace):
         self.restart()
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Return 0 unless idle."""
+        """Return 0 while there is work, otherwise the wall time to the next heartbeat [s]; None: no heartbeats."""
         timing = self._timing()
         if pending or not settled or timing.ticking:
             return 0.0
         return max(0.0, self._last + timing.heartbeat - self._now()) if timing.heartbeat else None
 
     def begin(self) -> float:
-        """Return one dt."""
+        """Begin a step and return its simulation time, one dt [s]."""
         self._last = self._now()
         return self._timing().dt
 
     def restart(self) -> None:
-        """Begin the heartbeat's interval now."""
+        """Restart the interval of the heartbeats now."""
         self._last = self._now()
 
 
 class LockstepPace(_OwnPace):
-    """Steps only when a command set is complete.
+    """Makes a step only when a command set is complete.
 
     Args:
-        timing: returns the present values.
+        timing: function that returns the present values of the parameters.
     """
 
     def __init__(self, timing: Callable[[], Timing]) -> None:
@@ -175,7 +175,7 @@ class LockstepPace(_OwnPace):
         return 0.0 if pending else None
 
     def begin(self) -> float:
-        """Return one dt."""
+        """Begin a step and return its simulation time, one dt [s]."""
         return self._timing().dt
 
     def restart(self) -> None:
@@ -185,15 +185,15 @@ class LockstepPace(_OwnPace):
 class ExternalPace:
     """Follows an external clock: one step of dt whenever the clock has advanced by dt, none while it stands still.
 
-    While there is work, no dt is skipped or extended. A run thus depends only on the clock and the commands, and not on
-    the speed of this machine. On a slow machine steps fall behind and count as overruns. While idle, a step covers all
-    the elapsed time. If the clock goes back, or jumps ahead by more than `FARTHEST_JUMP`, its new time is adopted. No
-    steps are made for the skipped time.
+    While there is work, every step covers one dt, and none is skipped. A run thus depends only on the clock and the
+    commands, and not on the speed of this machine. On a slow machine steps fall behind and count as overruns. After an
+    idle time, one step covers all the elapsed time. If the clock goes back, or jumps ahead by more than
+    `FARTHEST_JUMP`, the steps continue from its new time. No steps are made for the skipped time.
 
     Args:
-        timing: returns the present values.
-        now: returns the time of the clock [ns]; 0 before it is known.
-        tell: receives a message about each jump of the clock.
+        timing: function that returns the present values of the parameters.
+        now: function that returns the time of the clock [ns]; 0 before the time is known.
+        tell: function that receives a message about each jump of the clock.
     """
 
     def __init__(
@@ -207,11 +207,11 @@ class ExternalPace:
 
     @property
     def behind(self) -> float:
-        """Lead of the clock over the end of the step that began last [s]."""
+        """Time by which the clock is ahead of the end of the latest step [s]."""
         return 1e-9 * max(0, self._now() - self.moment - self._leapt) if self.moment else 0.0
 
     def jumped(self, ahead: int) -> None:
-        """Record that the clock jumped ahead by this time [ns]; safe from any thread."""
+        """Record a jump of the clock by ``ahead`` [ns]; callable from any thread."""
         if ahead > round(1e9 * FARTHEST_JUMP) and self.moment:
             self._leapt += ahead
 
@@ -224,7 +224,7 @@ class ExternalPace:
         return 0.0 if due and timing.heartbeat and due * timing.dt >= timing.heartbeat else None
 
     def begin(self) -> float:
-        """Return one dt, or all the time that passed while idle."""
+        """Begin a step and return its simulation time [s]: one dt, or all the time that passed while idle."""
         due = max(1, self._due())
         count = due if self._idle else 1
         self.overruns += due - 1 > 0 and not self._idle
@@ -238,7 +238,7 @@ class ExternalPace:
         self.moment, self._leapt = self._now(), 0
 
     def _due(self) -> int:
-        """Return the number of whole dt by which the clock is ahead of the steps; adopt its time after a jump."""
+        """Return the number of steps of dt that are due; after a jump, continue from the clock's new time."""
         now = self._now()
         back = now < self.moment - round(1e9 * self._timing().dt)
         if self.moment and (back or self._leapt):

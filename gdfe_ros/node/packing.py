@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Templates for the messages of every step: clouds of vertices and cells, poses, wrenches, frames.
 
-Filling a message object and serialising it by rclpy takes 20 to 40 us, and milliseconds for lists of
-points; writing stamp and numbers into the bytes of an earlier message takes 2 to 5 us.
+Filling a message object and serialising it by rclpy takes 20 to 40 us, and milliseconds for lists of points. Writing
+stamp and numbers into the bytes of an already serialised message takes 2 to 5 us.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from gdfe_ros.solver.elements.fields import ElementFields
 from gdfe_ros.solver.motion.imu import ImuReading
 
 _STAMP_AT = 4
-"""Offset of the stamp [B]. CDR has a head of four bytes, and the messages begin with their header and its stamp."""
+"""Offset of the stamp [B]: the stamp of the message's header follows the four bytes of the CDR head."""
 _MARK = -1.2345678901234567e300
 _MARK_SECONDS = 0x5EC0_0000
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
@@ -61,11 +61,11 @@ class Template:
 
 
 class MeshPacker:
-    """Packs vertices into messages as by ``messages.mesh_cloud``.
+    """Serialises vertices into the message that ``messages.mesh_cloud`` makes.
 
     Args:
         rest: (n, 3) undeformed vertices [m].
-        frame_id: of their coordinates.
+        frame_id: frame of the coordinates.
     """
 
     def __init__(self, rest: NDArray[np.float64], frame_id: str) -> None:
@@ -81,11 +81,11 @@ class MeshPacker:
 
 
 class VelocityPacker:
-    """Packs vertices and their velocities into messages as by ``messages.velocity_cloud``.
+    """Serialises vertices and their velocities into the message that ``messages.velocity_cloud`` makes.
 
     Args:
         rest: (n, 3) undeformed vertices [m].
-        frame_id: of the coordinates and the velocities.
+        frame_id: frame of the coordinates and the velocities.
     """
 
     def __init__(self, rest: NDArray[np.float64], frame_id: str) -> None:
@@ -99,7 +99,7 @@ class VelocityPacker:
 
 
 class StrainPacker:
-    """Packs element fields into messages as by ``messages.strain_cloud``.
+    """Serialises element fields into the message that ``messages.strain_cloud`` makes.
 
     Args:
         fields: element fields of the body in any state.
@@ -119,10 +119,10 @@ class StrainPacker:
 
 
 class PosePacker:
-    """Packs poses into messages as by ``messages.pose_stamped``.
+    """Serialises poses into the message that ``messages.pose_stamped`` makes.
 
     Args:
-        frame_id: of the poses.
+        frame_id: frame of the poses.
     """
 
     def __init__(self, frame_id: str) -> None:
@@ -139,10 +139,10 @@ class PosePacker:
 
 
 class WrenchPacker:
-    """Packs reactions into messages as by ``messages.wrench_stamped``.
+    """Serialises reactions into the message that ``messages.wrench_stamped`` makes.
 
     Args:
-        frame_id: of the wrenches.
+        frame_id: frame of the wrenches.
     """
 
     def __init__(self, frame_id: str) -> None:
@@ -157,10 +157,10 @@ class WrenchPacker:
 
 
 class ImuPacker:
-    """Packs readings of inertial units into messages as by ``messages.imu``.
+    """Serialises readings of an inertial measurement unit into the message that ``messages.imu`` makes.
 
     Args:
-        frame_id: of the unit.
+        frame_id: frame of the unit.
     """
 
     def __init__(self, frame_id: str) -> None:
@@ -179,10 +179,10 @@ class ImuPacker:
 
 
 class TransformPacker:
-    """Packs the places of frames for /tf.
+    """Serialises the placements of frames into messages for /tf.
 
     Args:
-        names: of the frames.
+        names: names of the frames.
         frame_id: parent frame of all of them.
     """
 
@@ -200,7 +200,7 @@ class TransformPacker:
         self._stamps = [self._template.view(struct.pack("<i", second), (2,), "<i4") for second in seconds]
 
     def pack(self, stamp: int, places: Sequence[Placement]) -> bytes:
-        """Return the serialised places of the frames, in the order of their names, with a stamp [ns]."""
+        """Serialise the placements of the frames, in the order of their names, with a stamp [ns]."""
         for values, time, place in zip(self._places, self._stamps, places, strict=True):
             time[:] = stamp // 10**9, stamp % 10**9
             values[:3], values[3:] = place.origin, place.turn.as_quat()
@@ -208,7 +208,7 @@ class TransformPacker:
 
 
 def _cloud_template(cloud: PointCloud2, shape: tuple[int, int]) -> tuple[Template, NDArray[np.float32]]:
-    """Return a template of a cloud and the view of its points."""
+    """Return a template of a cloud, and a writable float32 view of the points' values with the given shape."""
     mark = struct.pack("<d", _MARK)
     cloud.data = array.array("B", mark + bytes(cloud.data[len(mark) :]))
     template = Template(cloud)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Declaration and validation of the node's parameters, by the interface table."""
+"""Declaration and validation of the node's parameters, as described in ``interface.parameters``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class NodeParameters:
     """The parameters of one node: ``parameters["rate"]`` is the present value.
 
     Args:
-        node: declares them; values from the command line and from files apply.
+        node: node of the parameters; values from the command line and from files apply.
     """
 
     def __init__(self, node: ManagedNode) -> None:
@@ -52,15 +52,15 @@ class NodeParameters:
         return self._values[name]  # read several times a step, hence kept instead of read through rclpy
 
     def entries(self, name: str) -> list[str]:
-        """Return a list of strings without its empty entries (ROS cannot declare an empty list)."""
+        """Return a parameter's list of strings without empty entries; ROS cannot declare an empty list."""
         return [entry for entry in self[name] if entry.strip()]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all values, e.g. for the bag."""
+        """Return a dict from parameter name to present value, e.g. for a bag."""
         return {name: self[name] for name in self._specs}
 
     def _warn_of_unknown(self) -> None:
-        """Warn of given parameters that the node does not have; a file for ``/**`` may have those of other nodes."""
+        """Warn of unknown parameters that were given at start, e.g. those of other nodes in a file for ``/**``."""
         for name in sorted(self._node.unknown_parameters()):
             text = f"parameter {name!r} is unknown and does nothing; {did_you_mean(name, self._specs)}"
             self._node.get_logger().warning(text.rstrip("; "))
@@ -69,7 +69,7 @@ class NodeParameters:
         self._values |= {each.name: self._typed(each.name, each.value) for each in changes if each.name in self._specs}
 
     def _typed(self, name: str, value: Any) -> Any:
-        """Return a value in the type of its declaration: doubles may be given as integers (rate:=100)."""
+        """Return a value in the type of its declaration; a double may be given as an integer (rate:=100)."""
         return float(value) if isinstance(self._specs[name].default, float) else value
 
     def _check(self, changes: Iterable[Parameter]) -> SetParametersResult:
@@ -93,7 +93,9 @@ class NodeParameters:
 
 
 def require_allowed(spec: ParameterSpec, value: Any) -> None:
-    """Check choices and doubles, which rclpy does not check; doubles may also be given as integers (rate:=100).
+    """Check the value of a parameter with choices or of type double, because rclpy does not check it.
+
+    A double may be given as an integer (rate:=100).
 
     Raises:
         GdfeError: the value is not allowed.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A short-lived ROS node for the terminal, which finds the types of topics and services in the ROS graph."""
+"""A short-lived ROS node for commands of the terminal; it finds types of topics and services in the ROS graph."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from gdfe_ros.node.qos import interface_class
 from gdfe_ros.spelling import did_you_mean
 
 PATIENCE = 10.0
-"""Time [s] within which a topic or service must be found, and subscribers must acknowledge."""
+"""Longest wait until a topic or service is found, and until subscribers acknowledge a message [s]."""
 SETTLING = 0.2
-"""Time [s] within which stored messages arrive after the first of them."""
+"""Longest time between the arrivals of the first and the last stored message of a topic [s]."""
 UNCHANGED = 2.0
-"""A name is reported as missing after a known graph without it has not changed for this time [s]."""
+"""If the discovered graph lacks a name and has not changed for this time [s], the name is reported as missing."""
 
 
 class Peer:
     """A node and its executor.
 
     Args:
-        context: of ROS.
+        context: ROS context.
     """
 
     def __init__(self, context: rclpy.Context) -> None:
@@ -46,7 +46,7 @@ class Peer:
         """Publish one message, and return the number of subscribers once each has received it.
 
         Args:
-            topic: its name; its type comes from the subscribers.
+            topic: name of the topic; the subscribers determine its type.
             values: fields of the message, as for `fill`.
 
         Raises:
@@ -68,7 +68,7 @@ class Peer:
         """Yield the latest message of a topic, and the following ones.
 
         Args:
-            topic: its name; its type comes from the publishers.
+            topic: name of the topic; the publishers determine its type.
             patience: longest wait for each message [s].
 
         Raises:
@@ -88,7 +88,7 @@ class Peer:
         """Call a service and return its response.
 
         Args:
-            service: its name.
+            service: name of the service.
             values: fields of the request, as for `fill`.
             patience: longest wait for the response [s].
 
@@ -112,18 +112,18 @@ class Peer:
         self._node.destroy_node()
 
     def _wait(self, done: Callable[[], Any], patience: float | None = None) -> Any:
-        """Spin until ``done`` returns a true value or the patience [s] is over; return the last value."""
+        """Spin until ``done`` returns a true value, at most for the patience [s]; return its last value."""
         end = time.monotonic() + (self._patience if patience is None else patience)
         while not (found := done()) and time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.02)
         return found
 
     def _discover(self, look: Callable[[], Any], names: Callable[[], list[str]]) -> Any:
-        """Return the entry that ``look`` finds in the graph; an empty value if a known graph lacks it.
+        """Wait for an entry of the ROS graph and return it; return an empty value if the discovered graph lacks it.
 
         Args:
-            look: returns an entry of the graph, or an empty value until it is discovered.
-            names: returns the discovered names of this kind that other nodes have.
+            look: function that returns the entry, or an empty value until it is discovered.
+            names: function that returns the discovered names of this kind that other nodes have.
         """
         known, since = list[str](), time.monotonic()
 
@@ -142,9 +142,9 @@ class Peer:
         """Return the publishers or subscriptions of a topic, and the class of its messages.
 
         Args:
-            topic: its full name.
-            look: returns the endpoints of a topic in the graph.
-            whose: verb of the endpoints' nodes for the error, e.g. ``publishes``.
+            topic: full name of the topic.
+            look: function that returns the endpoints of a topic in the graph.
+            whose: verb for the text of the error, e.g. ``publishes``.
 
         Raises:
             GdfeError: there is no endpoint.
@@ -199,7 +199,7 @@ def full_name(name: str) -> str:
 
 
 def matching_qos(others: Sequence[TopicEndpointInfo], *, offered: bool) -> QoSProfile:
-    """Return a QoS profile compatible with all ``others``: a publisher's if ``offered``, else a subscription's."""
+    """Return a QoS profile, of a publisher if ``offered``, else of a subscription, compatible with all ``others``."""
     reliable = [other.qos_profile.reliability == ReliabilityPolicy.RELIABLE for other in others]
     kept = [other.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for other in others]
     enough = any if offered else all

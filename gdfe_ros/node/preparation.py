@@ -16,11 +16,11 @@ def prepare(parameters: NodeParameters, given: Mapping[str, object]) -> Simulati
     """Return a simulation of the scene with its overrides and moduli, factored and compiled.
 
     Args:
-        parameters: of the node.
+        parameters: parameters of the node.
         given: parameters that were given at start, by name; some of them may be moduli.
 
     Raises:
-        GdfeError: every defect of the scene or of the overrides.
+        GdfeError: the scene or the overrides have defects; the text lists all of them.
     """
     overrides = _overrides(parameters.entries("scene_overrides"))
     scene = load_scene(parameters["scene"], overrides=overrides)

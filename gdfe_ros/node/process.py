@@ -25,7 +25,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.managed import Faults, ManagedNode
 
 _WAIT = 0.5
-"""Longest wait of the executor [s]; a signal ends it at once."""
+"""Longest wait of the executor [s]; a signal ends the wait at once."""
 _BAD_START = 2
 _START_ERRORS = (
     GdfeError,
@@ -36,9 +36,9 @@ _START_ERRORS = (
     rclpy_implementation.UnknownROSArgsError,
 )
 _PLACES = re.compile(r"\s*, at \S+:\d+")
-"""Source location in rcl's error messages."""
+"""Pattern of the source locations in rcl's error messages."""
 _MOST_FAULTS = 1000
-"""The executor counts as broken after more than this number of successive exceptions without other work in between."""
+"""The process ends after more than this number of successive exceptions of the executor."""
 _INSIST = 2.0
 """A signal ends the process at once if it comes later than this time [s] after the first signal."""
 
@@ -46,8 +46,8 @@ _INSIST = 2.0
 def make_executor(context: rclpy.Context | None = None) -> Executor:
     """Return the fastest executor: EventsExecutor if rclpy has it and it starts, else a multi-threaded one.
 
-    EventsExecutor requires a standard error with a file descriptor, which a captured one (of a test, of a notebook) may
-    lack.
+    EventsExecutor requires that the standard error has a file descriptor. A captured standard error, in a test or a
+    notebook, may have none.
     """
     try:
         from rclpy.experimental import EventsExecutor
@@ -65,14 +65,15 @@ def run(make_node: Callable[[threading.Event], Any], args: list[str] | None = No
 def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[str] | None = None) -> int:
     """Spin nodes until SIGINT, SIGTERM or a shutdown of ROS, then close them in order.
 
-    rclpy's own signal handlers would remove the topics while the threads still publish.
+    rclpy's own signal handlers are not used, because they remove the topics while the threads still publish.
 
     Args:
-        make_nodes: makes the nodes from an event that a signal sets; each must have ``close``.
-        args: of the command line; None: the process's.
+        make_nodes: function that makes the nodes; its argument is an event that a signal sets. Each node must have a
+            method ``close``.
+        args: arguments of the command line; None: those of the process.
 
     Returns:
-        Exit status: 0, or 2 if a parameter has a value that is not allowed.
+        Exit status: 0, or 2 if the nodes cannot be made, e.g. because the value of a parameter is not allowed.
     """
     stopping = threading.Event()
     _catch_signals(stopping)
@@ -103,12 +104,12 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
 
 
 def answer_arguments(name: str, usage: str, args: Sequence[str] | None = None) -> int | None:
-    """Print the usage on ``--help``, and refuse arguments that are not ROS's.
+    """Print the usage on ``--help``, and refuse arguments that do not belong to ROS.
 
     Args:
-        name: of the program.
-        usage: printed by ``--help``.
-        args: of the command line; None: the process's.
+        name: name of the program.
+        usage: text that ``--help`` prints.
+        args: arguments of the command line; None: those of the process.
 
     Returns:
         Exit status; None if the program is to run.
@@ -124,7 +125,7 @@ def answer_arguments(name: str, usage: str, args: Sequence[str] | None = None) -
 
 
 def _without_ros(args: Sequence[str]) -> list[str]:
-    """Return the arguments that do not belong to ROS; rclpy's own function raises for an invalid parameter file."""
+    """Return the arguments that do not belong to ROS. rclpy's own function fails for an invalid parameter file."""
     others, ours = [], True
     for argument in args:
         if argument == "--ros-args" or (argument == "--" and not ours):
@@ -135,7 +136,7 @@ def _without_ros(args: Sequence[str]) -> list[str]:
 
 
 def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -> None:
-    """Spin, and continue after exceptions of the executor, e.g. for a request that rclpy cannot deserialise."""
+    """Spin until ``stopping`` is set; continue after exceptions, e.g. for a request that rclpy cannot deserialise."""
     faults = [node.faults for node in nodes if isinstance(node, ManagedNode)]
     faults = faults or [Faults(lambda text: nodes[0].get_logger().error(text))]
     in_a_row = 0
@@ -155,10 +156,11 @@ def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -
 
 
 def _catch_signals(stopping: threading.Event) -> None:
-    """Make SIGINT and SIGTERM set an event; a signal more than `_INSIST` later ends the process at once.
+    """Make SIGINT and SIGTERM set an event; a second signal, more than `_INSIST` later, ends the process at once.
 
-    The event does not end a compilation of kernels or a long solve at once. Signals in quick succession count as one,
-    because a terminal sends SIGINT to every process of its group, and a launch may send it again.
+    The second signal is needed because the event ends neither a compilation of kernels nor a long solve at once.
+    Signals in quick succession count as one, because a terminal sends SIGINT to every process of its group, and a
+    launch may send it again.
     """
     first: list[float] = []
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Progress and end of a trajectory whose client waits for it."""
+"""Progress and result of an action client's trajectory."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Code(IntEnum):
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Allowed deviations of the present commands from a trajectory's, by name; names without an entry are not checked.
+    """Allowed deviations of the present commands from a trajectory.
 
     Attributes:
-        path: deviations before the end, in the unit of each mode.
-        goal: deviations at the end, in the unit of each mode.
+        path: dict from name to deviation before the end, in the unit of the mode; other names are not checked.
+        goal: dict from name to deviation at the end, in the unit of the mode; other names are not checked.
         time: time after the end within which ``goal`` must be met [s].
     """
 
@@ -41,14 +41,14 @@ class Tolerances:
 
 
 class Pursuit:
-    """One trajectory in progress.
+    """An action client's trajectory in progress.
 
     Args:
         order: order of the trajectory.
-        tolerances: allowed deviations from it.
-        tell: called after every step with the time since the start [s], the trajectory's commands (k,) and the present
-            ones (k,).
-        finish: called once with the result and its reason.
+        tolerances: allowed deviations from the trajectory.
+        tell: function that is called after every step with the time since the start [s], the trajectory's commands
+            (k,) and the present commands (k,).
+        finish: function that is called once with the result and its reason.
 
     Attributes:
         going: whether the trajectory has not ended.
@@ -85,11 +85,11 @@ class Pursuit:
             self.end(Code.INVALID_GOAL, f"a later command of {', '.join(taken)} took its place")
 
     def look(self, time: float, present: Mapping[str, float]) -> None:
-        """Check the progress after a step.
+        """Report the progress after a step; end the trajectory if it is complete or out of tolerance.
 
         Args:
             time: simulation time [s].
-            present: by name, the commands of actuators and loads after a rate limit, and the positions of joints.
+            present: dict from name to the command of an actuator or load, after a rate limit, or a joint's position.
         """
         if not self.going or not len(self._before) or time < self._start:
             return

@@ -28,7 +28,7 @@ _PROFILES = {
 
 
 def qos_profile(delivery: Delivery) -> QoSProfile:
-    """Return the QoS profile of a delivery."""
+    """Return rclpy's QoS profile for a kind of delivery."""
     reliability, durability, depth = _PROFILES[delivery]
     return QoSProfile(reliability=reliability, durability=durability, history=HistoryPolicy.KEEP_LAST, depth=depth)
 

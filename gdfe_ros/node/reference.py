@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's interface as Markdown for README, generated so that it cannot become outdated.
+"""The node's interface as Markdown for the documentation, generated so that it cannot become outdated.
 
 ``python -m gdfe_ros.node.reference`` prints it. No ROS is needed.
 """

@@ -12,7 +12,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.throttle import Throttle
 
 _LONGEST = 400
-"""Limit of characters of a logged refusal."""
+"""Largest number of characters of a logged refusal."""
 
 
 class Reason(Enum):
@@ -38,10 +38,10 @@ class Reason(Enum):
 
 
 class Refusal(GdfeError):
-    """A refused command, which has no effect.
+    """A command was refused; it has no effect.
 
     Args:
-        reason: for counting.
+        reason: reason under which the refusal is counted.
         text: the defect and the allowed values.
     """
 
@@ -54,8 +54,8 @@ class RefusalLog:
     """Counts accepted and refused commands; warns at most once in five seconds for each input and reason.
 
     Args:
-        warn: receives the text of a warning.
-        tell: receives the source and the refusal of each refused command at once; None: no receiver.
+        warn: function that receives the text of a warning.
+        tell: function that receives the source and the refusal of each refused command at once; None: not called.
     """
 
     def __init__(self, warn: Callable[[str], object], tell: Callable[[str, Refusal], object] | None = None) -> None:
@@ -86,7 +86,7 @@ class RefusalLog:
 
 
 def shortened(text: str) -> str:
-    """Return a text, a long one without its middle; parts of a message may make it arbitrarily long."""
+    """Return a text, without its middle if it is longer than `_LONGEST`; values of a message may make it very long."""
     if len(text) <= _LONGEST:
         return text
     half = _LONGEST // 2

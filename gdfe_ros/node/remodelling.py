@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replacement of a running simulation by one with other moduli."""
+"""Replacement of a running simulation by a simulation with other Young's moduli."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _LONG = 1e9
 
 
 def moduli_of(scene: Scene) -> dict[str, float]:
-    """Return Young's modulus [Pa] of each material whose law has one, by name."""
+    """Return a dict from material name to Young's modulus [Pa], for linear and neo-Hookean materials."""
     found = scene.materials.items()
     return {name: material.young for name, material in found if isinstance(material, (Linear, NeoHookean))}
 
 
 def source_with(scene: Scene, moduli: Mapping[str, float]) -> str:
-    """Return the text of a scene with these moduli [Pa]."""
+    """Return the YAML text of a scene with other moduli [Pa], given by material; materials without one are ignored."""
     known = moduli_of(scene)
     return _with(scene, {name: young for name, young in moduli.items() if name in known}).source
 
@@ -36,12 +36,14 @@ def _with(scene: Scene, moduli: Mapping[str, float]) -> Scene:
 def with_moduli(
     old: Simulation, moduli: Mapping[str, float], *, interrupted: Callable[[], bool] | None = None
 ) -> Simulation:
-    """Return a simulation at the present commands with other moduli; a body with mass continues its motion.
+    """Return a new simulation with other moduli.
+
+    Without dynamics, it is in equilibrium at the present commands. With dynamics, it continues the present motion.
 
     Args:
         old: present simulation; it is not changed.
         moduli: Young's modulus [Pa] of each material that changes.
-        interrupted: as in ``Simulation.step``, during the solve for the new equilibrium.
+        interrupted: as in ``Simulation.step``, for the solve for the new equilibrium.
     """
     changed = Simulation(_with(old.scene, moduli))
     if old.scene.dynamics:

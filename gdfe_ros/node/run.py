@@ -28,19 +28,20 @@ class Run:
     """Holds the simulation for stepping, commands, publishing and recording.
 
     Args:
-        node: owns the topics.
+        node: node of the topics.
         parameters: parameters of the node.
-        simulation: ready to step.
-        refusals: counts refused commands.
-        ending: set when the process is asked to end; multi-step requests then stop early.
+        simulation: simulation that is ready to step.
+        refusals: log of refused commands.
+        ending: event that is set by a request to end the process; requests of several steps then stop early.
         transforms: transforms of other frames; None: none are known.
 
     Attributes:
-        node: as given, as are ``parameters``, ``refusals`` and ``ending``.
-        simulation: while the node is active, used by the stepper's thread only; replaced after a change of moduli.
+        node: the argument of this name; likewise ``parameters``, ``refusals`` and ``ending``.
+        simulation: present simulation, replaced after a change of moduli. While the node is active, only the stepping
+            thread uses it.
         frames: frames of the body.
         last: the last step, or None.
-        log_time: log time of that step for the bag [ns]; it never goes back.
+        log_time: log time of the last step in the bag [ns]; it never goes back.
         pace: pace of the steps; None while not active.
     """
 
@@ -71,7 +72,7 @@ class Run:
         self.node.get_logger().error(text)
 
     def timing(self) -> Timing:
-        """Return the present values that pace the steps."""
+        """Return the present values of the parameters that determine the pace of the steps."""
         values = self.parameters
         return Timing(values["rate"], values["dt"], values["heartbeat"], values["publish_clock"])
 
@@ -80,7 +81,7 @@ class Run:
         return self.node.get_clock().now().nanoseconds
 
     def now(self) -> int:
-        """Return the time on the clock of the stamps [ns]."""
+        """Return the present time of stamps [ns]: simulation time if the node publishes /clock, else its own clock."""
         if self.parameters["publish_clock"]:
             return to_nanoseconds(self.simulation.time)
         return self.clock()
@@ -89,24 +90,24 @@ class Run:
         """Return the stamp [ns] of a step that begins now.
 
         Args:
-            ending: simulation time at its end [s].
-            early: time from the end of the step to the present time of an external clock [s], if one is followed.
+            ending: simulation time at the end of the step [s].
+            early: time by which the end of the step precedes the present time of an external clock [s].
         """
         if self.parameters["publish_clock"]:
             return to_nanoseconds(ending)
         return self.pace.moment - to_nanoseconds(early) if self.pace.moment else self.clock()
 
     def simulation_time(self, stamp: int) -> float:
-        """Return the simulation time [s] of a time on the clock of the stamps [ns], relative to the last step."""
+        """Return the simulation time [s] for a stamp [ns], from the time and the stamp of the last step."""
         if self.last is None:
             return self.simulation.time + 1e-9 * (stamp - self.now())
         return self.last.record.time + 1e-9 * (stamp - self.last.record.stamp)
 
     def follow_clock(self, wake: Callable[[], object]) -> JumpHandle:
-        """Inform the pace and call ``wake`` whenever the external clock is set, until the handle is unregistered.
+        """Inform the pace and call ``wake`` whenever the external clock changes, until the handle is unregistered.
 
         Raises:
-            GdfeError: the clock is not external.
+            GdfeError: the node does not follow the /clock of another node.
         """
         if not self.node.get_parameter("use_sim_time").value or self.parameters["publish_clock"]:
             raise GdfeError("clock external needs another node's /clock: set use_sim_time true and publish_clock false")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node's services: each is executed between two steps and answers with its outcome.
 
-No service blocks the node's other callbacks: an answer that has to wait for a step is sent when it is complete.
+No service blocks the node's other callbacks. If the answer depends on a later step, it is sent after that step.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from gdfe_ros.recording.step_record import Begin
 
 
 class Services:
-    """Answers services; a failure is answered with ``success: false`` and the reason.
+    """Offers the node's services; after a failure they answer ``success: false`` and the reason.
 
     Args:
-        node: offers them.
-        parameters: of the node.
-        session: returns the running session, or None.
+        node: node of the services.
+        parameters: parameters of the node.
+        session: function that returns the running session, or None.
     """
 
     def __init__(
@@ -170,7 +170,7 @@ class Services:
         return session.stepper.post(compute, "computing the Jacobian")
 
     def _answer(self, name: str, action: Callable[[Any], str | Future[str]]) -> Callable[[Any, Any], Any]:
-        """Return a service callback of an action that returns a message, now or later, or raises."""
+        """Return a service callback for ``action``, which returns a message or a future message, or raises."""
 
         def respond(response: Any, done: Future[str]) -> Any:
             error = done.exception()

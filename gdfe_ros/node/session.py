@@ -48,17 +48,17 @@ class SimulationSession:
     Args:
         node: node that offers the topics.
         parameters: parameters of the node.
-        simulation: simulation at its first state.
+        simulation: simulation in its initial state.
         refusals: log of refused commands.
-        ending: event set when the process is asked to end; multi-step requests then stop early.
+        ending: event that is set by a request to end the process; requests of several steps then stop early.
 
     Attributes:
-        run: the simulation, shared with the other parts of the session.
+        run: holder of the simulation, used by all parts of the session.
         outputs: publishers of the steps.
         stepper: thread that makes the steps.
         inputs: subscriptions of the commands.
         bags: recorder of inputs and outputs.
-        strays: search for commands to unknown names.
+        strays: search for publishers of commands to unknown names.
         mode: clock that triggers the steps.
         courier: thread that publishes; None while not active.
         walk: the last request of ~/step, or None.
@@ -94,7 +94,7 @@ class SimulationSession:
 
     @property
     def simulation(self) -> Simulation:
-        """The simulation; used by the stepper's thread only while active."""
+        """The simulation; while the node is active, only the stepping thread uses it."""
         return self.run.simulation
 
     @property
@@ -146,7 +146,7 @@ class SimulationSession:
         self.outputs.destroy()
 
     def look(self) -> None:
-        """Check for commands to unknown names, for lag, and for subscribers without the present state."""
+        """Check for commands to unknown names, for delay behind a clock, and for subscribers without the last state."""
         self.strays.look()
         self._look_at_clock()
         if self.outputs.missed():
@@ -170,7 +170,7 @@ class SimulationSession:
         return result.error_estimate <= solver.tolerance and max(off, default=0.0) <= reach
 
     def interrupt(self, why: str) -> None:
-        """End the request of ~/step in progress, if any."""
+        """End the request of ~/step in progress, if any; its answer states the reason ``why``."""
         if self.walk is not None:
             self.walk.interrupt(why)
 
@@ -187,7 +187,10 @@ class SimulationSession:
         self.stepper.pause(False)
 
     def reset(self) -> None:
-        """Go back to rest at time 0; followers go to their leaders. Called between steps."""
+        """Set the simulation to its initial state at time 0; followers then go to their leaders.
+
+        Called between steps.
+        """
         self.stepper.reset()
         self.inputs.give_up("the simulation was reset")
         self.inputs.freshness.reset()
@@ -195,7 +198,10 @@ class SimulationSession:
         self.flush()
 
     def reset_commands(self) -> None:
-        """Go back to the rest commands; followers stay with their leaders. Called between steps."""
+        """Set all commands to their initial values with the next step; followers stay with their leaders.
+
+        Called between steps.
+        """
         self.stepper.rest()
         self.inputs.give_up("the commands were reset")
         self.inputs.freshness.reset()
@@ -214,7 +220,9 @@ class SimulationSession:
         return f"the next step puts back {', '.join(names)}"
 
     def reset_shape(self) -> None:
-        """Go back to the rest shape and the rest commands; time and rigid bodies' poses stay. Called between steps.
+        """Set the body to its rest shape and the commands to their initial values; keep time and rigid bodies' poses.
+
+        Called between steps.
 
         Raises:
             GdfeError: a bag is being written, or a rigid body overlaps the rest shape.
@@ -231,11 +239,11 @@ class SimulationSession:
         self.flush()
 
     def take_steps(self, count: int, told: Callable[[int], None] | None = None) -> Future[str]:
-        """Start a number of steps on request, and return the future answer.
+        """Start a requested number of steps, and return the future answer: a text with the number and the time.
 
         Args:
             count: number of steps.
-            told: called after each step with the number of steps made.
+            told: function that is called after each step with the number of steps made; None: not called.
 
         Raises:
             GdfeError: the clock makes steps by itself, or another request is in progress.
@@ -256,7 +264,8 @@ class SimulationSession:
         """Begin or finish a bag, and return a message with its path or summary. Called between steps, while active.
 
         Raises:
-            GdfeError: a bag is being written already, or none is; it cannot be created; or its recording ended early.
+            GdfeError: a bag to begin cannot be created, or another bag is being written; or there is no bag to finish,
+                or its recording ended early.
         """
         if wanted == self.bags.active:
             raise GdfeError(f"the node is {'recording' if wanted else 'not recording'} already")
@@ -281,11 +290,11 @@ class SimulationSession:
             self._warn(f"{text}: its steps take longer than dt{more}")
 
     def _lead(self) -> None:
-        """Command the followers of frames to the present places on /tf."""
+        """Command the followers of frames to the present placements of their leaders on /tf."""
         self.inputs.followers.look()
 
     def _begin_bag(self) -> str:
-        """Begin a bag between two steps and return a message; the bag contains the state, unless it is initial."""
+        """Begin a bag between two steps and return a message; a state other than the initial one is stored in it."""
         state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
         text = self.bags.begin(state=state)
         if state is not None:
@@ -293,13 +302,13 @@ class SimulationSession:
         return text
 
     def _deliver(self, step: Step) -> None:
-        """Queue a step for the publishing thread, unless no part of it is wanted."""
+        """Report a step to trajectories, and queue it for publishing if a subscriber or a bag needs a part of it."""
         self.inputs.look(step)
         if step.wanted:
             self.courier.put(step)
 
     def _tell_again(self) -> None:
-        """Publish the present state to new subscribers, unless a step will soon do so."""
+        """Publish the present state again for new subscribers, unless this is queued already."""
         if self.stepper.running and not self._telling:
             self._telling = True
             self.stepper.post(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
@@ -310,7 +319,7 @@ class SimulationSession:
         self.courier.put(replace(self.run.last, first=False, again=True, **again))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
-        """Replace the simulation by one with other moduli at the present commands; a body in motion keeps moving."""
+        """Replace the simulation by one with other moduli, in equilibrium or, with dynamics, in the present motion."""
 
         def swap() -> None:
             self.run.simulation = with_moduli(self.simulation, moduli, interrupted=self.stepper.must_end)

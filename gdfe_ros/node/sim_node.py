@@ -31,13 +31,13 @@ _DIAGNOSTICS_PERIOD = 1.0
 
 
 class SimNode(ManagedNode):
-    """A soft-robot simulation on topics.
+    """Lifecycle node with a soft-robot simulation, commanded and published on topics.
 
     It can be added to any executor of rclpy; a multi-threaded one runs its callbacks one at a time. Call ``close``
     before ``destroy_node``, to finish a bag.
 
     Args:
-        interrupted: set when the process is asked to end, so that a long service stops early.
+        interrupted: event that is set by a request to end the process; a long service then stops early.
         options: options of ``rclpy.node.Node``: ``namespace``, ``context``, ``parameter_overrides``, ...
 
     Attributes:
@@ -70,7 +70,7 @@ class SimNode(ManagedNode):
             self._starter = self.create_timer(0.0, self._autostart, clock=self._steady)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Load the scene, factor, compile, open the topics; on failure, log every defect."""
+        """Load the scene, factor matrices, compile kernels and open the topics; on failure, log every defect."""
         return self._attempt("configure", self._configure)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -97,7 +97,7 @@ class SimNode(ManagedNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Drop the simulation; the node is unconfigured and can be configured again."""
+        """Drop the simulation; the node is then unconfigured and can be configured again."""
         self.close()
         return TransitionCallbackReturn.SUCCESS
 
@@ -109,7 +109,7 @@ class SimNode(ManagedNode):
             session.destroy()
 
     def prepare(self) -> None:
-        """Load, factor and compile for the transition ``configure``."""
+        """Load the scene, factor its matrices and compile the kernels for the transition ``configure``."""
         self._prepared = self._try_to_prepare()
 
     def _try_to_prepare(self) -> Simulation | Exception:

@@ -14,17 +14,21 @@ from gdfe_ros.simulation import Command
 _SLOWEST = 1.0 / 32.0
 """Smallest fraction of the full rate."""
 _SLOWER, _FASTER = 0.5, 1.2
-"""Factors of this fraction: after a change that did not converge in its step, and after a change that did."""
+"""Factors on the fraction of the full rate: after a step that did not converge, and after a step that converged."""
 _HELD, _BACK = 200, 2000
-"""Holding a command, or going back, is given up after these numbers of iterations. A change that converges needs 5 to
-150.
+"""Largest numbers of iterations with a constant command, and after a return to the last converged command. A change
+that converges needs 5 to 150 iterations.
 """
 _LEAST = 4
-"""Least number of iterations counted for a step; near a limit of stability, work other than iterations dominates."""
+"""Smallest number of iterations counted for a step. Near a limit of stability, other work takes more time."""
 
 
 class _Phase(Enum):
-    """Treatment of pending commands in the next step."""
+    """Treatment of pending commands in the next step.
+
+    GO: they change at the limited rate. HOLD: they stay constant. BACK: they go back to the last converged values.
+    FREE: only ``slew_time`` limits them. STOP: they stay constant until another goal is given.
+    """
 
     GO = auto()
     HOLD = auto()
@@ -34,19 +38,22 @@ class _Phase(Enum):
 
 
 class Slew:
-    """Limits the rate of actuator commands, by default to their range in ``slew_time``.
+    """Limits the rate of actuator commands to a fraction of the full rate, which is range / slew_time.
 
-    In a step an actuator's command changes by at most share * range / slew_time * dt. The fraction ``share`` is 1 until
-    a deadline cuts a step before it converges. Then it is halved, and the command is held until a later step, which
-    continues the solve, has converged. If no step converges within 200 iterations, the command goes back to the last
-    converged one, and the next change is half as large. If also the smallest change fails, each following change is
-    twice as large, to pass a limit of stability. If even the change to the goal fails, the command stays at the last
-    converged one until another goal is given. If the step back does not converge within 2000 iterations either, the
-    command is not the cause; then only ``slew_time`` limits it. The fraction grows by a fifth with each step that
-    converges. Step records contain the limited commands, so that replays do not depend on this limit.
+    In a step an actuator's command changes by at most ``share`` * range / slew_time * dt. Initially ``share`` is 1. If
+    a deadline ends a step before it converges, ``share`` is halved, and the command stays constant until a later step,
+    which continues the solve, has converged. Each step that converges increases ``share`` by a fifth, up to 1.
+
+    If the steps with the constant command do not converge within 200 iterations, the command goes back to its last
+    converged value, and the next change is half as large. If a change with the smallest ``share``, 1/32, fails in the
+    same manner, each following change is twice as large, to pass a limit of stability. If even a change to the goal
+    fails, the command stays at its last converged value until another goal is given. If the steps back do not converge
+    within 2000 iterations either, the command is not the cause. Then only ``slew_time`` limits it.
+
+    Step records contain the limited commands, so that replays do not depend on this limit.
 
     Args:
-        actuators: of the scene; those without a finite range are not limited.
+        actuators: actuators of the scene; commands of actuators without a finite range are not limited.
     """
 
     def __init__(self, actuators: Iterable[Actuator]) -> None:
@@ -55,7 +62,7 @@ class Slew:
         self.clear()
 
     def clear(self) -> None:
-        """Drop the goals of commands and the present rate."""
+        """Drop the goals of all commands, and return to the full rate."""
         self._goals: dict[str, float] = {}
         self._good: dict[str, float] = {}
         self._given: dict[str, float] = {}
@@ -64,7 +71,7 @@ class Slew:
 
     @property
     def moving(self) -> bool:
-        """Whether commands have not reached their goals yet."""
+        """Whether a command still changes towards its goal."""
         return bool(self._goals) and not self.stopped
 
     @property
@@ -74,7 +81,7 @@ class Slew:
 
     @property
     def goals(self) -> Mapping[str, float]:
-        """Goals of the commands that have not reached them, by actuator."""
+        """Dict from actuator name to goal, for commands that have not reached their goals."""
         return dict(self._goals)
 
     @property
@@ -88,7 +95,7 @@ class Slew:
         Args:
             command: command of this step.
             present: present commands, by name.
-            dt: duration of their change [s].
+            dt: duration of the change [s].
             slew_time: time in which an actuator's command crosses its range [s]; 0: any change is made at once.
         """
         if not self._goals and not command.actuators:
@@ -110,7 +117,7 @@ class Slew:
         return replace(command, actuators={**unlimited, **self._given})
 
     def _next(self, name: str, goal: float, present: float, reach: float) -> float:
-        """Return the command of the next step, which may change by ``reach`` at most."""
+        """Return an actuator's command in the next step; towards the goal it changes by at most ``reach``."""
         if self._phase is _Phase.HOLD:
             return present
         if self._phase is _Phase.BACK:
@@ -119,7 +126,7 @@ class Slew:
         return goal if abs(change) <= reach * (1.0 + 1e-9) else present + math.copysign(reach, change)
 
     def note(self, *, converged: bool, cut: bool, iterations: int) -> None:
-        """Record the outcome of a step: whether it converged, whether a deadline cut it, and its iterations."""
+        """Record the outcome of a step: whether it converged, whether a deadline ended it, and its iterations."""
         if not self._given:
             return
         self._effort = self._effort + max(_LEAST, iterations) if cut and not converged else 0
@@ -139,6 +146,6 @@ class Slew:
             self._phase, self._share, self._leaping = _Phase.FREE, 1.0, False
 
     def _try_again(self) -> None:
-        """Continue from the last converged command by a smaller change, past a limit by a larger one, or not at all."""
+        """Choose the change after a return to the last converged command: smaller, larger to pass a limit, or none."""
         self._phase = _Phase.STOP if self._leaping and self._missed else _Phase.GO
         self._share *= 2.0 if self._leaping else 1.0

@@ -17,7 +17,7 @@ class Changeable(Enum):
 
 
 class Delivery(Enum):
-    """Quality of service, by purpose."""
+    """Quality of service of a topic, named by the purpose of the topic."""
 
     STATE = "reliable, transient local, last 10"
     CLOUD = "reliable, transient local, the last"
@@ -31,17 +31,17 @@ class Delivery(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterSpec:
-    """One parameter; its ROS descriptor and its row in README are made from it.
+    """One parameter; its ROS descriptor and its row in the documentation are made from this description.
 
     Attributes:
-        name: of the parameter.
-        default: its type is the parameter's type.
-        meaning: one sentence.
-        unit: SI unit; empty for text and switches.
-        least: smallest value allowed; None: no bound.
-        most: largest value allowed.
-        choices: texts allowed; empty: any.
-        change: when it may be changed.
+        name: name of the parameter.
+        default: default value; its type is the parameter's type.
+        meaning: description in one sentence.
+        unit: SI unit; empty for texts and switches.
+        least: smallest allowed value; None: no bound.
+        most: largest allowed value; None: no bound.
+        choices: allowed texts; empty: any text.
+        change: when the parameter may be changed.
     """
 
     name: str
@@ -55,14 +55,14 @@ class ParameterSpec:
 
     @property
     def kind(self) -> str:
-        """Name of the type for users."""
+        """Name of the parameter's type, for users."""
         if isinstance(self.default, list):
             return "list of strings"
         return {bool: "bool", int: "integer", float: "double", str: "string"}[type(self.default)]
 
     @property
     def allowed(self) -> str:
-        """The allowed values, for users; empty: any of the type."""
+        """Text with the allowed values, for users; empty if every value of the type is allowed."""
         if self.choices:
             return ", ".join(self.choices)
         return "" if self.least is None else f"{self.least:g} to {self.most:g}"
@@ -70,14 +70,14 @@ class ParameterSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class TopicSpec:
-    """One topic; a name with ``{handle}``, ``{obstacle}`` or ``{probe}`` stands for one topic for each of them.
+    """One topic. With ``{handle}`` in its name, it describes a topic for each handle; likewise for other items.
 
     Attributes:
-        name: as in rclpy: ``~/`` stands for the node's full name.
+        name: name as in rclpy: ``~/`` stands for the node's full name.
         type: ROS type, e.g. ``sensor_msgs/msg/PointCloud2``.
-        meaning: its contents, with units.
+        meaning: contents of its messages, with units.
         delivery: quality of service.
-        recorded: whether bags contain it.
+        recorded: whether bags contain the topic.
     """
 
     name: str
@@ -87,7 +87,7 @@ class TopicSpec:
     recorded: bool = True
 
     def key(self, **names: str) -> str:
-        """Return the topic relative to the node's name, as in bags and ``command_set``; ``names`` fill the braces."""
+        """Return the name relative to the node's name, as in bags and ``command_set``; ``names`` fill the braces."""
         return self.name.removeprefix("~/").format(**names)
 
 

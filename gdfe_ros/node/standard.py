@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The services of ``simulation_interfaces``, as in Gazebo and Isaac Sim, if that package is installed.
 
-They have the same effects as the node's own services. Their names are those of the interfaces, below the node's name.
+They have the same effects as the node's own services. They have the standard names, below the node's name.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _TIME, _STATE = 1, 2
 
 
 class StandardServices:
-    """Standard services of the node; without effect if ``simulation_interfaces`` is not installed.
+    """Standard services of the node; none is offered if ``simulation_interfaces`` is not installed.
 
     Args:
         node: node that offers the services.
@@ -90,7 +90,7 @@ class StandardServices:
         return response
 
     def _state(self) -> _State:
-        """Return the state: stopped means paused in the initial state, time 0."""
+        """Return the simulation state; stopped means not active, or paused at time 0 by a request to stop."""
         session, label = self._session(), self._node.lifecycle_state
         if session is None:
             return _State.INITIALIZING if label == "configuring" else _State.STOPPED
@@ -160,7 +160,7 @@ class StandardServices:
         return f"the node is {self._node.lifecycle_state}; call the transitions `configure` and `activate` first"
 
     def _later(self, work: Future[Any], response: Any) -> Future[Any]:
-        """Return the answer once the work is done."""
+        """Return the future answer, which is complete when ``work`` is done."""
         answer: Future = Future()
 
         def respond(done: Future[Any]) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A step between the solver and the topics."""
+"""The data of a step that pass from the solver to the topics."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _OUTCOME = (
 
 @dataclass(frozen=True, kw_only=True)
 class Demand:
-    """Outputs of a step that are wanted beyond its result; the default is all.
+    """Which outputs of a step a subscriber or a bag needs; by default all.
 
     Attributes:
-        messages: any message at all.
-        fields: element fields.
-        poses: of handles and obstacles.
-        actuators: states of actuators and joints.
-        imus: readings of inertial units.
+        messages: whether any message is needed.
+        fields: whether element fields are needed.
+        poses: whether poses of handles and obstacles are needed.
+        actuators: whether states of actuators and joints are needed.
+        imus: whether readings of inertial measurement units are needed.
     """
 
     messages: bool = True
@@ -51,21 +51,21 @@ class Step:
     """All data of one step that are published.
 
     Attributes:
-        record: input and outcome.
-        result: of the simulation.
-        log_time: simulation time that never goes back, for the bag [ns].
-        first: whether it is the state of an activation or a reset. Such a state is published even without subscribers:
-            a subscriber that is discovered later receives it.
-        again: whether it was published before, and is repeated for new subscribers.
-        wanted: whether any part of it is to be published or recorded.
-        fields: function that evaluates the element fields in the publishing thread; None if they are not wanted.
+        record: record of the step's input and outcome.
+        result: result of the simulation's step.
+        log_time: log time in the bag [ns]: simulation time, continued after a reset so that it never goes back.
+        first: whether the step only delivers a state, e.g. after an activation or a reset. Such a state is published
+            even without subscribers, because a subscriber that is discovered later receives it.
+        again: whether the step was published before and is repeated for new subscribers.
+        wanted: whether a subscriber or a bag needs any part of the step.
+        fields: function that evaluates the element fields in the publishing thread; None if they are not needed.
         obstacles: pose of each obstacle; always given, because commands may be in the obstacles' frames.
-        poses: pose of each handle and obstacle; empty if poses are not wanted.
-        actuators: states of the actuators, by name; empty if they are not wanted.
+        poses: pose of each handle and obstacle; empty if poses are not needed.
+        actuators: states of the actuators, by name; empty if they are not needed.
         joints: states of the joints of arms, by name; always given, because diagnostics report their limits.
-        links: frames of the links of arms, by name; empty if poses are not wanted.
-        imus: function that evaluates the readings of inertial units in the publishing thread; None if they are not
-            wanted, or without dynamics.
+        links: frames of the links of arms, by name; empty if poses are not needed.
+        imus: function that evaluates the readings of inertial measurement units in the publishing thread; None if they
+            are not needed, or without dynamics.
     """
 
     record: StepRecord
@@ -107,7 +107,7 @@ def make_record(result: StepResult, command: Command, *, step: int, begin: Begin
 
 
 def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
-    """Return the wanted outputs of the present state, as keywords of ``Step``."""
+    """Return the outputs of the present state that ``demand`` contains, as keyword arguments of ``Step``."""
     imus = demand.imus and simulation.scene.dynamics is not None
     obstacles = [handle.name for handle in simulation.scene.handles if isinstance(handle, Obstacle)]
     return {
@@ -123,9 +123,10 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
 
 
 def handle_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
-    """Return the distance [m] of a handle from its target along the axes that are not free; 0 for an obstacle.
+    """Return the largest deviation [m] of a handle's vertices from its target, along axes that are not free.
 
-    ``rest`` and ``positions`` are vertices (n, 3) [m].
+    The deviation of a handle that rotates freely is that of its centre; the deviation of an obstacle is 0. ``rest`` and
+    ``positions`` are the body's vertices (n, 3) [m], undeformed and now.
     """
     if isinstance(handle, Obstacle):
         return 0.0

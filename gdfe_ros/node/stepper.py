@@ -35,14 +35,14 @@ _Value = TypeVar("_Value")
 
 
 class StepFailure(GdfeError):
-    """A failed step; the stepping is paused in the state before this step."""
+    """A step failed; the stepping is paused in the state before this step."""
 
 
 _GRACE = 0.5
-"""A solve that is asked to end is ended if it has taken longer than this time [s]; a shorter one is completed."""
+"""After a request to end a solve, it ends once it has taken longer than this time [s]; a shorter solve is completed."""
 _MOST_RETRIES = 20
-"""Largest number of steps without a new command that continue from a state that has not converged. Steps that a
-deadline cut are not counted.
+"""Largest number of successive steps without a new command that continue an unconverged solve. Steps that a deadline
+ended are not counted.
 """
 
 
@@ -50,20 +50,20 @@ class SteppingThread:
     """Steps a simulation in a separate thread; only this thread uses the simulation while it runs.
 
     Args:
-        run: with the simulation.
-        demand: returns the outputs wanted from the next step.
-        deliver: receives each step; it may block to slow the stepping.
+        run: owner of the simulation.
+        demand: function that returns the outputs of the next step that are needed.
+        deliver: function that receives each step; it may block to slow the stepping.
 
     Attributes:
         changed: condition that wakes the thread; its lock guards the inbox.
-        count: steps made.
-        begin: initial state of the next step.
-        work: present task, and its start (monotonic) [s]; None: none.
-        rounds: rounds of iterations of the solve in progress.
+        count: number of steps made.
+        begin: kind of the state from which the next step starts.
+        work: description of the present task, and its start on a monotonic clock [s]; None without a task.
+        rounds: number of rounds of iterations of the solve in progress.
         slew: limits the rate of commands under the wall clock or a deadline.
         solving: wall time spent in solves so far [s].
         spent: wall time spent on steps so far, solves included [s].
-        failure: why the last step failed, after which the stepping is paused; empty after it is resumed.
+        failure: why the last step failed and the stepping is paused; empty once the stepping is resumed.
         failures: number of failed steps.
     """
 
@@ -106,7 +106,7 @@ class SteppingThread:
         return self._paused
 
     def start(self, pace: Pace, inbox: Inbox) -> None:
-        """Start the thread: it delivers the present state at once, then steps when ``pace`` says so."""
+        """Start the thread: it delivers the present state at once, then makes a step whenever ``pace`` requires it."""
         self._pace, self._inbox = pace, inbox
         self._stopping = self._paused = False
         self.failure = ""
@@ -119,7 +119,7 @@ class SteppingThread:
             self.changed.notify_all()
 
     def stop(self) -> None:
-        """End the thread after the step in progress, which is cut if it takes long; do nothing if it does not run."""
+        """End the thread after the step in progress; a long solve ends early. Without a thread, do nothing."""
         if self._thread is None:
             return
         with self.changed:
@@ -133,10 +133,10 @@ class SteppingThread:
         return self.post(function).result()
 
     def post(self, function: Callable[[], _Value], what: str = "", *, urgent: bool = False) -> Future[_Value]:
-        """Queue a function to run between two steps and return its future result; without the thread it runs at once.
+        """Queue a function to run between two steps and return its future result; without a thread it runs at once.
 
-        While it runs, ``work`` contains its description ``what`` for diagnostics. An urgent function ends a solve that
-        takes longer than `_GRACE`.
+        While the function runs, ``work`` contains its description ``what`` for diagnostics. An urgent function ends a
+        solve in progress that takes longer than `_GRACE`.
         """
         future: Future = Future()
         if urgent:
@@ -187,7 +187,7 @@ class SteppingThread:
         self._step(orders, dt=self._run.parameters["dt"])
 
     def reset(self) -> None:
-        """Go back to rest at time 0, drop waiting orders and, if the thread runs, deliver that state.
+        """Set the simulation to its initial state at time 0, drop waiting orders and, if the thread runs, deliver it.
 
         Called between steps.
         """
@@ -199,7 +199,10 @@ class SteppingThread:
         self._drive.place(bodies)
 
     def rest(self) -> None:
-        """Drop waiting orders, velocities and trajectories; the next command is that of rest. Called between steps."""
+        """Drop waiting orders, velocities and trajectories, and command the initial values with the next step.
+
+        Called between steps.
+        """
         self._drive.rest()
         self.slew.clear()
         if self._thread is not None:
@@ -247,7 +250,7 @@ class SteppingThread:
                 self._jobs.popleft()[1].set_exception(GdfeError("the stepping has ended"))
 
     def _await(self) -> Callable[[], None] | None:
-        """Return the next task as `_next` does; if that fails, pause the stepping and wait for jobs."""
+        """Return the next task as `_next` does; if `_next` fails, pause the stepping and wait for jobs."""
         try:
             return self._next()
         except Exception as error:
@@ -272,7 +275,7 @@ class SteppingThread:
         return None
 
     def _turn(self) -> None:
-        """Make the step that is due. With dynamics, a step over the idle time precedes a step with new orders."""
+        """Make the step that is due. With dynamics, an extra step first covers the idle time before new orders."""
         with self.changed:
             orders, dt = self._inbox.take(), self._pace.begin()
         last = self._run.parameters["dt"]
@@ -365,7 +368,7 @@ class SteppingThread:
         return step
 
     def _command(self, orders: Iterable[Order], dt: float) -> Command:
-        """Return the command of a step; under the wall clock or a deadline, the slew limits actuators' commands."""
+        """Return the command of a step; under the wall clock or a deadline, ``slew`` limits actuator commands."""
         simulation, values, acting = self._simulation, self._run.parameters, min(dt, self._run.parameters["dt"])
         command = self._drive.command(orders, time=simulation.time + dt, dt=acting)
         hurried = isinstance(self._pace, WallPace) or values["deadline"] > 0.0
@@ -374,7 +377,7 @@ class SteppingThread:
 
 
 def _carry_out(function: Callable[[], object], future: Future) -> None:
-    """Run a job; its exception is passed to the caller, not raised in this thread."""
+    """Run a function and store its result or its exception in ``future``; nothing is raised in this thread."""
     try:
         future.set_result(function())
     except Exception as error:

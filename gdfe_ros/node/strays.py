@@ -21,7 +21,7 @@ class UnmatchedTopics:
     Args:
         node: node whose topics are examined.
         handles: handles of the scene, including obstacles and rigid bodies.
-        refusals: receives the reports as refused commands.
+        refusals: log that receives the reports as refused commands.
     """
 
     def __init__(self, node: LifecycleNode, handles: Collection[Handle], refusals: RefusalLog) -> None:
@@ -55,13 +55,13 @@ class UnmatchedTopics:
 
 
 def namesakes(node: Node, name: str) -> int:
-    """Return the number of nodes with a full name in the graph, as ``node`` knows it."""
+    """Return the number of nodes with the full name ``name`` in the graph that ``node`` has discovered."""
     namespace, _, base = name.rpartition("/")
     return node.get_node_names_and_namespaces().count((base, namespace or "/"))
 
 
 class Doubles:
-    """Searches for a second node of this node's name, and for a second publisher of /clock; reports each once.
+    """Searches for a second node of this node's name and a second publisher of /clock; logs each warning once.
 
     Args:
         node: node whose name and clock should be unique.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Throttling of repeated texts."""
+"""Limit on the rate of repeated texts."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import time
 from collections.abc import Hashable
 
 _INTERVAL = 5.0
-"""Shortest time between two texts about one subject [s]."""
+"""Shortest time between two texts about the same subject [s]."""
 
 
 class Throttle:
-    """Passes one text per subject in five seconds, and counts the suppressed ones."""
+    """Lets one text per subject pass in five seconds, and counts the suppressed texts."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._quiet: dict[Hashable, tuple[float, int]] = {}
 
     def due(self, key: Hashable) -> str | None:
-        """Return None if a text is not due; otherwise a text about the number of suppressed ones, to be appended."""
+        """Return None if a text is suppressed; else a note to append, with the number of texts suppressed before it."""
         now = time.monotonic()
         with self._lock:
             until, unsaid = self._quiet.get(key, (0.0, 0))

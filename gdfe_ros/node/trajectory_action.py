@@ -26,8 +26,8 @@ class TrajectoryAction:
     """Accepts trajectories as goals: each is an order as on ``~/trajectory``, with feedback and a result.
 
     Args:
-        node: offers the action.
-        session: returns the running session, or None.
+        node: node of the action.
+        session: function that returns the running session, or None.
     """
 
     def __init__(self, node: ManagedNode, session: Callable[[], SimulationSession | None]) -> None:
@@ -71,7 +71,7 @@ class TrajectoryAction:
             finish(_CODES.get(refusal.reason, Code.INVALID_GOAL), str(refusal))
 
     def _cancel(self, goal: Any) -> None:
-        """Keep the actuators and loads of a goal at their present commands."""
+        """End a goal: keep its actuators, loads and joints at their present commands."""
         session, pursuit = self._session(), self._pursuits.get(bytes(goal.goal_id.uuid))
         if pursuit is not None and session is not None:
             session.inputs.hold(pursuit)
@@ -87,13 +87,13 @@ class TrajectoryAction:
 
 
 def _tolerances(request: Any) -> Tolerances:
-    """Return the tolerances of a goal for positions, which are commands here; 0 and -1 set none.
+    """Return a goal's tolerances of positions, which are commands here; a value of 0 or -1 sets no tolerance.
 
     Tolerances of velocities and accelerations are ignored.
 
     Raises:
-        Refusal: the goal has a trajectory of several degrees of freedom, or one without points; or a tolerance is not
-            finite, or for a name that is not commanded.
+        Refusal: the goal has a multi-DOF trajectory, or a trajectory without points; or a tolerance is not finite, or
+            is for a name that the trajectory does not command.
     """
     if request.multi_dof_trajectory.joint_names or request.multi_dof_trajectory.points:
         raise Refusal(

@@ -24,7 +24,7 @@ _UNREAD = 2000
 many messages arrive.
 """
 _DEEPEST = 1000
-"""A frame with more ancestors than this must be part of a cycle."""
+"""A frame with more ancestors than this number is part of a cycle."""
 _UNIT_SLACK = 1e-2
 """Largest deviation of a quaternion's length from 1, as in tf2."""
 
@@ -36,11 +36,11 @@ class Transforms:
     not of unit length, or the stamp is older or farther ahead than allowed for a command.
 
     Args:
-        node: subscribes.
-        heard: called after each message.
-        now: returns the time on the clock of the stamps [ns].
-        limits: provide ``command_max_age`` and ``command_max_lead`` [s] by name.
-        refuse: receives the refusal of a transform, with the topic and frame.
+        node: node of the subscriptions.
+        heard: function that is called after each message.
+        now: function that returns the time on the clock of the stamps [ns].
+        limits: parameters ``command_max_age`` and ``command_max_lead`` [s] by name.
+        refuse: function that receives topic and frame of a transform, and its refusal.
     """
 
     def __init__(
@@ -80,12 +80,12 @@ class Transforms:
             return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
 
     def find(self, source: str, target: str, own: Mapping[str, tuple[str, Placement]]) -> Placement | None:
-        """Return the place of the frame ``source`` in the frame ``target``; None if no transforms connect them.
+        """Return the placement of the frame ``source`` in the frame ``target``; None if no transforms connect them.
 
         Args:
             source: name of the frame to place.
             target: name of the reference frame.
-            own: frames that the node computes itself: name -> parent and place in the parent.
+            own: dict from name of a frame that the node computes itself to its parent and its placement there.
         """
         with self._lock:
             self._own = own.keys()
@@ -96,12 +96,12 @@ class Transforms:
         return None if common is None else chains[1][common].inverse() @ chains[0][common]
 
     def reset(self) -> None:
-        """Drop the stamps, as time goes back to zero."""
+        """Drop the stored stamps, so that the next stamp of each frame may be earlier than its last one."""
         with self._lock:
             self._freshness.reset()
 
     def _keep(self, data: bytes) -> None:
-        """Store a message unread: a robot publishes thousands of transforms a second, and few are needed."""
+        """Store a message without reading it: a robot publishes thousands of transforms a second; few are needed."""
         self._unread.append((data, self._now()))
         self._heard()
 
@@ -128,8 +128,8 @@ class Transforms:
         """Store a transform that arrived at a time [ns]; the stamp of a moving frame is checked.
 
         Raises:
-            Refusal: a number is not finite, the quaternion not of unit length, the stamp too old, ahead, or before the
-                last one's.
+            Refusal: a number is not finite, the quaternion is not of unit length, or the stamp is too old, ahead, or
+                before the frame's last stamp.
         """
         place = _checked(told.transform)
         if moving:
@@ -139,7 +139,7 @@ class Transforms:
 
 
 def _checked(transform: Any) -> Placement:
-    """Return the placement of a checked transform.
+    """Check a transform and return its placement.
 
     Raises:
         Refusal: a number is not finite, or the quaternion is not of unit length.
@@ -152,7 +152,7 @@ def _checked(transform: Any) -> Placement:
 
 
 def _chain_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:
-    """Return the place of a frame in each of its ancestors, nearest first."""
+    """Return a dict from a frame and each of its ancestors, nearest first, to the placement of the frame in them."""
     chain = {frame: Placement()}
     while frame in parents and parents[frame][0] not in chain and len(chain) < _DEEPEST:
         parent, placement = parents[frame]

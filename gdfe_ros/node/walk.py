@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several steps on request; other tasks can run between them, and the request can be ended early."""
+"""A request for several steps; other tasks can run between the steps, and the request can be ended early."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ class Walk:
     """Makes a number of steps; other tasks of the stepper run between two of them.
 
     Args:
-        run: with the simulation.
-        stepper: makes the steps.
-        flush: waits until the steps are published.
+        run: owner of the simulation.
+        stepper: thread that makes the steps.
+        flush: function that waits until the steps are published.
         count: number of steps.
-        told: called after each step with the number of steps made; None: not called.
+        told: function that is called after each step with the number of steps made; None: not called.
 
     Attributes:
-        done: steps made so far.
+        done: number of steps made so far.
     """
 
     def __init__(

@@ -8,11 +8,11 @@ from enum import Enum
 
 
 class BackPressure(Enum):
-    """Behaviour of ``record`` while the queue is full because the disk is slower than the simulation.
+    """Behaviour of ``Recorder.record`` while its queue is full because the disk is slower than the simulation.
 
     ``DROP`` rejects the message at once; it is for runs under the wall clock, which must not wait. ``BLOCK`` waits for
-    space, at most ``block_seconds``, and then rejects the message; it is for other runs, whose bags should be complete.
-    Every rejected message is counted (``RecorderStatus``).
+    space in the queue, at most for ``block_seconds``, and then rejects the message; it is for other runs, whose bags
+    should be complete. ``RecorderStatus`` counts every rejected message.
     """
 
     DROP = "drop"
@@ -21,17 +21,17 @@ class BackPressure(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class QueueOptions:
-    """The queue between simulation and writer.
+    """Options of the queue between simulation and writer.
 
     Args:
-        max_bytes: limit of the waiting messages [B], 1 MiB or more. An empty queue takes a message of any size.
-        back_pressure: behaviour at the limit.
+        max_bytes: largest size of the waiting messages [B], 1 MiB or more. An empty queue takes a message of any size.
+        back_pressure: behaviour while the queue is full.
         block_seconds: longest wait under ``BLOCK`` [s], 0 or more.
         flush_seconds: interval at which all recorded data go to the operating system [s], 0.005 to 10. A killed process
             loses at most the messages of this interval and of the write in progress.
 
     Raises:
-        ValueError: a value out of range.
+        ValueError: a value is out of range.
     """
 
     max_bytes: int = 64 << 20

@@ -18,7 +18,7 @@ from gdfe_ros.recording.topic import TopicInfo
 RUN_RECORD = "gdfe_ros"
 RECORDING_RECORD = "gdfe_ros_recording"
 ROLE_KEY = "gdfe_ros_role"
-"""Entry of a channel's metadata with ``TopicInfo.role``."""
+"""Key of ``TopicInfo.role`` in a channel's metadata."""
 # Upper bounds [B] of the overhead by mcap: for a message (record head, index entry), a chunk (its head and its
 # index entry in the summary, by channel), a topic (schema and channel records, its part of rosbag2's
 # record) and a file (header, footer, statistics, texts of our own records).
@@ -36,14 +36,14 @@ class Compression(Enum):
 
 
 class BagFile:
-    """Writes one file; a method that fails leaves the file in a state that can be finished.
+    """Writes one MCAP file. After a method has failed for lack of space, the file can still be finished.
 
     Args:
         path: path of the file, which must not exist.
         topics: topics with definition and hash filled in.
-        run: origin of the run; it is written first, so that also a truncated file contains it.
+        run: origin of the run; it is written first, so that even a truncated file contains it. None: not written.
         compression: compression of the chunks.
-        chunk_size: a chunk is compressed and written when it holds this many bytes [B].
+        chunk_size: size at which a chunk is compressed and written [B].
 
     Raises:
         OSError: the file cannot be created, or there is no space for its beginning.
@@ -92,7 +92,7 @@ class BagFile:
 
     @property
     def size(self) -> int:
-        """Bytes written, plus an upper bound of the bytes waiting in the chunk."""
+        """Number of bytes written, plus an upper bound of the number of bytes waiting in the chunk [B]."""
         return self._written + self._buffered
 
     def add_topic(self, topic: TopicInfo) -> None:
@@ -122,7 +122,7 @@ class BagFile:
         self._topics[topic.name] = topic
 
     def write(self, topic: str, data: bytes, log_time: int, publish_time: int) -> None:
-        """Append a message; times in nanoseconds.
+        """Append a serialised message; both times are in nanoseconds.
 
         Raises:
             OSError: there is no space for the message (ENOSPC, EDQUOT, EFBIG); the file without it can still be
@@ -142,7 +142,7 @@ class BagFile:
         self._note_chunk()
 
     def _bound(self, buffered: int) -> int:
-        """Return an upper bound of the bytes that are written on finishing, with ``buffered`` bytes in the chunk."""
+        """Return an upper bound of the bytes that `finish` writes if ``buffered`` bytes wait in the chunk [B]."""
         per_chunk = _PER_CHUNK + _PER_CHUNK_CHANNEL * len(self._channels)
         return self._fixed + (self._chunks + 1) * per_chunk + buffered + buffered // _EXPANSION
 
@@ -153,18 +153,18 @@ class BagFile:
             self._chunks += 1
 
     def flush(self, *, sync: bool = False) -> None:
-        """Write the chunk in progress; with ``sync`` wait until it is on the device."""
+        """Write the chunk in progress; with ``sync``, also wait until it is on the device."""
         self._writer.flush()
         self._note_chunk()
         if sync:
             self._storage.sync()
 
     def finish(self, notes: Mapping[str, str], *, sync: bool = False) -> None:
-        """Write the remaining data, the notes, rosbag2's record and the index; close the file.
+        """Write the remaining data, the notes, rosbag2's metadata record and the index; close the file.
 
         Args:
             notes: status of the recording, for the metadata record ``gdfe_ros_recording``.
-            sync: wait until the file is on the device.
+            sync: whether to wait until the file is on the device.
 
         Raises:
             OSError: the device failed; the file is closed, and its contents can be recovered.

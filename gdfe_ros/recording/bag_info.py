@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""rosbag2's description of a bag (``metadata.yaml``, version 9) from the counts of its files."""
+"""rosbag2's description of a bag (``metadata.yaml``, version 9), made from the counts of the bag's files."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from gdfe_ros.recording.topic import TopicInfo
 METADATA_FILE = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"
 IN_RUN = "bag"
-"""Name of the bag's folder in the folder of a run, which also has the picture."""
+"""Name of the bag's folder in the folder of a run; the run's folder also contains a picture."""
 
 
 def bag_directory(path: Path) -> Path:
-    """Return the directory of a bag: for the folder of a run, the bag in it; otherwise the path itself."""
+    """Return the directory of a bag: if ``path`` is the folder of a run, the bag's folder in it; else ``path``."""
     return path / IN_RUN if path.is_dir() and not _has_bag(path) and _has_bag(path / IN_RUN) else path
 
 
@@ -31,11 +31,11 @@ def _has_bag(path: Path) -> bool:
 
 @dataclass(kw_only=True)
 class FileCounts:
-    """Running totals of one file of a bag.
+    """Counts of one file of a bag, updated with each message.
 
     Args:
         name: file name inside the bag directory.
-        start: smallest log time [ns], 0 while there is no message.
+        start: smallest log time [ns]; 0 while there is no message.
         end: largest log time [ns].
         messages: number of messages by topic.
     """
@@ -51,7 +51,7 @@ class FileCounts:
         return self.messages.total()
 
     def count(self, topic: str, log_time: int) -> None:
-        """Add one message of a topic at a log time [ns]."""
+        """Count one message of a topic with a log time [ns]."""
         first = not self.messages
         self.start = log_time if first else min(self.start, log_time)
         self.end = max(self.end, log_time)
@@ -73,12 +73,12 @@ def bag_info(
     """Return rosbag2's description of a bag of these files.
 
     Args:
-        files: in the order written.
-        topics: with type hashes filled in.
-        custom: text that rosbag2 keeps as ``custom_data``.
+        files: counts of the files, in the order in which the files were written.
+        topics: topics of the bag, with type hashes filled in.
+        custom: texts that rosbag2 stores as ``custom_data``.
 
     Returns:
-        The mapping under ``rosbag2_bagfile_information``.
+        The value of the key ``rosbag2_bagfile_information``.
     """
     filled = [file for file in files if file.total]
     start = min((file.start for file in filled), default=0)
@@ -103,7 +103,7 @@ def bag_info(
 
 
 def to_yaml(data: Any) -> str:
-    """Return plain data as block YAML in the given order."""
+    """Return plain data as YAML text in block style, with keys in the given order."""
     return yaml.safe_dump(data, sort_keys=False, default_flow_style=False)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decoding of messages: with rosbags if no ROS is installed, or with rclpy."""
+"""Decoding of messages, either with rosbags, which needs no ROS, or with rclpy."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Decoder = Callable[[str, bytes], Any]
 
 
 def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
-    """Return a decoder of these topics' types by the definitions in the bag; needs no ROS.
+    """Return a decoder for the types of these topics, made from the definitions in the bag; needs no ROS.
 
     Args:
-        topics: e.g. ``reader.topics.values()``.
+        topics: topics of a bag, e.g. ``reader.topics.values()``.
 
     Returns:
-        A function of type name and CDR bytes. Messages have the fields of the ROS message; sequences of
-        numbers are numpy arrays (``data`` of a PointCloud2: ``(n,)`` uint8). It raises ``RecordingError`` for
-        invalid bytes.
+        A function that returns a message from its type name and its CDR bytes. The message has the fields of the ROS
+        message; a sequence of numbers is a numpy array, e.g. ``data`` of a PointCloud2: (n,) uint8. The function raises
+        ``RecordingError`` for invalid bytes.
 
     Raises:
         RecordingError: a definition is damaged.
@@ -56,12 +56,12 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
 
 
 def _line(error: Exception) -> str:
-    """Return an error as one line of at most 200 characters."""
+    """Return an error's type and text as one line of at most 200 characters."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 
 
 def rclpy_decoder() -> Decoder:
-    """Return a decoder to messages of the installed ROS packages, a function of type name and CDR bytes."""
+    """Return a function that returns a message of an installed ROS package from its type name and its CDR bytes."""
     from rclpy.serialization import deserialize_message
 
     @cache

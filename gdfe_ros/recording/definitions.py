@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message definitions and type hashes, as rosbag2 embeds them, read from the ROS installation.
+"""Message definitions and type hashes, read from the ROS installation, in the form that rosbag2 embeds in bags.
 
 Every ROS message package, from a wheel, from apt or from a workspace, installs two files for each type.
 ``share/<package>/msg/<Name>.msg`` is the text; ``<Name>.json`` is the type description with its REP-2011 hash. Both are
@@ -29,14 +29,14 @@ def message_definition(type_name: str) -> str:
     """Return the concatenated ``.msg`` texts of a type and of every type it contains (encoding ``ros2msg``).
 
     Args:
-        type_name: e.g. ``sensor_msgs/msg/PointCloud2``.
+        type_name: name of the type, e.g. ``sensor_msgs/msg/PointCloud2``.
 
     Returns:
-        The text of the type, then the texts of the types that it contains, sorted by name. Each of these follows a line
-        of 80 ``=`` and a line ``MSG: pkg/Name``.
+        The text of the type, then the texts of the types that it contains, sorted by name. A line of 80 ``=`` and a
+        line ``MSG: pkg/Name`` precede the text of each contained type.
 
     Raises:
-        RecordingError: not a message type, or its package is not installed.
+        RecordingError: the name is not that of a message type, or the type's package is not installed.
     """
     texts: dict[str, str] = {}
     pending = [type_name]
@@ -54,7 +54,7 @@ def type_hash(type_name: str) -> str:
     """Return the type hash ``RIHS01_<sha256>`` (REP-2011) of a message type.
 
     Raises:
-        RecordingError: not a message type, its package is not installed, or it has no hash.
+        RecordingError: the name is not that of a message type, its package is not installed, or the type has no hash.
     """
     path = _share_file(type_name, ".json")
     for entry in json.loads(path.read_text(encoding="utf-8"))["type_hashes"]:
@@ -83,7 +83,7 @@ def _share_file(type_name: str, suffix: str) -> Path:
 
 
 def _parts(type_name: str, text: str) -> list[str]:
-    """Return the message types of a definition's fields."""
+    """Return the names of the message types of the fields in a definition; ``text`` is the ``.msg`` text."""
     package = type_name.split("/")[0]
     found = []
     for line in text.splitlines():

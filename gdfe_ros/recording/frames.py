@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading of the records of a truncated or damaged MCAP file; after damage, it continues at the next intact record."""
+"""Reading of the records of a truncated or damaged MCAP file. After damage, reading continues at an intact record."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ DAMAGE = (
     EOFError,
     MemoryError,
 )
-"""Exceptions that may occur in reading a file with a flipped bit: any length, id or text in it may be wrong."""
+"""Exceptions that may occur while a damaged file is read, because any length, id or text in it may be wrong."""
 
 _CHECKSUM = 4
 _HEAD = struct.Struct("<BQ")
@@ -58,9 +58,9 @@ class Damage:
     """Damage of a file.
 
     Attributes:
-        chunks: skipped chunks that did not match their checksum, or whose beginning is destroyed.
-        records: other skipped records that cannot be read.
-        cut: whether the file is truncated; known after its last record was read.
+        chunks: number of skipped chunks that did not match their checksum, or whose beginning is destroyed.
+        records: number of other skipped records that cannot be read.
+        cut: whether the file is truncated; valid once the last record has been read.
     """
 
     chunks: int = 0
@@ -69,10 +69,10 @@ class Damage:
 
 
 def require_sound_summary(data: mmap) -> int:
-    """Check the index at the end of a file against its checksum, which mcap's readers do not check.
+    """Check the summary at the end of a file, which contains the index; mcap's readers do not check its checksum.
 
     Returns:
-        Offset of the summary.
+        Offset of the summary [B].
 
     Raises:
         McapError: the file is truncated, or the summary is damaged.
@@ -90,7 +90,7 @@ def require_sound_summary(data: mmap) -> int:
 
 
 def declarations(data: mmap) -> list[McapRecord]:
-    """Return the schemas and channels that the index repeats; empty if it is missing or damaged."""
+    """Return the schemas and channels that the file's summary repeats; empty if it is missing or damaged."""
     try:
         place, found = require_sound_summary(data), []
     except DAMAGE:
@@ -108,8 +108,8 @@ def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
     After a record of implausible length, reading continues at the next intact chunk, attachment or metadata record.
 
     Args:
-        data: the file.
-        damage: receives the damage that is found.
+        data: contents of the file.
+        damage: counts of the damage, which are updated.
     """
     place = len(MAGIC)
     while True:
@@ -131,7 +131,7 @@ def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
 
 
 def _end(data: mmap, place: int) -> int | None:
-    """Return the end of the record at ``place``; None if there is no record, or if the file ends inside it."""
+    """Return the end of the record at offset ``place``; None if there is no record, or if the file ends inside it."""
     if place + _HEAD.size > len(data):
         return None
     opcode, length = _HEAD.unpack(data[place : place + _HEAD.size])
@@ -145,7 +145,7 @@ def _is_plausible(data: mmap, place: int) -> bool:
 
 
 def _next_beginning(data: mmap, place: int) -> int | None:
-    """Return the offset of the next complete record."""
+    """Return the offset of the next intact chunk, attachment or metadata record from ``place`` on; None without one."""
     for match in _BEGINNING.finditer(data, place):
         end = _end(data, match.start())
         if end is not None and _is_plausible(data, end) and _contents(data, match.start(), end) is not None:
@@ -154,7 +154,7 @@ def _next_beginning(data: mmap, place: int) -> int | None:
 
 
 def _contents(data: mmap, place: int, end: int) -> list[McapRecord] | None:
-    """Return the records at a place, including those inside a chunk; None if they are damaged."""
+    """Return the record between two offsets or, if it is a chunk, the records inside; None if they are damaged."""
     try:
         record = _record(data, place, end)
         return breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]

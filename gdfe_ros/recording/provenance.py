@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Origin of a run in its bag, so that the bag alone reproduces the run."""
+"""Origin of a run, stored in its bag, so that the bag alone is enough to repeat the run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import gdfe_ros
 
 SCENE_FILE = "scene.yaml"
 STATE_FILE = "state.bin"
-"""Attachment with the first state of a bag; it is missing if that is the initial state (checkpoint.py)."""
+"""Name of the attachment with a bag's first state (see checkpoint.py). A bag from the initial state has none."""
 _LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
 
 
@@ -25,14 +25,14 @@ _LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
 class RunInfo:
     """The origin of a run, embedded in every file of its bag.
 
-    In MCAP terms: the metadata record ``gdfe_ros`` (all values text) and one attachment for the scene and
-    for each further file.
+    In MCAP terms: the metadata record ``gdfe_ros``, whose values are texts, one attachment with the scene, and one
+    attachment for each further file.
 
     Args:
         scene: text of the scene file (YAML); empty if the run had none.
         settings: solver settings and everything else that affects the result; must be expressible in JSON.
-        files: files that the scene refers to (a mesh, a csv), name -> content.
-        package_version: of gdfe_ros.
+        files: dict from name to content of further files that a replay needs, e.g. the first state.
+        package_version: version of gdfe_ros.
         machine: platform, processor and library versions, from ``describe_machine``.
     """
 
@@ -44,11 +44,11 @@ class RunInfo:
 
     @property
     def scene_sha256(self) -> str:
-        """SHA-256 of the scene's UTF-8 text, hexadecimal."""
+        """SHA-256 hash of the scene's UTF-8 text, in hexadecimal digits."""
         return hashlib.sha256(self.scene.encode()).hexdigest()
 
     def to_metadata(self) -> dict[str, str]:
-        """Return everything except the files' contents as text; structured values as JSON."""
+        """Return the metadata record: checksums of scene and files, settings, version and machine, as texts or JSON."""
         return {
             "package_version": self.package_version,
             "scene_sha256": self.scene_sha256,
@@ -58,12 +58,12 @@ class RunInfo:
         }
 
     def attachments(self) -> dict[str, bytes]:
-        """Return the scene under the name ``scene.yaml`` and the further files."""
+        """Return a dict from name to content of the attachments: the scene as ``scene.yaml``, and the further files."""
         return {SCENE_FILE: self.scene.encode(), **self.files}
 
     @classmethod
     def from_bag(cls, metadata: Mapping[str, str], attachments: Mapping[str, bytes]) -> RunInfo:
-        """Return the origin from the results of ``to_metadata`` and ``attachments``.
+        """Return the origin that ``to_metadata`` and ``attachments`` have stored.
 
         Raises:
             KeyError: the metadata record was not written by this package.
@@ -84,14 +84,14 @@ class RunInfo:
 
     @classmethod
     def from_attachments(cls, attachments: Mapping[str, bytes]) -> RunInfo:
-        """Return the origin without the metadata record: settings, version and machine are unknown."""
+        """Return the origin from the attachments alone; settings, version and machine are then unknown."""
         files = dict(attachments)
         scene = files.pop(SCENE_FILE, b"").decode()
         return cls(scene=scene, files=files, package_version="unknown", machine={})
 
 
 def describe_machine() -> dict[str, str]:
-    """Return the machine and the libraries, which affect the last bits of a result."""
+    """Return the platform, processor and library versions, because they affect the last bits of a result."""
     facts = {
         "platform": platform.platform(),
         "processor": _processor(),

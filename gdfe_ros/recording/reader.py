@@ -24,11 +24,11 @@ from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.topic import Qos, TopicInfo
 
 DAMAGE = (*UNREADABLE, yaml.YAMLError)
-"""Exceptions that reading a damaged file, or a damaged text in it, may raise."""
+"""Exceptions that may occur while a damaged file, or a damaged text in it, is read."""
 
 
 class BagMessage(NamedTuple):
-    """One message of a bag; times in nanoseconds, ``data`` is CDR."""
+    """One message of a bag; both times are in nanoseconds, and ``data`` is the serialised message (CDR)."""
 
     topic: str
     type: str
@@ -45,12 +45,12 @@ class BagReader:
         path: directory of the bag or of its run, or one of the bag's MCAP files.
 
     Raises:
-        RecordingError: no bag there, or it is truncated or damaged (the remedy is ``gdfe recover``).
+        RecordingError: there is no bag, or it is truncated or damaged (the remedy is ``gdfe recover``).
 
     Attributes:
         path: path of the bag's directory or file.
-        files: MCAP files in the order written.
-        topics: by name.
+        files: MCAP files, in the order in which they were written.
+        topics: topics by name.
         counts: number of messages by topic.
         start: smallest log time [ns], 0 for an empty bag.
         end: largest log time [ns].
@@ -79,12 +79,12 @@ class BagReader:
         """Yield messages in the order in which they were written.
 
         Args:
-            topics: names to keep; None: all.
-            start: smallest log time to keep [ns].
-            end: log time [ns] from which on messages are left out.
+            topics: names of the topics to yield; None: all.
+            start: smallest log time to yield [ns]; None: no limit.
+            end: messages from this log time on are left out [ns]; None: no limit.
 
         Raises:
-            RecordingError: a topic that the bag does not have, or a damaged file.
+            RecordingError: the bag does not have one of the topics, or a file is damaged.
         """
         unknown = set(topics or ()) - set(self.topics)
         if unknown:
@@ -127,7 +127,7 @@ class BagReader:
 
 
 def topic_of(channel: Channel, schema: Schema) -> TopicInfo:
-    """Return a topic from MCAP's channel and schema records, with the first of several offered QoS profiles."""
+    """Return the topic that MCAP's channel and schema records describe; of several QoS profiles, use the first."""
     profiles = yaml.safe_load(channel.metadata.get("offered_qos_profiles", "")) or []
     return TopicInfo(
         name=channel.topic,
@@ -157,7 +157,12 @@ def _bag_files(path: Path) -> list[Path]:
 
 
 def _listed_files(metadata: Path) -> list[Path]:
-    """Return the files that metadata.yaml lists."""
+    """Return the paths of the MCAP files that metadata.yaml lists.
+
+    Raises:
+        ValueError: a key or a file is missing.
+        RecordingError: the files are not in MCAP format.
+    """
     data = yaml.safe_load(metadata.read_text(encoding="utf-8"))
     info = data.get(ROOT_KEY) if isinstance(data, dict) else None
     if not isinstance(info, dict):
@@ -176,7 +181,7 @@ def _listed_files(metadata: Path) -> list[Path]:
 
 @contextmanager
 def _opened(file: Path) -> Iterator[McapReader]:
-    """Open one file for reading; errors of mcap become ``RecordingError``."""
+    """Open one file for reading; replace errors of mcap and of the file by ``RecordingError``."""
     try:
         with file.open("rb") as stream:
             with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:

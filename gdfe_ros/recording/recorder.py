@@ -28,9 +28,9 @@ class RecorderStatus:
     """Counts of a recording at one moment.
 
     Args:
-        written: messages passed to the bag.
-        waiting: messages in the queue.
-        dropped: messages rejected or lost, by topic; they are not in the bag.
+        written: number of messages passed to the bag.
+        waiting: number of messages in the queue.
+        dropped: number of rejected or lost messages, by topic; they are not in the bag.
         error: why the recording stopped early, or None.
     """
 
@@ -45,7 +45,7 @@ class RecorderStatus:
         return sum(self.dropped.values())
 
     def to_notes(self) -> dict[str, str]:
-        """Return the counts as the text that the bag contains."""
+        """Return the counts and the error as texts for the metadata of the bag."""
         return {
             "messages_written": str(self.written),
             "messages_dropped": str(self.dropped_total),
@@ -64,18 +64,19 @@ class _Message(NamedTuple):
 class Recorder:
     """Records serialised messages in a thread; ``record`` takes microseconds and never raises because of the disk.
 
-    On a full disk or a device error the recording stops, and the simulation continues. ``error`` and ``status`` state
-    the reason, ``failed`` is called, and the bag is completed with its present contents. Until then, messages that
-    ``record`` rejects are counted in the bag and in ``status``; later calls only return False. Without a call of
-    ``close``, the bag is completed when the interpreter ends. A recorder can be used as a context manager.
+    If the disk is full or the device fails, the recording stops, and the simulation continues. ``error`` and ``status``
+    state the reason, the bag is completed with its present contents, and ``failed`` is called. Until the bag is
+    completed, messages that ``record`` rejects are counted in ``status`` and in the bag; after that, ``record`` only
+    returns False. Without a call of ``close``, the bag is completed when the interpreter ends. A recorder can be used
+    as a context manager.
 
     Args:
-        path: directory of the bag, which must not exist or be empty.
-        topics: of the bag.
-        run: origin of the run, embedded in every file.
+        path: directory of the bag; it must not exist yet, or be empty.
+        topics: topics of the bag.
+        run: origin of the run, embedded in every file; None: nothing is embedded.
         options: compression, splitting, fsync.
-        queue: limit, back-pressure and flush interval.
-        failed: called once in the thread, with the status, if the bag is completed early.
+        queue: size limit, back-pressure and flush interval of the queue.
+        failed: function that is called once in the thread, with the status, if the recording stopped early.
 
     Raises:
         RecordingError: the bag cannot be created.
@@ -130,7 +131,7 @@ class Recorder:
             )
 
     def add_topic(self, topic: TopicInfo) -> None:
-        """Declare a further topic; waits for a write in progress, so it must not be called by the step loop.
+        """Declare a further topic. It waits for a write in progress, so the stepping thread must not call it.
 
         Raises:
             RecordingError: as ``BagWriter.add_topic``.
@@ -140,19 +141,19 @@ class Recorder:
         self._topics.add(topic.name)
 
     def record(self, topic: str, data: bytes, log_time: int, publish_time: int | None = None) -> bool:
-        """Queue one message; safe from any thread.
+        """Queue one message; callable from any thread.
 
         Args:
             topic: name of a declared topic.
-            data: serialised message; ``bytes``, kept without a copy.
-            log_time: nanoseconds since the epoch or since the start of the simulation.
-            publish_time: the same for the publisher's stamp; None: ``log_time``.
+            data: serialised message; ``bytes`` are stored without a copy.
+            log_time: time since the epoch or since the start of the simulation [ns].
+            publish_time: time of the publisher's stamp [ns]; None: ``log_time``.
 
         Returns:
-            Whether it was accepted; otherwise it is counted as dropped.
+            Whether the message was accepted. A rejected message is counted as dropped.
 
         Raises:
-            RecordingError: the topic was not declared (a mistake in the program, never the disk's state).
+            RecordingError: the topic was not declared (a mistake in the program, not a fault of the disk).
         """
         if topic not in self._topics:
             raise RecordingError(f"topic {topic} is not in bag {self.path}; it has {sorted(self._topics)}")
@@ -170,7 +171,7 @@ class Recorder:
     def close(self) -> RecorderStatus:
         """Write the queue, complete the bag and end the thread; a second call only returns the status.
 
-        After an interruption by a signal's exception it can be called again.
+        If the exception of a signal has interrupted the call, it can be repeated.
         """
         with self._state:
             self._closing = True
@@ -187,7 +188,10 @@ class Recorder:
         self.close()
 
     def _has_room(self, size: int) -> bool:
-        """Return, under the lock, whether a message is accepted; under ``BLOCK`` this may wait."""
+        """Return whether the queue accepts a message of ``size`` [B]; under ``BLOCK`` wait for space.
+
+        Needs the lock.
+        """
         if self._settings.back_pressure is BackPressure.BLOCK and not self._fits(size):
             self._wake.set()
             self._state.wait_for(lambda: self._fits(size) or self._is_over(), timeout=self._settings.block_seconds)
@@ -214,7 +218,7 @@ class Recorder:
             self._failed(self.status)
 
     def _guarded(self, action: Callable[[], None]) -> None:
-        """Run a part of the thread's work; any error in it ends the recording, not the program."""
+        """Run a part of the thread's work; an exception ends the recording, not the program."""
         try:
             with self._writing:
                 action()

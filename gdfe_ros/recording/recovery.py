@@ -23,13 +23,13 @@ class RecoveryReport:
 
     Args:
         path: directory of the new bag, complete and indexed.
-        messages: number of messages in it, by topic.
-        missing: number of lost messages by topic, from gaps in the sequence numbers; messages lost after the last
-            recovered one are not counted.
+        messages: number of messages in the new bag, by topic.
+        missing: number of lost messages by topic, from gaps in the sequence numbers; messages lost after a topic's last
+            recovered message are not counted.
         cut_files: names of truncated files.
-        damaged_chunks: skipped chunks whose content did not match its checksum.
-        damaged_records: other skipped records that could not be read.
-        orphans: skipped messages of topics without a readable declaration.
+        damaged_chunks: number of skipped chunks that did not match their checksum, or whose beginning is destroyed.
+        damaged_records: number of other skipped records that could not be read.
+        orphans: number of skipped messages of topics without a readable declaration.
         run: whether the new bag has the scene and settings of its run.
     """
 
@@ -49,15 +49,15 @@ class RecoveryReport:
 
 
 def recover(path: str | Path, output: str | Path | None = None, *, options: BagOptions | None = None) -> RecoveryReport:
-    """Read a bag as far as possible and write its contents as a new, complete bag.
+    """Read a bag as far as possible, write its contents as a new, complete bag, and return a report.
 
     The old bag is not modified. The run's origin (scene, settings, machine) is copied.
 
     Args:
         path: directory of the bag or of its run, or one MCAP file.
-        output: directory of the new bag, which must not exist or be empty; None: beside the old one, with
+        output: directory of the new bag; it must not exist yet, or be empty. None: beside the old bag, with
             ``_recovered`` added to the name.
-        options: of the new bag.
+        options: options for writing the new bag.
 
     Raises:
         RecordingError: there is no MCAP file, no complete message, or the new bag cannot be written.
@@ -98,7 +98,10 @@ def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage], options: B
 
 
 def _origin(salvages: Sequence[Salvage]) -> RunInfo | None:
-    """Return the run's origin from the first file with an intact one; otherwise only with the scene from its topic."""
+    """Return the run's origin from the first file with an intact scene.
+
+    If no attachment with a scene is intact, the origin has only the scene from the topic ``~/scene``. None: no scene.
+    """
     if not any(salvage.run for salvage in salvages):
         for salvage in salvages:
             salvage.restore_scene()

@@ -18,14 +18,14 @@ from gdfe_ros.recording.topic import TopicInfo
 
 
 class Salvage:
-    """Reads one file record by record, without its index, which a truncated file lacks.
+    """Reads one file record by record. It does not need the file's index, because a truncated file has none.
 
     Args:
         file: path of the file.
 
     Attributes:
-        damage: damage of the file; known after ``messages`` has yielded its last message.
-        orphans: skipped messages of topics without a readable declaration.
+        damage: damage of the file; complete once ``messages`` has yielded its last message.
+        orphans: number of skipped messages of topics without a readable declaration.
     """
 
     def __init__(self, file: Path) -> None:
@@ -41,7 +41,7 @@ class Salvage:
 
     @property
     def run(self) -> RunInfo | None:
-        """Origin of the run, known when the first message is read; None without an intact scene.
+        """Origin of the run, known once the first message is read; None without an intact scene.
 
         If only the metadata record is damaged, the origin still has the scene and the files.
         """
@@ -53,7 +53,7 @@ class Salvage:
             return RunInfo.from_attachments(self._attachments)
 
     def restore_scene(self) -> None:
-        """Take the scene from its topic if the attachment is damaged; reads the file again."""
+        """Read the scene from the messages of its topic, for use if the attachment is damaged; reads the file again."""
         for topic, message in Salvage(self.file).messages():
             if topic.type == "std_msgs/msg/String" and topic.name.endswith("/scene"):
                 # CDR: four bytes of head, the length of the text, the text, a zero.
@@ -62,7 +62,7 @@ class Salvage:
 
     @property
     def missing(self) -> Counter[str]:
-        """Number of lost messages by topic, from gaps in the sequence numbers; these begin at 0 in each file."""
+        """Number of lost messages by topic, from gaps in the sequence numbers, which begin at 0 in each file."""
         gaps = {topic: last + 1 - self._count[topic] for topic, last in self._last_sequence.items()}
         return Counter({topic: gap for topic, gap in gaps.items() if gap > 0})
 

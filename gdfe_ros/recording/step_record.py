@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The record of one step on ``~/step_record``: all inputs that a replay needs to repeat the step.
 
-It is JSON text: Python writes a float as the shortest text that reads back as the same double, so nothing is lost.
+The record is JSON text. Numbers are exact, because Python writes a float as a text that reads back as the same double.
 """
 
 from __future__ import annotations
@@ -30,34 +30,38 @@ class Begin(str, Enum):
 class StepRecord:
     """Input and outcome of one step.
 
-    A replay starts from ``begin`` and calls ``Simulation.step`` with ``handles``, ``actuators``, ``loads``, ``bodies``,
-    ``joints``, ``dt`` and ``cut_after``. The last one ends a solve at the same place as its deadline did.
+    A replay starts from the state ``begin`` and calls ``Simulation.step`` with ``handles``, ``actuators``, ``loads``,
+    ``bodies``, ``joints``, ``dt`` and ``cut_after``. With ``cut_after`` a solve ends where the deadline ended it in the
+    recorded run.
 
     Attributes:
         step: number of the step since the node was configured; 0 is the state at activation.
-        begin: initial state of the step: that of the last step, the rest shape after a reset, or a loaded state.
+        begin: state from which the step starts: the last step's state, the initial state, or a loaded state.
         time: simulation time at the end of the step [s].
         dt: duration of the step [s].
-        stamp: stamp of the step's messages on the node's clock [ns]; None in old bags, where it is the simulation time.
-        handles: targets consumed by this step, by handle: translation [m] and rotation vector [rad].
-        actuators: commands consumed by this step, by actuator, in the unit of its mode.
-        loads: factors of loads consumed by this step, by load.
-        bodies: poses to which rigid bodies were teleported before this step, as for handles; the text lacks the entry
-            if there are none.
-        joints: commanded positions of joints of arms consumed by this step, by joint [rad] or [m]; the text lacks the
-            entry if there are none.
+        stamp: stamp of the step's messages on the node's clock [ns]; None in old bags, whose stamps are simulation
+            times.
+        handles: dict from handle to the target that this step consumed: translation [m] and rotation vector [rad].
+        actuators: dict from actuator to the command that this step consumed, in the unit of the mode.
+        loads: dict from load to the factor that this step consumed.
+        bodies: dict from rigid body to the pose to which it was teleported before this step, as for handles; the JSON
+            text lacks the entry if it is empty.
+        joints: dict from joint to the commanded position that this step consumed [rad] or [m]; the JSON text lacks the
+            entry if it is empty.
         cut: whether a deadline ended the solve before it had converged.
         cut_after: number of the solve's checks of its deadline before the deadline passed; None if it did not pass.
         converged: as in ``StepResult``, like all following attributes.
-        iterations: linear solves.
-        substeps: increments.
-        error_estimate: estimated distance to the equilibrium over the body's size; infinite for a solve that was cut.
+        iterations: number of linear solves.
+        substeps: number of increments.
+        error_estimate: estimated distance to the equilibrium, divided by the body's size; infinite if it is unknown
+            because a deadline ended the solve.
         energy: strain energy [J].
-        min_det: least det F.
-        wall_time: time spent solving [s]; the only entry that differs between two equal runs.
-        skipped: counts of work that was left out, by name.
-        message: the defect; empty if there is none.
-        energies: energies of a body in motion [J], by name. Without dynamics it is empty, and the text lacks the entry.
+        min_det: smallest det F.
+        wall_time: time spent on the solve [s]; the only entry that differs between two equal runs.
+        skipped: dict from the name of a kind of work that was left out to its count.
+        message: description of the defect; empty if there is none.
+        energies: dict from name to energy of a body in motion [J]. Without dynamics it is empty, and the JSON text
+            lacks the entry.
     """
 
     step: int
@@ -84,7 +88,7 @@ class StepRecord:
     energies: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> str:
-        """Return the published text: one object, ``format`` first, poses as six numbers."""
+        """Return the published text: one JSON object, with ``format`` as first entry and poses as six numbers."""
         entries = {name: getattr(self, name) for name in self.__dataclass_fields__}
         for poses in ("handles", "bodies"):
             entries[poses] = {name: [*pose.translation, *pose.rotation] for name, pose in entries[poses].items()}
@@ -97,10 +101,10 @@ class StepRecord:
 
     @classmethod
     def from_json(cls, text: str) -> StepRecord:
-        """Return the record that ``to_json`` wrote.
+        """Return the record from its JSON text.
 
         Raises:
-            RecordingError: not such a text, or of another format.
+            RecordingError: the text is not that of a step record, or has another format.
         """
         try:
             entries = json.loads(text)

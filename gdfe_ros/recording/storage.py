@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file with space that is reserved before each write; a full disk thus never truncates a record."""
+"""A file whose space is reserved before each write, so that a full disk never truncates a record."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ _CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 class ReservedFile:
     """Write-only, unbuffered file; ``reserve`` allocates space before ``write`` needs it.
 
-    A full disk, a quota or a file-size limit then causes an ``OSError`` of ``reserve``, at a moment when
-    no record is half written and earlier reservations still hold: the file can be finished properly.
-    Systems or file systems without reservation (macOS, some network mounts) raise such an error in
-    ``write`` instead. While open, the file may be up to 4 MiB longer than the written data, filled with
-    zeros; ``close`` truncates it.
+    A full disk, a quota or a file-size limit then causes an ``OSError`` of ``reserve``. At that moment no record is
+    half written, and earlier reservations stay valid, so that the file can be finished properly. On systems or file
+    systems without reservation (macOS, some network mounts), ``write`` raises such an error instead. While open, the
+    file may be up to 4 MiB longer than the written data, filled with zeros; ``close`` truncates it.
 
     Args:
-        path: of the file, which must not exist.
+        path: path of the file, which must not exist.
 
     Raises:
         OSError: the file exists or cannot be created.
@@ -37,7 +36,7 @@ class ReservedFile:
         """Ensure that the next ``size`` bytes [B] can be written.
 
         Raises:
-            OSError: they cannot (ENOSPC, EDQUOT, EFBIG, ...). Earlier reservations still hold.
+            OSError: there is no space (ENOSPC, EDQUOT, EFBIG, ...). Earlier reservations stay valid.
         """
         end = self._position + size
         if end <= self._allocated:
@@ -58,7 +57,7 @@ class ReservedFile:
         self._allocated = end
 
     def write(self, data: bytes) -> int:
-        """Append all bytes, or raise ``OSError``; return their number."""
+        """Append all bytes and return their number; raise ``OSError`` if they cannot be written."""
         view = memoryview(data)
         while view:
             count = os.write(self._descriptor(), view)
@@ -78,10 +77,10 @@ class ReservedFile:
         os.fsync(self._descriptor())
 
     def close(self, *, sync: bool = False) -> None:
-        """Truncate the reservation and close; a second call does nothing.
+        """Truncate the file to the written data and close it; a second call does nothing.
 
         Args:
-            sync: also wait until the file is on the device.
+            sync: whether to wait until the file is on the device.
         """
         if self._fd is None:
             return

@@ -25,7 +25,7 @@ class Reliability(Enum):
 
 
 class Durability(Enum):
-    """Whether a late subscriber receives the last messages (latched)."""
+    """Whether a late subscriber receives the last messages, as of a latched topic."""
 
     VOLATILE = "volatile"
     TRANSIENT_LOCAL = "transient_local"
@@ -35,7 +35,7 @@ class Durability(Enum):
 
 
 class QueueExtent(Enum):
-    """Extent of a publisher's queue."""
+    """Whether a publisher's queue contains the last messages or all messages."""
 
     KEEP_LAST = "keep_last"
     KEEP_ALL = "keep_all"
@@ -45,16 +45,16 @@ class QueueExtent(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Qos:
-    """Quality of service of a publisher, as rosbag2 stores it and ``ros2 bag play`` offers it again.
+    """Quality of service of a publisher; rosbag2 stores it, and ``ros2 bag play`` offers it again.
 
     Args:
-        reliability: of delivery.
+        reliability: whether lost messages are resent.
         durability: ``TRANSIENT_LOCAL`` for a latched topic.
-        history: of the publisher's queue.
-        depth: messages kept under ``KEEP_LAST``, at least 0.
+        history: extent of the publisher's queue.
+        depth: number of messages in the queue under ``KEEP_LAST``, at least 0.
 
     Raises:
-        ValueError: a negative depth.
+        ValueError: the depth is negative.
     """
 
     reliability: Reliability = Reliability.RELIABLE
@@ -68,7 +68,7 @@ class Qos:
 
     @classmethod
     def from_rclpy(cls, profile: Any) -> Qos:
-        """Return the profile of an ``rclpy.qos.QoSProfile`` (its policies by their names; rclpy is not imported)."""
+        """Return the profile of an ``rclpy.qos.QoSProfile``, by the names of its policies; rclpy is not imported."""
         return cls(
             reliability=Reliability[profile.reliability.name],
             durability=Durability[profile.durability.name],
@@ -78,7 +78,7 @@ class Qos:
 
     @classmethod
     def from_rosbag2(cls, entry: Mapping[str, Any]) -> Qos:
-        """Return the profile of a mapping of metadata.yaml version 9.
+        """Return the profile from a mapping as in metadata.yaml, version 9.
 
         Raises:
             RecordingError: a policy is not one of the names that ROS 2 has written since Jazzy.
@@ -96,7 +96,7 @@ class Qos:
             ) from error
 
     def to_rosbag2(self) -> dict[str, Any]:
-        """Return the profile as the mapping of metadata.yaml version 9."""
+        """Return the profile as a mapping as in metadata.yaml, version 9."""
         return {
             "history": self.history.value,
             "depth": self.depth,
@@ -118,10 +118,10 @@ class TopicInfo:
         name: full topic name, e.g. ``/gdfe_sim/mesh``.
         type: ROS type, e.g. ``sensor_msgs/msg/PointCloud2``.
         qos: profile that the publisher offered.
-        definition: concatenated ``.msg`` text; empty: taken from the ROS installation when writing.
-        type_hash: ``RIHS01_...``; empty: taken from the ROS installation when writing.
-        role: purpose of the topic in the recording node, e.g. ``mesh`` or ``handles/tip/pose``, whatever its remapped
-            name; empty if unknown.
+        definition: concatenated ``.msg`` texts; if empty, the writer takes them from the ROS installation.
+        type_hash: hash ``RIHS01_...`` of the type; if empty, the writer takes it from the ROS installation.
+        role: name of the topic relative to the recording node, without remapping, e.g. ``mesh`` or
+            ``handles/tip/pose``; empty if unknown.
     """
 
     name: str

@@ -18,7 +18,10 @@ from gdfe_ros.recording.topic import TopicInfo
 
 
 class FsyncPolicy(Enum):
-    """When to wait for the device. A killed process loses no written data; a power failure may."""
+    """When to wait until data are on the device. If the process is killed, no written data are lost.
+
+    After a power failure, data that are not yet on the device may be lost.
+    """
 
     NEVER = "never"
     CLOSE = "close"
@@ -30,14 +33,14 @@ class BagOptions:
     """Options for writing a bag.
 
     Args:
-        compression: of the chunks.
-        chunk_size: a chunk is compressed and written when it holds this many bytes [B], 1 KiB to 64 MiB.
-        split_bytes: begin a new file when one has reached about this size [B], 64 KiB or more; None: never.
-        split_seconds: begin a new file when one spans this much log time [s], above 0; None: never.
-        fsync: when to wait for the device.
+        compression: compression of the chunks.
+        chunk_size: size at which a chunk is compressed and written [B], 1 KiB to 64 MiB.
+        split_bytes: approximate size at which a new file is begun [B], 64 KiB or more; None: never.
+        split_seconds: range of log times in a file at which a new file is begun [s], above 0; None: never.
+        fsync: when to wait until data are on the device.
 
     Raises:
-        ValueError: a value out of range.
+        ValueError: a value is out of range.
     """
 
     compression: Compression = Compression.LZ4
@@ -56,11 +59,11 @@ class BagOptions:
 
 
 class BagWriter:
-    """Writes a bag synchronously; ``recorder.Recorder`` does it in a thread.
+    """Writes a bag in the calling thread; ``recorder.Recorder`` writes it in a separate thread.
 
     Args:
-        path: directory of the bag, which must not exist or be empty; parents are created.
-        topics: of the bag; ``add_topic`` adds more. Missing definitions and hashes are looked up.
+        path: directory of the bag; it must not exist yet, or be empty. Parent directories are created.
+        topics: topics of the bag; ``add_topic`` adds more. Missing definitions and hashes are looked up.
         run: origin of the run, embedded in every file; None: nothing is embedded.
         options: compression, splitting, fsync.
 
@@ -99,11 +102,11 @@ class BagWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the file in progress [B]; the bytes waiting in the chunk are counted uncompressed."""
+        """Size of the file in progress [B]; data that wait in the chunk are counted uncompressed."""
         return self._file.size if self._file else 0
 
     def add_topic(self, topic: TopicInfo) -> None:
-        """Declare a further topic; declaring the same one again does nothing.
+        """Declare a further topic; to declare the same topic again has no effect.
 
         Raises:
             RecordingError: the name is in use for another type, the type is unknown, the bag is closed, or
@@ -127,12 +130,12 @@ class BagWriter:
         Args:
             topic: name of a declared topic.
             data: serialised message (CDR with its 4-byte head).
-            log_time: nanoseconds since the epoch or since the start of the simulation.
-            publish_time: the same for the publisher's stamp; None: ``log_time``.
+            log_time: time since the epoch or since the start of the simulation [ns].
+            publish_time: time of the publisher's stamp [ns]; None: ``log_time``.
 
         Raises:
-            RecordingError: unknown topic, closed bag, no space, or a device error. Without space, the bag without
-                this message is intact and ``close`` completes it.
+            RecordingError: the topic is unknown, the bag is closed, there is no space, or the device failed. If there
+                is no space, the bag stays intact without this message, and ``close`` can complete it.
         """
         if topic not in self._topics:
             raise RecordingError(f"topic {topic} is not in bag {self.path}; it has {sorted(self._topics)}")
@@ -145,7 +148,7 @@ class BagWriter:
             raise RecordingError(f"bag {self.path} takes no more messages: {error}") from error
 
     def flush(self) -> None:
-        """Flush every message to the operating system, so that killing this process no longer loses it.
+        """Pass every message to the operating system, so that it is not lost if this process is killed.
 
         Raises:
             RecordingError: the bag is closed or the device failed.
@@ -159,7 +162,7 @@ class BagWriter:
         """Complete the bag; a second call does nothing.
 
         Args:
-            notes: status of the recording, written into the file and as ``custom_data`` of metadata.yaml.
+            notes: status of the recording, written into the last file and into metadata.yaml as ``custom_data``.
 
         Raises:
             RecordingError: the device failed; ``gdfe recover`` recovers the written data.
@@ -196,7 +199,7 @@ class BagWriter:
         return by_size or (seconds is not None and log_time - part.counts.start >= seconds * 1e9)
 
     def _next_part(self) -> BagFile:
-        # The new file is opened before the last one is finished: without space, that one stays the bag's last file.
+        # Open the new file before the last file is finished: without space for it, the last file can be completed.
         following = self._open_file(len(self._done) + 1)
         self._finish_part({})
         self._file = following
@@ -220,7 +223,7 @@ class BagWriter:
 
 
 def _complete(topic: TopicInfo) -> TopicInfo:
-    """Return the topic with a missing definition and hash from the ROS installation."""
+    """Return a topic; take a missing definition or hash from the ROS installation."""
     return replace(
         topic,
         definition=topic.definition or message_definition(topic.type),

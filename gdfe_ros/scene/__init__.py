@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene files: YAML in, validated scene out."""
+"""Scene files: YAML text is read into a validated scene."""
 
 from __future__ import annotations
 

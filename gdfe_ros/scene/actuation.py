@@ -37,7 +37,7 @@ from gdfe_ros.scene.meshes import known_part
 from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
 from gdfe_ros.scene.schema import Draft
 
-#: Widest allowed range of a command, by its mode.
+#: Widest allowed range (low, high) of the commands of each mode, in the mode's unit.
 LIMITS: Mapping[Mode, tuple[float, float]] = {
     Mode.TENSION: (0.0, math.inf),
     Mode.LENGTH: (0.0, math.inf),
@@ -49,7 +49,7 @@ LIMITS: Mapping[Mode, tuple[float, float]] = {
 
 
 def build_actuators(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Actuator, ...]:
-    """Return the actuators whose places in the body are valid."""
+    """Return the actuators whose points, faces or cells in the body are valid; report the defects of the others."""
     built = []
     for name, model in draft.actuators.items() if mesh is not None else ():
         kind, value = model.chosen
@@ -64,12 +64,12 @@ def build_actuators(draft: Draft, mesh: HexMesh | None, report: Defects) -> tupl
 def build_masses(
     draft: Draft, mesh: HexMesh | None, probes: Mapping[str, Embedding], names: Sequence[str], report: Defects
 ) -> tuple[AttachedMass, ...]:
-    """Return the attached masses whose places in the body are valid.
+    """Return the attached masses whose vertices or probes are valid.
 
     Args:
         draft: valid parts of the file.
-        mesh: the body.
-        probes: the probes that lie in the body.
+        mesh: the body; None if it has defects.
+        probes: dict from the name of each valid probe to its material point.
         names: names of all probes of the file.
         report: collects the defects.
     """
@@ -94,7 +94,7 @@ def build_loads(
     masses: tuple[AttachedMass, ...],
     report: Defects,
 ) -> tuple[Load, ...]:
-    """Return the loads whose places in the body are valid; gravity needs the density of every material."""
+    """Return the loads whose points or faces in the body are valid; gravity needs the density of every material."""
     built = []
     for name, model in draft.loads.items() if mesh is not None else ():
         path = ("loads", name, model.chosen[0])
@@ -106,7 +106,7 @@ def build_loads(
 
 
 def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, Embedding]:
-    """Return the probes that lie in the body."""
+    """Return a dict from the name of each probe inside the body to its material point; report the other probes."""
     if mesh is None:
         return {}
     found = {}
@@ -117,7 +117,11 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[st
 
 
 def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tuple[Load, ...]) -> dict[str, float]:
-    """Return, for every actuator and load, the command without effect on the undeformed body."""
+    """Return a dict from the name of each actuator and load to the command that leaves the body undeformed.
+
+    It is the undeformed length [m] of a cable with a commanded length, the undeformed volume [m^3] of a chamber with a
+    commanded volume, and 0 for all others.
+    """
     commands = {load.name: 0.0 for load in loads}
     for actuator in actuators:
         commands[actuator.name] = 0.0
@@ -205,9 +209,10 @@ def _gravity(
 def _embedded(
     mesh: HexMesh, part: str | None, points: object, path: KeyPath, report: Defects, *, key: str | None = None
 ) -> Embedding | None:
-    """Return points embedded in the body; with `mesh`, in one of its meshes and given in that mesh's frame.
+    """Return the material points at given positions (p, 3) [m]; None if a point is outside, which is reported.
 
-    ``path`` is the key path of the entry with the key `mesh`; ``key`` is the key of the points in this entry.
+    If ``part`` names one of several meshes, the points are in this mesh, and the positions are in its frame. ``path``
+    is the key path of the entry with the key `mesh`. ``key`` is the key of the points in this entry.
     """
     if not known_part(mesh, part, path, report):
         return None

@@ -28,20 +28,20 @@ from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
 from gdfe_ros.scene.schema import Draft
 
 SPIN_UP = 0.1
-"""A joint without a limit of its acceleration reaches its largest velocity in this time [s]."""
+"""Time [s] in which a joint without a limit of its acceleration reaches its largest velocity."""
 ONE = "arm"
-"""Name of the arm of the key `arm`."""
+"""Name of the single arm that the key `arm` describes."""
 
 
 def require_arms(data: Mapping[str, Any], report: Defects) -> None:
-    """Report a scene with both `arm` and `arms`."""
+    """Report a defect if a scene has both `arm` and `arms`."""
     if "arm" in data and "arms" in data:
         text = "`arm` is there, too; remedy: keep one of the two; `arms` may contain a single arm"
         report.add(("arms",), text, value=NO_VALUE)
 
 
 def arm_models(draft: Draft) -> dict[str, tuple[KeyPath, ArmModel]]:
-    """Return the valid arms of a file by name, with their key paths."""
+    """Return a dict from the name of each valid arm of a file to its key path and its entry."""
     one = {} if draft.arm is None else {ONE: ((ONE,), draft.arm)}
     return one | {name: (("arms", name), model) for name, model in draft.arms.items()}
 
@@ -49,7 +49,7 @@ def arm_models(draft: Draft) -> dict[str, tuple[KeyPath, ArmModel]]:
 def build_arms(
     draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Defects
 ) -> tuple[tuple[Arm, ...], dict[KeyPath, dict[str, Any]]]:
-    """Return the valid arms, and the scene's entries for them with their files embedded, by key path."""
+    """Return the valid arms, and a dict from the key path of each arm to the keys that embed its files."""
     arms: list[Arm] = []
     carried: dict[KeyPath, dict[str, Any]] = {}
     for name, (path, model) in arm_models(draft).items() if mesh is not None else ():
@@ -63,12 +63,12 @@ def build_arms(
 
 
 def joint_starts(arms: Sequence[Arm]) -> dict[str, float]:
-    """Return the initial positions of all commanded joints [rad] or [m], by name."""
+    """Return a dict from the name of each commanded joint to its initial position [rad] or [m]."""
     return {joint.name: float(value) for arm in arms for joint, value in zip(arm.joints, arm.start, strict=True)}
 
 
 class _Builder:
-    """Builds one arm."""
+    """Builder of one arm."""
 
     def __init__(self, name: str, path: KeyPath, model: ArmModel, report: Defects) -> None:
         self._name, self._path, self._model, self._report = name, path, model, report
@@ -111,7 +111,7 @@ class _Builder:
         return arm
 
     def embedded(self) -> dict[KeyPath, dict[str, Any]]:
-        """Return the keys that replace the files of the arm."""
+        """Return a dict from the arm's key path to the keys that embed its files; empty if it has no files."""
         if self._model.urdf is None:
             return {}
         return {self._path: {"embedded": pack_robot(self._text, self._surfaces)}}
@@ -135,7 +135,7 @@ class _Builder:
         return replace(robot, joints=joints)
 
     def _limited(self, joint: Joint) -> Joint:
-        """Return a joint with a limit of its acceleration."""
+        """Return a joint with a limit of its acceleration: its own, or the arm's, or the one that `SPIN_UP` gives."""
         limits = joint.limits
         if limits is None or np.isfinite(limits.acceleration):
             return joint
@@ -143,10 +143,10 @@ class _Builder:
         return replace(joint, limits=replace(limits, acceleration=usual))
 
     def _meshes(self, robot: Description) -> dict[str, Surface]:
-        """Return the surfaces of all meshes by URI.
+        """Return a dict from the URI of each mesh in the URDF to its surface.
 
         Raises:
-            ArmError: meshes are missing or unreadable; all of them are named.
+            ArmError: meshes are missing or unreadable; the error names all of them.
         """
         folder, defects, found = self._model.urdf.parent, [], {}
         for uri in robot.mesh_files():
@@ -177,7 +177,7 @@ class _Builder:
             self._report.add((*self._path, "flange"), text)
 
     def _start(self, robot: Description) -> NDArray[np.float64] | None:
-        """Return the initial positions of the commanded joints [rad] or [m]; None if defects are reported."""
+        """Return the initial positions [rad] or [m] of the commanded joints; None if there are defects."""
         joints = {joint.name: joint for joint in robot.commanded}
         sound = True
         for name in self._model.start:
@@ -195,7 +195,7 @@ class _Builder:
         return np.array([float(self._model.start.get(name, 0.0)) for name in joints]) if sound else None
 
     def _touching(self, robot: Description) -> list[str]:
-        """Return the names of the links that touch."""
+        """Return the names of the links in contact: the given links, or all with a shape that are not on the flange."""
         given = self._model.links
         if given is None:
             mounted = robot.rigid_with(self._model.flange)
@@ -212,7 +212,7 @@ class _Builder:
 
 
 def _require_distinct(arms: Sequence[Arm], draft: Draft, report: Defects) -> None:
-    """Report arms with the same handle, or with a joint or link name that another arm or the scene also uses."""
+    """Report arms that have the same handle, or a joint or link with the name of another item of the scene."""
     sections = ("handles", "obstacles", "bodies", "actuators", "loads")
     taken = {name: section[:-1].replace("bodie", "body") for section in sections for name in getattr(draft, section)}
     owners: dict[str, str] = {}

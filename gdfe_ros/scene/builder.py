@@ -30,11 +30,11 @@ _TESTED = {
     "cell": "cell centroids",
     "point of the skin": "points about half a cell's edge apart",
 }
-"""Points that a selection tests, by the noun of the selected items; the default is the vertices."""
+"""Dict from the noun of the selected items to the points that a selection tests; for other items, the vertices."""
 
 
 def build_materials(draft: Draft, report: Defects) -> dict[str, Material]:
-    """Return the valid materials, by name."""
+    """Return a dict from the name of each valid material to the material."""
     materials = {}
     for name, model in draft.materials.items():
         try:
@@ -45,7 +45,7 @@ def build_materials(draft: Draft, report: Defects) -> dict[str, Material]:
 
 
 def assign_materials(draft: Draft, mesh: HexMesh | None, names: list[str], report: Defects) -> NDArray[np.int32]:
-    """Return the index into `names` of each cell's material; -1 if a defect leaves it undefined."""
+    """Return the index into ``names`` of each cell's material (m,), int32; -1 for a cell without a material."""
     assigned = np.full(mesh.n_cells if mesh else 0, -1, dtype=np.int32)
     complete = mesh is not None and len(draft.regions) > 0 and None not in draft.regions
     for i, region in enumerate(draft.regions):
@@ -71,7 +71,7 @@ def assign_materials(draft: Draft, mesh: HexMesh | None, names: list[str], repor
 
 
 def build_handles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Handle, ...]:
-    """Return the handles with valid vertices; no vertex may belong to two of them."""
+    """Return the handles with valid vertices; report a vertex that belongs to two handles."""
     handles = []
     for name, model in draft.handles.items() if mesh is not None else ():
         vertices = select(select_vertices, mesh, model.where, ("handles", name, "where"), "vertex", report)
@@ -89,7 +89,7 @@ def build_handles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[
 
 
 def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Defects) -> None:
-    """Report each piece of the body that nothing holds along some axis: its position would be undetermined."""
+    """Report each piece of the body that no handle constrains along some axis: its position would be undetermined."""
     part = vertex_pieces(mesh.cells, mesh.n_vertices)
     for axis, letter in enumerate("xyz"):
         pieces_of = {handle.name: set(part[handle.vertices].tolist()) for handle in handles}
@@ -105,7 +105,7 @@ def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Defects) ->
 
 
 def _piece(mesh: HexMesh, vertices: NDArray[np.intp]) -> str:
-    """Return a name for the piece of the body with exactly these vertices."""
+    """Return a text that names the piece of the body with exactly these vertices."""
     if len(vertices) == mesh.n_vertices:
         return "the body"
     for name, part in mesh.parts.items():
@@ -132,12 +132,12 @@ def build_program(
     Args:
         model: the program of the file.
         draft: valid parts of the file.
-        movers: names of all handles and obstacles of the file, by section.
+        movers: dict from section (`handles`, `obstacles`) to the names of all its items in the file.
         report: collects the defects.
-        actuators: of the scene.
-        loads: of the scene.
-        start: commands at time 0 of items whose first command comes later.
-        arms: of the scene; None if an arm has defects.
+        actuators: actuators of the scene.
+        loads: loads of the scene.
+        start: dict from the name of an item to its command at time 0, if its first command is at a later time.
+        arms: arms of the scene; None if an arm has defects.
     """
     carriers = {arm.handle: arm.name for arm in arms or ()}
     for section, names in movers.items():
@@ -167,7 +167,7 @@ def build_program(
 def _joint_tracks(
     model: ProgramModel, arms: Sequence[Arm] | None, report: Defects
 ) -> dict[str, tuple[JointPoint, ...]]:
-    """Return the positions of joints over time; they must exist and stay within their limits."""
+    """Return the positions of joints over time; report unknown joints and positions or velocities beyond the limits."""
     limits = {joint.name: joint.limits for arm in arms or () for joint in arm.joints}
     for name, points in model.joints.items():
         path = ("program", "joints", name)
@@ -204,7 +204,7 @@ def _tracks(
     duration: float,
     report: Defects,
 ) -> dict[str, tuple[Point, ...]]:
-    """Return the commands of actuators or loads over time; they must exist and stay in their range."""
+    """Return the commands of actuators or loads over time; report unknown items and commands out of range."""
     for name, points in tracks.items():
         path = ("program", section, name)
         if name not in names:
@@ -251,9 +251,10 @@ def select(
     noun: str,
     report: Defects,
 ) -> NDArray[np.int32] | None:
-    """Return the ids that ``selector``, a function of `mesh.selection`, finds for a `where`.
+    """Return the ids that a `where` selects; report an invalid or empty selection and return None.
 
-    Without a `where` all cells are returned. If the selection is invalid or empty, report it and return None.
+    ``selector`` is a function of `mesh.selection`, e.g. `select_cells`. Without a `where`, the ids of all cells are
+    returned.
     """
     if where is None:
         return np.arange(mesh.n_cells, dtype=np.int32)

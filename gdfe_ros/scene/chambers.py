@@ -28,8 +28,8 @@ def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, rep
     Args:
         value: the entry.
         mesh: the body.
-        common: name, mode and range of the actuator.
-        path: of the entry in the file.
+        common: name, mode, range and rate of the actuator.
+        path: key path of the entry in the file.
         report: collects the defects.
     """
     if not known_part(mesh, value.mesh, path, report):
@@ -53,7 +53,7 @@ def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, rep
 def _lined_chamber(
     value: ChamberModel, mesh: HexMesh, first: int, common: dict, path: KeyPath, report: Defects
 ) -> Chamber | None:
-    """Return a chamber with its pressure on the skin; the faces of cut cells are not on the surface."""
+    """Return a chamber whose pressure acts on the skin, because the faces of cut cells are not on the surface."""
     if value.where is not None:
         text = "it would name faces of cut cells, which lie beside the surface; remedy: cavity, near, or cells: whole"
         report.add((*path, "where"), text, value=NO_VALUE)
@@ -71,7 +71,10 @@ def _lined_chamber(
 
 
 def on_skin(skin: Outside, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray[np.int32]]:
-    """Return the points of the given faces of a skin, and the faces (q, 3 or 4) as indices of these points."""
+    """Return the points of given faces of a skin as material points, and the faces as indices of these points.
+
+    ``quads`` (q, 3 or 4) are the faces as indices of all points of the skin.
+    """
     used, local = np.unique(quads, return_inverse=True)
     return Embedding(skin.corners[used], skin.weights[used]), local.reshape(quads.shape).astype(np.int32)
 
@@ -79,7 +82,10 @@ def on_skin(skin: Outside, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray
 def _chosen(
     value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: str, path: KeyPath, report: Defects
 ) -> Cavity | None:
-    """Return the cavity of a body that an entry refers to; ``lack`` is the message if there is none."""
+    """Return the cavity to which an entry refers; report a defect and return None if it refers to none or to several.
+
+    ``body`` is the name of the body in messages, and ``lack`` the message for a body without cavities.
+    """
     known = ", ".join(f"{i}: {c.volume:.3g} m^3 near {np.round(c.center, 6).tolist()}" for i, c in enumerate(cavities))
     if not cavities:
         report.add(path, lack)

@@ -12,12 +12,12 @@ import yaml
 from gdfe_ros.errors import SceneError
 
 KeyPath = tuple[str | int, ...]
-#: Deepest nesting of a scene file; deeper means an alias that contains itself.
+#: Deepest nesting of a scene file; deeper nesting is only possible if an alias contains itself.
 DEEPEST = 40
 
 
 class _Reader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-    """PyYAML's safe loader (YAML 1.1), reading 1e6 as a number as YAML 1.2 does."""
+    """PyYAML's safe loader (YAML 1.1), which also reads 1e6 as a number, as in YAML 1.2."""
 
 
 _Reader.add_implicit_resolver(
@@ -27,12 +27,12 @@ _Reader.add_implicit_resolver(
 
 @dataclass(frozen=True)
 class Document:
-    """Parsed YAML.
+    """Parsed YAML text.
 
     Attributes:
-        data: the top-level mapping; every key is text, as written.
-        lines: line (from 1) of each entry by its key path.
-        duplicates: key paths given more than once; the last one counts in `data`.
+        data: the top-level mapping; every key is text, as in the file.
+        lines: dict from the key path of each entry to its line, counted from 1.
+        duplicates: key paths that the file gives more than once; `data` has the last value.
         overridden: key paths whose value was replaced after reading.
     """
 
@@ -48,12 +48,12 @@ class Document:
         return self.lines.get(path)
 
     def is_overridden(self, path: KeyPath) -> bool:
-        """Return whether an entry, or one that contains it, was replaced after reading."""
+        """Return whether an entry, or an entry that contains it, was replaced after reading."""
         return any(path[: i + 1] in self.overridden for i in range(len(path)))
 
 
 def parse_document(text: str, *, heading: str) -> Document:
-    """Parse YAML text.
+    """Return the document of a YAML text.
 
     Args:
         text: the YAML text.
@@ -83,7 +83,7 @@ def parse_document(text: str, *, heading: str) -> Document:
 
 
 def parse_value(text: str) -> Any:
-    """Parse the value of an override as in a scene file: ``0.49``, ``[40, 10, 10]``, ``energy``.
+    """Return the value of an override, given as text like a value in a scene file: ``0.49``, ``[40, 10, 10]``.
 
     Raises:
         ValueError: the text is not YAML.
@@ -95,7 +95,7 @@ def parse_value(text: str) -> Any:
 
 
 def write_document(data: dict[str, Any]) -> str:
-    """Return data as YAML text that `parse_document` reads back equal."""
+    """Return data as YAML text, from which `parse_document` reads equal data."""
     return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)
 
 

@@ -7,22 +7,22 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
-#: Start of the tags that pydantic puts into the location of an error; they are not keys of the file.
+#: First letters of the tags that pydantic adds to the location of an error; the tags are not keys of the file.
 TAG = "kind="
 
 
 class Entry(BaseModel):
-    """A mapping of the scene file: immutable, with the declared keys only."""
+    """A mapping of the scene file: immutable, and without keys other than the declared ones."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Choice(Entry):
-    """An entry with exactly one of several keys, e.g. ``{face: x-}``; every field is optional.
+    """An entry that needs exactly one of several keys, e.g. ``{face: x-}``; each field by itself is optional.
 
     Attributes:
-        options: keys that may stand beside the chosen one.
-        alone: keys among the ``options`` that suffice without a chosen one.
+        options: keys that may be given in addition to the chosen key.
+        alone: keys among the ``options`` that may be given without a chosen key.
     """
 
     options: ClassVar[tuple[str, ...]] = ()
@@ -39,5 +39,5 @@ class Choice(Entry):
 
     @property
     def chosen(self) -> tuple[str, Any]:
-        """The key that is given and its value."""
+        """Name of the chosen key, and its value."""
         return next((name, value) for name, value in self if value is not None and name not in self.options)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An example of every entry of a scene file, as text; together they use every key."""
+"""Examples of each kind of entry of a scene file, as YAML text; together they use every key."""
 
 from __future__ import annotations
 
@@ -267,4 +267,4 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "skip: [solve, dormant elements], torsion: section}",
     ),
 }
-"""Example texts of each kind of entry; entries that exclude each other have separate texts."""
+"""Dict from the model of each kind of entry to its example texts; keys that exclude each other have separate texts."""

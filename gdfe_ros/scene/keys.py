@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lookup of a scene file's keys by their location."""
+"""Lookup of the keys of a scene file by their location."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.scene.schema import SceneModel
 
 
 def known_keys(location: KeyPath) -> list[str]:
-    """Return the keys allowed in the mapping at a location as pydantic reports it; [] if any key is allowed."""
+    """Return the allowed keys of the mapping at a location in pydantic's form; [] if any key is allowed."""
     model = _walk(location)
     return list(model.model_fields) if _is_model(model) else []
 
@@ -78,7 +78,7 @@ def _tagged(annotation: Any, part: str | int) -> bool:
 
 
 def _bare(annotation: Any) -> Any:
-    """Return an annotation without Annotated and Optional."""
+    """Return the type inside of Annotated and Optional."""
     if get_origin(annotation) is Annotated:
         return _bare(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType):

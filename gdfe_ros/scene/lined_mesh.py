@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Disk cache of bodies made from surfaces, by content: a scene that is loaded again does not fill its surfaces."""
+"""Disk cache of bodies that are made from surfaces, so that loading a scene again does not fill the surfaces again."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from gdfe_ros.scene.mesh_schema import MeshModel
 from gdfe_ros.scene.skin_schema import SkinModel
 
 Entries = tuple[dict[str, Any] | None, dict[str, Any] | None]
-"""The scene's entries for a mesh and for its skin with their files embedded; None for an entry that needs no file."""
+"""Scene entries of a mesh and of its skin, with the contents of their files; None for an entry without a file."""
 _MESH, _SKIN, _TOUCHING, _ENTRIES = "mesh:", "skin:", "touching:", "entries"
 _CONTACT = ("corners", "weights", "vertices")
 
 
 class BodyStore:
-    """The place of one body on disk, found by the contents of its files and entries.
+    """Cache of one body on disk; its key is computed from the body's entries and the contents of its files.
 
     Args:
-        model: entry of the mesh.
-        skin: entry of its skin; None without one.
+        model: scene entry of the mesh.
+        skin: scene entry of its skin; None for a mesh without a skin.
     """
 
     def __init__(self, model: MeshModel, skin: SkinModel | None) -> None:
         slow = skin is not None or model.voxels is not None
         content = [_content(each) for each in (model, skin) if each is not None]
-        # A file of cells may include others, whose contents are not known here.
+        # A mesh file may include other files, whose contents are not known here.
         self._key = None if not slow or model.file is not None or None in content else key_of(*content)
 
     def recall(self) -> tuple[Mesh, Entries] | None:
-        """Return the body and its entries; None if they have to be made."""
+        """Return the cached body and its entries; None if they are not cached."""
         arrays = recall(self._key) if self._key is not None else None
         if arrays is None:
             return None
@@ -54,7 +54,7 @@ class BodyStore:
         )
 
     def keep(self, mesh: Mesh, entries: Entries) -> None:
-        """Keep the body and its entries."""
+        """Store the body and its entries on disk, if this body can be cached."""
         if self._key is None:
             return
         arrays = {_MESH + name: array for name, array in mesh_arrays(mesh).items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loading of scenes from files, names and text."""
+"""Loading of scenes from a file, a name or a text."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ def load_scene(name_or_path: str | Path, *, overrides: Mapping[str, Any] | None 
     """Load and validate a scene.
 
     Args:
-        name_or_path: a name in ``config/scenes`` (``bend5``) or the path of a YAML file.
-        overrides: values by dotted key, applied before validation:
+        name_or_path: name of a scene in ``config/scenes`` (``bend5``), or path of a YAML file.
+        overrides: dict from dotted key to value, applied before validation:
             ``{"materials.soft.poisson": 0.49, "program.handles.tip.1.time": 2.0}``; strings are read as YAML.
 
     Returns:
         The scene.
 
     Raises:
-        SceneError: no such scene, or every defect of the file.
+        SceneError: the scene does not exist, or has defects; the error names every defect.
 
     Example:
         >>> load_scene("bend5", overrides={"mesh.bar.cells": [25, 2, 2]}).mesh.n_cells
@@ -74,7 +74,7 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
         overrides: as for `load_scene`.
 
     Raises:
-        SceneError: every defect of the text.
+        SceneError: the text has defects; the error names every defect.
     """
     return _scene(text, f"scene {origin}", None, overrides)
 
@@ -86,7 +86,7 @@ _SECTIONS = (
 
 
 def _document(text: str, heading: str, overrides: Mapping[str, Any] | None) -> tuple[Document, Defects]:
-    """Return the document with its overrides, and the defects that are known before its content is read."""
+    """Return the document of a text with the overrides applied, and a report with the defects found so far."""
     document = parse_document(text, heading=heading)
     report = Defects(heading, document)
     for key, without in (("dynamics", "equilibria"), ("self_contact", "surfaces that pass through each other")):
@@ -162,7 +162,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
 
 
 def _on_arms(handles: Sequence[Handle], arms: Sequence[Arm]) -> tuple[Handle, ...]:
-    """Return the handles, each with the arm that carries it, and the links of the arms as obstacles."""
+    """Return the handles, each with the name of the arm that carries it, and the links of the arms as obstacles."""
     carriers = {arm.handle: arm.name for arm in arms}
     carried = (replace(each, carrier=carriers[each.name]) if each.name in carriers else each for each in handles)
     return (*carried, *(piece for arm in arms for piece in arm.links))
@@ -179,7 +179,10 @@ def _validate(document: Document, report: Defects, folder: Path | None) -> Draft
 
 
 def _prune(data: dict[str, Any], broken: list[KeyPath]) -> dict[str, Any]:
-    """Return a copy of the data without defective entries, so that the others can be checked against each other."""
+    """Return a copy of the data without the defective entries at the key paths ``broken``.
+
+    The remaining entries can then be checked against each other.
+    """
     sound = {key: value for key, value in data.items() if key in Draft.model_fields}
     for path in broken:
         _drop(sound, path[: _depth(path)])
@@ -219,7 +222,10 @@ def _source(
     *,
     changed: bool,
 ) -> str:
-    """Return text that needs no other file: the text itself, or the data with the contents of its files."""
+    """Return scene text that refers to no other file.
+
+    It is the given text, or YAML of the data if this was ``changed`` or if the contents of files are embedded in it.
+    """
     for path, entry in carried.items():
         within = data
         for key in path[:-1]:

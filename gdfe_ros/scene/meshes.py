@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Construction of the simulated mesh from `mesh`, or from all `meshes`, of a scene file."""
+"""Construction of the simulated mesh from the key `mesh`, or from all entries of `meshes`, of a scene file."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.skin_schema import SkinModel
 
 Carried = dict[KeyPath, dict[str, Any]]
-"""Entries of a scene with their files embedded, by key path; the entry of a skin follows that of its mesh."""
+"""Dict from key path to scene entry with the contents of its files; a mesh comes before its skin."""
 
 
 def require_body(data: Mapping[str, Any], report: Defects) -> None:
-    """Report a scene without a body, or with both `mesh` and `meshes`."""
+    """Report a defect if a scene has no body, both `mesh` and `meshes`, or `skin` with `meshes`."""
     if "meshes" in data and "mesh" in data:
         text = "`mesh` is there, too; remedy: keep one of the two; `meshes` may contain a single body"
         report.add(("meshes",), text, value=NO_VALUE)
@@ -40,7 +40,9 @@ def require_body(data: Mapping[str, Any], report: Defects) -> None:
 
 
 def build_mesh(draft: Draft, names: Sequence[str], report: Defects) -> tuple[Mesh | None, Carried]:
-    """Return the mesh with its skin, None if it has defects, and the scene's entries with their files embedded.
+    """Return the mesh of a scene with its skin, and the scene's entries with the contents of their files.
+
+    The mesh is None if it has defects.
 
     Args:
         draft: valid parts of the file.
@@ -68,7 +70,10 @@ def build_mesh(draft: Draft, names: Sequence[str], report: Defects) -> tuple[Mes
 def _body(
     model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
 ) -> Mesh | None:
-    """Return a mesh in its own frame; ``paths`` are the key paths of it and of its skin."""
+    """Return a mesh with its skin, in its own frame; None if it has defects.
+
+    ``paths`` are the key paths of the mesh and of its skin. Entries with embedded files are added to ``carried``.
+    """
     mesh = None if model is None else _made(model, skin, paths, carried, report)
     return None if mesh is None else model.reflect(mesh)
 
@@ -76,7 +81,7 @@ def _body(
 def _made(
     model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
 ) -> Mesh | None:
-    """Return a mesh with its skin as their files contain them, before a reflection."""
+    """Return a mesh with its skin, as in their files, before a reflection; the arguments are those of `_body`."""
     store = BodyStore(model, skin)
     found = store.recall()
     if found is not None:
@@ -122,11 +127,11 @@ def _require_apart(parts: Mapping[str, MeshPart], report: Defects) -> None:
 
 
 def known_part(mesh: Mesh, name: str | None, path: KeyPath, report: Defects) -> bool:
-    """Return whether a place refers to no mesh or to one that exists; report one that does not exist.
+    """Return whether the mesh that an entry names exists; report a defect if not.
 
     Args:
         mesh: the body.
-        name: name of the mesh that the place refers to; None if it refers to none.
+        name: name of the mesh; None, which is valid, if the entry names no mesh.
         path: key path of the entry with the key `mesh`.
         report: collects the defect.
     """

@@ -12,7 +12,7 @@ from gdfe_ros.scene.report import Defects
 
 
 def apply_override(document: Document, key: str, value: Any, report: Defects) -> None:
-    """Replace a value in the data; missing mappings on its path are created.
+    """Replace a value of a document; mappings that are missing on its path are created.
 
     Args:
         document: the scene's data, modified in place.
@@ -49,7 +49,7 @@ def apply_override(document: Document, key: str, value: Any, report: Defects) ->
 
 
 def override_words(overrides: Mapping[str, Any]) -> list[str]:
-    """Return overrides in the form of the node's parameter ``scene_overrides``: ``key=value`` with YAML values."""
+    """Return overrides as a list of texts ``key=value`` with YAML values, for the node's ``scene_overrides``."""
     return [
         f"{key}={value if isinstance(value, str) else json.dumps(_plain(value))}" for key, value in overrides.items()
     ]

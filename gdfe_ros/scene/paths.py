@@ -15,10 +15,10 @@ def resolve_path(value: Any, info: ValidationInfo) -> Path:
 
     Args:
         value: the value in the file.
-        info: its `context` has the `folder` of the scene file, None for a scene given as text.
+        info: pydantic's information; its `context` has the `folder` of the scene file, None for a scene given as text.
 
     Raises:
-        PydanticCustomError: the value is no text, or a relative path without a folder.
+        PydanticCustomError: the value is no text, or it is a relative path and there is no folder.
     """
     folder = (info.context or {}).get("folder")
     if not isinstance(value, str):

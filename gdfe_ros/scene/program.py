@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A program: the poses of the handles and the commands of actuators and loads over time."""
+"""A program: poses of handles, commands of actuators and loads, and positions of joints over time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Keyframe:
 
 @dataclass(frozen=True)
 class Point:
-    """A command at a time [s], in the unit of the actuator; of a load, its factor."""
+    """The command of an actuator, in its unit, or the factor of a load, at a time [s]."""
 
     time: float
     value: float
@@ -40,18 +40,20 @@ class JointPoint:
 
 @dataclass(frozen=True)
 class Program:
-    """Keyframes of handles, actuators and loads; between two of them everything changes linearly.
+    """Keyframes of handles, obstacles, actuators, loads and joints.
 
-    At time 0 a handle is in its rest pose, unless it has a keyframe at time 0. After its last keyframe it keeps the
-    pose of that keyframe. The same holds for actuators and loads; their commands at time 0 are in `start`.
+    At time 0 a handle is in its rest pose, unless it has a keyframe at time 0. Between two keyframes its pose changes
+    linearly. After its last keyframe it keeps the pose of that keyframe. The same holds for the commands of actuators
+    and loads, which have the values in `start` at time 0. Between two points of a joint its position is a cubic
+    polynomial.
 
     Attributes:
         duration: length of the program [s].
-        keyframes: by handle name, times ascending and within the duration.
-        actuators: by actuator name, times as for handles.
-        loads: by load name, times as for handles.
-        start: command at time 0 of actuators, loads and joints whose first keyframe comes later.
-        joints: by joint of an arm, times as for handles; cubic between the points, not linear.
+        keyframes: dict from the name of a handle or obstacle to its keyframes, times ascending and within the duration.
+        actuators: dict from the name of an actuator to its commands, times likewise.
+        loads: dict from the name of a load to its factors, times likewise.
+        start: dict from the name of an actuator, load or joint to its command at time 0, if its first point is later.
+        joints: dict from the name of an arm's joint to its positions and velocities, times likewise.
     """
 
     duration: float
@@ -63,35 +65,47 @@ class Program:
 
     @property
     def times(self) -> tuple[float, ...]:
-        """Times [s] at which a velocity may change: 0, every keyframe, the duration; ascending."""
+        """Times [s] at which a rate of change may jump: 0, the times of all keyframes, and the duration; ascending."""
         times = {0.0, self.duration}
         for tracks in (self.keyframes, self.actuators, self.loads, self.joints):
             times.update(frame.time for frames in tracks.values() for frame in frames)
         return tuple(sorted(times))
 
     def moments(self, steps: int | None) -> list[float]:
-        """Return the end times [s] of ``steps`` equal load steps; None: one for each of `times`."""
+        """Return the end times [s] of ``steps`` equal load steps; if it is None, the `times` after 0."""
         if steps is None:
             return list(self.times[1:])
         return list(np.linspace(0.0, self.duration, steps + 1)[1:])
 
     def handle_poses(self, time: float) -> dict[str, Pose]:
-        """Return the pose of every handle of the program at a time [s], clamped to [0, duration]."""
+        """Return a dict from the name of each moving handle or obstacle to its pose at a time [s].
+
+        The time is limited to 0 .. duration.
+        """
         moment = min(max(time, 0.0), self.duration)
         return {name: _pose_at(frames, moment) for name, frames in self.keyframes.items()}
 
     def actuator_values(self, time: float) -> dict[str, float]:
-        """Return the command of every actuator of the program at a time [s], clamped to [0, duration]."""
+        """Return a dict from the name of each actuator of the program to its command at a time [s].
+
+        The time is limited to 0 .. duration.
+        """
         moment = min(max(time, 0.0), self.duration)
         return {name: _value_at(points, moment, self.start[name]) for name, points in self.actuators.items()}
 
     def load_factors(self, time: float) -> dict[str, float]:
-        """Return the factor of every load of the program at a time [s], clamped to [0, duration]."""
+        """Return a dict from the name of each load of the program to its factor at a time [s].
+
+        The time is limited to 0 .. duration.
+        """
         moment = min(max(time, 0.0), self.duration)
         return {name: _value_at(points, moment, self.start[name]) for name, points in self.loads.items()}
 
     def joint_positions(self, time: float) -> dict[str, float]:
-        """Return the position of every joint of the program at a time [s], clamped to [0, duration]."""
+        """Return a dict from the name of each joint of the program to its position [rad] or [m] at a time [s].
+
+        The time is limited to 0 .. duration.
+        """
         moment = min(max(time, 0.0), self.duration)
         return {name: _joint_at(points, moment, self.start[name]) for name, points in self.joints.items()}
 

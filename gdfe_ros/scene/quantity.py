@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A number of a scene file: its meaning, unit, range, and the remedy if it is out of range."""
+"""Description of a number in a scene file: meaning, unit, range, and the remedy if it is out of range."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-#: Number of components that stands for a list of any length.
+#: Value of `Quantity.count` for a list of any length.
 ANY = -1
 
 
@@ -23,15 +23,15 @@ class Quantity:
 
     Attributes:
         meaning: meaning of the number.
-        unit: SI unit, "" for none.
+        unit: unit of the number; "" for a number without a unit.
         least: smallest allowed value.
         most: largest allowed value.
         above: the value must be larger than this.
         below: the value must be smaller than this.
         count: None for one number, n for a list of n numbers, `ANY` for a list of one or more.
         whole: whether only whole numbers are allowed.
-        ascending: whether the components must not descend.
-        infinite: whether infinities are allowed.
+        ascending: whether each component must be at least as large as the component before it.
+        infinite: whether infinite values are allowed.
         remedy: advice for a value out of range.
     """
 
@@ -53,7 +53,7 @@ class Quantity:
 
     @property
     def allowed(self) -> str:
-        """The range in words, e.g. ``0 < Young's modulus [Pa] <= 1e+13``."""
+        """Form and range in words, e.g. ``a number: 0 < Young's modulus [Pa] <= 1e+13``."""
         low, high = self.above if self.above is not None else self.least, self.below
         high = high if high is not None else self.most
         name = f"{self.meaning} [{self.unit}]" if self.unit else self.meaning
@@ -68,10 +68,10 @@ class Quantity:
         return f"{self._form}: {text}"
 
     def check(self, value: Any) -> Any:
-        """Return the value as float or int, or as a tuple of them; numbers in strings are converted.
+        """Return the value as a float or int, or as a tuple of floats or ints; numbers in strings are converted.
 
         Raises:
-            PydanticCustomError: the value has the wrong type, is not finite, or is out of range.
+            PydanticCustomError: the value has the wrong type or length, is not finite, or is out of range.
         """
         if self.count is None:
             return self._number(value)

@@ -26,12 +26,12 @@ _WORDS = {float: "number", int: "whole number", bool: "true or false", str: "tex
 
 
 def markdown() -> str:
-    """Return a section for each kind of entry: its meaning, its keys, and examples."""
+    """Return Markdown with a section for each kind of entry: its meaning, its keys, and examples."""
     return "\n".join(_section(model) for model in models())
 
 
 def models() -> list[type[BaseModel]]:
-    """Return the kinds of entries, the whole file first, each before the entries inside of it."""
+    """Return the kinds of entries, starting with the whole file; each kind comes before the kinds that it contains."""
     found: list[type[BaseModel]] = [SceneModel]
     for model in found:
         for field in model.model_fields.values():
@@ -40,7 +40,7 @@ def models() -> list[type[BaseModel]]:
 
 
 def meaning_of(field: FieldInfo) -> str:
-    """Return the meaning of a key: its description, that of its number, or that of its entry."""
+    """Return the meaning of a key: the description of its field, or the meaning of its number or of its entry."""
     quantity = find_quantity(field)
     inner = next(iter(_inside(field.annotation)), None)
     if field.description:
@@ -70,7 +70,7 @@ def _row(name: str, field: FieldInfo, *, optional: bool) -> tuple[str, ...]:
 
 
 def _form(annotation: Any, quantity: Quantity | None) -> str:
-    """Return the form of a value: a number, one of some words, an entry (with a link), a list or mapping of them."""
+    """Return the form of a value in words: a number, a choice of words, an entry (with a link), a list or a mapping."""
     if quantity is not None:
         noun = "whole number" if quantity.whole else "number"
         return noun if quantity.count is None else f"{'' if quantity.count == ANY else quantity.count} {noun}s".strip()
@@ -115,7 +115,7 @@ def _value(value: Any) -> str:
 
 
 def _inside(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the kinds of entries in an annotation."""
+    """Yield the kinds of entries that an annotation contains."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
         return
@@ -125,7 +125,7 @@ def _inside(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _bare(annotation: Any) -> Any:
-    """Return an annotation without Annotated and Optional."""
+    """Return the type inside of Annotated and Optional."""
     if get_origin(annotation) is Annotated:
         return _bare(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType):

@@ -15,17 +15,17 @@ from gdfe_ros.scene.keys import describe_key, known_keys
 from gdfe_ros.scene.material_schema import LAWS
 from gdfe_ros.spelling import closest, did_you_mean
 
-#: Argument of `Defects.add` for a defect without a value to show.
+#: Argument ``value`` of `Defects.add` for a defect whose text shows no value.
 NO_VALUE = object()
 _LONGEST_VALUE = 60
 
 
 class Defects:
-    """Collects defects and raises them together.
+    """Collection of defects, which are raised together in one error.
 
     Args:
-        heading: the examined input, e.g. ``scene config/scenes/bend5.yaml``.
-        document: the parsed file, for values and lines.
+        heading: name of the examined input, e.g. ``scene config/scenes/bend5.yaml``.
+        document: the parsed file, from which values and line numbers are read.
     """
 
     def __init__(self, heading: str, document: Document) -> None:
@@ -42,8 +42,7 @@ class Defects:
         Args:
             path: keys and indices from the top level.
             text: allowed values and remedy.
-            value: shown if given; otherwise looked up in the file if it is a plain value there;
-                `NO_VALUE` shows none.
+            value: value to show; None for the value in the file, if this is not a mapping; `NO_VALUE` for no value.
         """
         line = self._document.line(path)
         self._concerned.add(path)
@@ -56,11 +55,7 @@ class Defects:
         self._found.append((line or 0, f"{key}{given}{where}: {text}"))
 
     def add_invalid(self, error: ValidationError) -> list[KeyPath]:
-        """Add every defect that pydantic found.
-
-        Returns:
-            Their key paths.
-        """
+        """Add every defect that pydantic found; return the key paths of these defects."""
         items = [(_keys_of(item["loc"]), item) for item in error.errors(include_url=False)]
         misspelt = {
             (*path[:-1], closest(path[-1], known_keys(item["loc"][:-1])))
@@ -73,11 +68,14 @@ class Defects:
         return [path for path, _ in items]
 
     def concerns(self, key: str) -> bool:
-        """Return whether a defect was found at the ``key`` of the scene or a mesh: its consequences need no report."""
+        """Return whether a defect was found at the ``key`` of the scene or of a mesh.
+
+        Defects that follow from it need no report of their own.
+        """
         return any(key in path for path in self._concerned if path and path[0] in (key, "mesh", "meshes"))
 
     def raise_if_any(self) -> None:
-        """Raise SceneError with every defect, in the order of the file."""
+        """Raise SceneError with every defect, in the order of the file, if there are defects."""
         if self._found:
             found = sorted(enumerate(self._found), key=lambda entry: (entry[1][0], entry[0]))
             raise SceneError(self.heading, [text for _, (_, text) in found])
@@ -122,13 +120,13 @@ class Defects:
 
 
 def suggest(given: Any, allowed: Iterable[str]) -> str:
-    """Return ``; did you mean 'x'? allowed: ...`` for a word that is not among the allowed ones."""
+    """Return the text ``; did you mean 'x'? allowed: ...`` for a word that is not among the allowed words."""
     words = [str(word) for word in allowed]
     return f"; {did_you_mean(str(given), words)}allowed: {', '.join(words) or 'none'}"
 
 
 def _keys_of(location: KeyPath) -> KeyPath:
-    """Return a location without the parts that pydantic adds to the keys and indices of the file."""
+    """Return the key path of an error location: without the items that pydantic adds to the file's keys and indices."""
     return tuple(part for part in location if part != "[key]" and not str(part).startswith(TAG))
 
 

@@ -13,13 +13,14 @@ from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.scene.scene import Scene
 
 LEAST_CELLS = 3.0
-"""Least number of cells per radius of a ball. With it the contact force is within 8 %, at an indentation of a tenth of
-the radius.
+"""Smallest ratio of a ball's radius to the size of the cells. With this ratio, and at an indentation of a tenth of the
+radius, the error of the contact force is at most 8 %.
 """
 ROUNDING = 1e-9
-"""Relative tolerance of a radius."""
+"""Relative tolerance of the comparison of radius and cell size, for rounding errors."""
 THICKEST_CELL = 0.35
-"""Largest thickness of a wall cell over the radius of a round cavity; above it the volume error exceeds 5 %."""
+"""Largest ratio of the thickness of a wall cell to the radius of a round cavity; above it the volume error exceeds 5 %.
+"""
 ROUND = 1.1
 """A cavity counts as round if its area is at most this multiple of the area of a ball with the same volume; a cube has
 1.24.
@@ -27,7 +28,7 @@ ROUND = 1.1
 
 
 def coarse_contacts(scene: Scene) -> list[str]:
-    """Return remarks on balls whose radius is small compared with the cells that they may touch."""
+    """Return remarks on balls whose radius is too small compared with the size of the body's boundary faces."""
     balls = [handle for handle in scene.handles if isinstance(handle, Obstacle) and isinstance(handle.form, Sphere)]
     if not balls:
         return []
@@ -44,7 +45,7 @@ def coarse_contacts(scene: Scene) -> list[str]:
 
 
 def coarse_cavities(scene: Scene) -> list[str]:
-    """Return remarks on round chambers with a thick wall and too few cells across it."""
+    """Return remarks on round chambers whose wall has too few cells through its thickness."""
     found = []
     for chamber in scene.actuators:
         if not isinstance(chamber, Chamber) or chamber.points is not None or scene.mesh.nodes != 8:
@@ -67,7 +68,7 @@ def coarse_cavities(scene: Scene) -> list[str]:
 
 
 def _depth(scene: Scene, chamber: Chamber) -> float:
-    """Return the mean thickness [m] of the cells with a face in a chamber, perpendicular to that face."""
+    """Return the mean thickness [m] of the cells with a face in a chamber, from this face to the opposite face."""
     inner = np.isin(scene.mesh.cells, chamber.quads)
     behind = inner.sum(axis=1) == 4
     corners, near = scene.mesh.vertices[scene.mesh.cells[behind]], inner[behind, :, None]

@@ -24,27 +24,27 @@ from gdfe_ros.solver.settings import SolverSettings
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
-    """A body, its materials, handles, actuators and loads, and solver settings. SI units.
+    """A body, its materials, handles, actuators and loads, and the solver settings. SI units.
 
     Attributes:
         name: short name.
-        description: one sentence for people.
+        description: a sentence that describes the scene.
         mesh: the body.
-        materials: by name, in the order of the file.
+        materials: dict from name to material, in the order of the file.
         cell_material: index into `materials` of each cell, shape (m,), int32.
-        handles: in the order of the file.
-        program: played by `gdfe solve`; None if the scene has none.
-        solver: settings.
-        source: YAML text that rebuilds this scene without any other file, overrides included; empty for a scene
+        handles: handles, obstacles, rigid bodies and links of arms.
+        program: program that `gdfe solve` plays; None if the scene has no program.
+        solver: settings of the solver.
+        source: YAML text that rebuilds this scene without any other file, with the overrides applied; empty for a scene
             that was made in Python.
-        path: its file; None for text.
+        path: path of the scene's file; None for a scene from text.
         actuators: cables, chambers and growths, in the order of the file.
         loads: dead loads, in the order of the file.
-        probes: material points by name, in the order of the file.
-        sensors: contact sensors by name, in the order of the file.
-        masses: attached masses, in the order of the file.
+        probes: dict from name to material point, in the order of the file.
+        sensors: dict from name to contact sensor, in the order of the file.
+        masses: attached masses in the order of the file, then the masses of the rigid bodies.
         self_contact: faces of the mesh that may touch each other; None if they pass through each other.
-        dynamics: inertia, damping and time steps; None if every step is an equilibrium.
+        dynamics: inertia, damping and time steps; None if every step ends in a static equilibrium.
         arms: arms that carry handles, in the order of the file; their links are among the handles.
     """
 

@@ -50,14 +50,14 @@ _ITERATIONS = Quantity("largest number of iterations per step", least=1, most=1_
 
 
 class RegionModel(Entry):
-    """Assigns a material to cells; later regions win."""
+    """A material and the cells that have it; a later region replaces the material of an earlier region."""
 
     material: str = Field(description="name of one of the materials")
     where: WhereModel | None = Field(None, description="the cells (default: all)")
 
 
 class HandleModel(Entry):
-    """Vertices that are held, or moved together as one rigid piece."""
+    """Vertices that are fixed, or move together as a rigid body."""
 
     where: WhereModel = Field(description="the vertices, e.g. {face: x-}")
     fixed: bool = Field(False, description="true: the handle stays at its rest pose and takes no commands")
@@ -76,17 +76,17 @@ class HandleModel(Entry):
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """The axes along which it slides, in ascending order."""
+        """Axes along which the handle slides, in ascending order."""
         return tuple(axis for axis in Axis if axis.name.lower() in self.free)
 
     @property
     def turning(self) -> tuple[Axis, ...]:
-        """The axes about which it rotates freely, in ascending order."""
+        """Axes about which the handle rotates freely, in ascending order."""
         return tuple(axis for axis in Axis if f"r{axis.name.lower()}" in self.free)
 
 
 class KeyframeModel(Entry):
-    """The complete pose of a handle or obstacle relative to rest at a time; components left out are zero."""
+    """The pose of a handle or obstacle at a time, relative to its rest pose; a key that is left out is zero."""
 
     time: Annotated[float, _TIME]
     translation: Annotated[tuple[float, float, float], _TRANSLATION] = (0.0, 0.0, 0.0)
@@ -106,7 +106,7 @@ class PointModel(Entry):
 
 
 class JointPointModel(Entry):
-    """The position of an arm's joint at a time; between two points it follows the cubic with the velocities of both."""
+    """Position and velocity of an arm's joint at a time; between two points the position is a cubic polynomial."""
 
     time: Annotated[float, _TIME]
     value: Annotated[float, _POSITION]
@@ -114,7 +114,7 @@ class JointPointModel(Entry):
 
 
 class ProgramModel(Entry):
-    """The program that `gdfe solve` plays."""
+    """Commands over time, which `gdfe solve` plays."""
 
     duration: Annotated[float, _DURATION]
     handles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving handle")
@@ -154,7 +154,7 @@ class SolverModel(Entry):
         """Return the settings.
 
         Raises:
-            ValueError: two of them exclude each other.
+            ValueError: two settings exclude each other.
         """
         return SolverSettings(**dict(self))
 
@@ -216,7 +216,7 @@ class SceneModel(Entry):
 
 
 class Draft(BaseModel):
-    """The valid parts of a defective scene file: a subset of `SceneModel`, so that the rest can be checked."""
+    """The valid entries of a scene file; they can be checked even if other entries have defects."""
 
     mesh: MeshModel | None = None
     meshes: dict[str, PlacedMeshModel] = {}

@@ -26,14 +26,16 @@ from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
 LARGEST_CONTRAST = 1e10
-"""Largest ratio of moduli in one body. Double precision does not resolve a softer material; 1e6 is tested."""
+"""Largest ratio of Young's moduli in a body; double precision does not resolve larger ratios. 1e6 is tested."""
 
 
 def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
-    """Raise an error for a scene that cannot be solved with these settings; scenes from files were checked on loading.
+    """Raise an error if a scene cannot be solved with these settings.
+
+    A scene from a file was already checked on loading, with the file's settings.
 
     Raises:
-        SceneError: every reason.
+        SceneError: the scene cannot be solved; the error names every reason.
     """
     defects = unsolvable(
         materials=scene.materials,
@@ -80,7 +82,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
 
 
 def _to_touch(mesh: Mesh) -> str:
-    """Return the entries of a scene file with which the parts of a body touch each other."""
+    """Return a text with the changes of a scene file after which the parts of a body touch each other."""
     steps = ["self_contact: {friction: 0.5}"]
     if cut_key(mesh):
         steps.append("cells: whole, because cut cells have no faces that touch")
@@ -102,10 +104,10 @@ def unsolvable(
     mesh: Mesh | None = None,
     cut: tuple[str, ...] = (),
 ) -> list[tuple[tuple[str, ...], str]]:
-    """Return the conflicts between the parts of a scene, each as its key in a scene file and a sentence.
+    """Return the conflicts between the entries of a scene, each as a key path in the scene file and a sentence.
 
-    ``cell_material`` (m,) are indices of materials. It is empty after a defect; contrasts are then not checked.
-    ``mesh`` is the body if it is valid. ``cut`` is the key path of partly filled cells, as in `cut_key`.
+    ``cell_material`` (m,) are the indices of the cells' materials. If it is empty because of a defect, the ratios of
+    moduli are not checked. ``mesh`` is the body, None if it has defects. ``cut`` is the result of `cut_key`.
     """
     held = {item.name: _held(item, handles) for item in actuators}
     found = [
@@ -127,7 +129,7 @@ def _tetrahedra(
     self_contact: SelfContact | None,
     policy: Policy,
 ) -> str:
-    """Return a message about items that a body of tetrahedra cannot have yet; empty if there are none."""
+    """Return a message about items that bodies of tetrahedra do not support yet; empty if there are none."""
     if not isinstance(mesh, TetMesh):
         return ""
     lacking = [f"policy {policy.value!r}"] * (policy is not Policy.ENERGY)
@@ -141,9 +143,9 @@ def _tetrahedra(
 
 
 def cut_key(mesh: Mesh) -> tuple[str, ...]:
-    """Return the key path at which a scene file asks for cut cells; empty if no cells are cut.
+    """Return the key path of the key ``cells`` that selects cut cells in the scene file; empty if no cells are cut.
 
-    Of several meshes with cut cells, the first one without a touching skin counts, or else the first one.
+    If several meshes have cut cells, it is that of the first mesh whose skin does not touch, or else of the first mesh.
     """
     if mesh.filling is None:
         return ()
@@ -154,7 +156,7 @@ def cut_key(mesh: Mesh) -> tuple[str, ...]:
 
 
 def _contrast(materials: Mapping[str, Material], cell_material: NDArray[np.int32]) -> str:
-    """Return a message if the moduli of materials differ too much; empty if they do not."""
+    """Return a message if the ratio of the materials' moduli is too large; empty if not."""
     names = list(materials)
     moduli = {names[i]: materials[names[i]].young0 for i in np.unique(cell_material) if names[i] in materials}
     if not moduli:
@@ -175,7 +177,7 @@ def _forces(
     self_contact: SelfContact | None,
     policy: Policy,
 ) -> str:
-    """Return a message about items that need forces, under the ``relative`` policy, which has none; empty if none."""
+    """Return a message about items that need forces if the policy is ``relative``, which has no forces; else empty."""
     if policy is Policy.ENERGY:
         return ""
     names = [item.name for item in actuators if not isinstance(item, Growth)]
@@ -189,7 +191,7 @@ def _forces(
 
 
 def _inertia(materials: Mapping[str, Material], policy: Policy) -> str:
-    """Return a message if dynamics are impossible; empty if they are possible."""
+    """Return a message if dynamics are impossible with the policy or without a density; empty if they are possible."""
     if policy is not Policy.ENERGY:
         return "the policy 'relative' has no forces and finds equilibria only; remedy: policy: energy"
     return lacks_density(materials, "dynamics need")
@@ -204,7 +206,10 @@ def _still(handles: Sequence[Handle]) -> str:
 
 
 def _inside(handles: Sequence[Handle], mesh: Mesh | None) -> str:
-    """Return a message about rigid bodies inside each other, obstacles or the undeformed body; empty without any."""
+    """Return a message about rigid bodies that are initially inside another rigid body, an obstacle or the soft body.
+
+    It is empty if there are none.
+    """
     if not any(isinstance(handle, RigidBody) for handle in handles):
         return ""
     from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_at_rest  # loads numba
@@ -225,7 +230,7 @@ def _beside(
     policy: Policy,
     mesh: Mesh | None,
 ) -> str:
-    """Return a message about items that act on faces of cut cells, which lie beside the surface; empty if none."""
+    """Return a message about items that act on the faces of cut cells, which are not on the surface; empty if none."""
     if policy is not Policy.ENERGY:
         return "the policy 'relative' does not weight cells that are cut; remedy: cells: whole, or policy: energy"
     bare = _touch_by_cut_faces(mesh)
@@ -243,7 +248,7 @@ def _beside(
 
 
 def _touch_by_cut_faces(mesh: Mesh | None) -> bool:
-    """Return whether a mesh, or one of several, has cut cells and no skin that touches instead of its faces."""
+    """Return whether a mesh, or a mesh of an assembly, has cut cells and no skin that touches instead of its faces."""
     if mesh is None:
         return False
     meshes = [part.mesh for part in mesh.parts.values()] or [mesh]
@@ -251,7 +256,7 @@ def _touch_by_cut_faces(mesh: Mesh | None) -> bool:
 
 
 def _by_skin(mesh: Mesh | None) -> str:
-    """Return a message if parts of the body should touch each other by a skin, which is impossible; empty if not."""
+    """Return a message if the body has self-contact and a touching skin, which exclude each other; empty if not."""
     if mesh is None or mesh.touching is None:
         return ""
     names = [f"meshes.{name}.skin" for name, part in mesh.parts.items() if part.mesh.touching is not None]
@@ -262,7 +267,10 @@ def _by_skin(mesh: Mesh | None) -> str:
 
 
 def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:
-    """Return a message if all vertices of a commanded length or volume are immovable; empty if not."""
+    """Return a message if all vertices of a cable or chamber with a commanded length or volume are in fixed handles.
+
+    Handles without free axes count as fixed. The message is empty if a vertex can move.
+    """
     if isinstance(actuator, Cable) and actuator.mode is not Mode.TENSION:
         vertices = actuator.points.corners[actuator.points.weights != 0.0]
     elif isinstance(actuator, Chamber) and actuator.mode is not Mode.PRESSURE:

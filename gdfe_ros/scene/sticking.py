@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Remarks on time schemes with which bodies slide although friction should hold them."""
+"""Remarks on time schemes with which bodies slide on each other although friction is large enough for sticking."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 
 
 def slipping(scene: Scene) -> list[str]:
-    """Return remarks on friction with a scheme that does not damp contact oscillations; empty if there are none."""
+    """Return remarks on a scene with friction if its time scheme does not damp contact oscillations; else empty."""
     dynamics = scene.dynamics
     if dynamics is None or not _beats(dynamics):
         return []
@@ -29,7 +29,7 @@ def slipping(scene: Scene) -> list[str]:
 
 
 def _beats(dynamics: Dynamics) -> bool:
-    """Return whether a scheme damps the fastest oscillations only a little."""
+    """Return whether the time scheme damps the fastest oscillations little or not at all."""
     if dynamics.scheme is Scheme.NEWMARK:
         return True
     return dynamics.scheme is Scheme.GENERALISED_ALPHA and dynamics.rho_inf > Dynamics.rho_inf

@@ -13,7 +13,7 @@ _REMEDY = "allowed is a csv file with the header strain,stress and one row of nu
 
 @dataclass(frozen=True)
 class StressTable:
-    """Uniaxial nominal stress [Pa] over engineering strain, of equal length."""
+    """Columns of engineering strain and uniaxial nominal stress [Pa], of equal length."""
 
     strain: tuple[float, ...]
     stress: tuple[float, ...]
@@ -23,10 +23,12 @@ def read_stress_table(path: Path) -> StressTable:
     """Return the columns strain and stress [Pa] of a csv file.
 
     Args:
-        path: the file; comma, semicolon or tab separated, with a header; lines that start with # are skipped.
+        path: the file, with the header strain,stress; separators are commas, semicolons or tabs. Lines that start with
+            # are skipped.
 
     Raises:
-        ValueError: the file does not exist, has no such header, or has rows that are not two finite numbers.
+        ValueError: the file cannot be read, has another header, has rows that are not two finite numbers, or has fewer
+            than two rows.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")

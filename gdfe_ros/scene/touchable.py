@@ -22,13 +22,13 @@ from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.where_schema import WhereModel
 
 SMALLEST, LARGEST = 1e-3, 1e3
-"""Allowed range of a surface's size over the body's; outside of it, the unit of the surface is probably wrong."""
+"""Allowed range of a surface's size divided by the body's size; outside of it, the surface's unit is probably wrong."""
 COARSEST = 0.25
-"""Largest grid cell of a surface over the body's size; coarser grids do not resolve the touched shape."""
+"""Largest grid spacing of a surface, divided by the body's size; coarser grids do not resolve the shape in contact."""
 
 
 def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Obstacle, ...]:
-    """Return the valid obstacles; none may have the name of a handle."""
+    """Return the valid obstacles; report obstacles with the name of a handle."""
     obstacles = []
     for name, model in draft.obstacles.items():
         if name in draft.handles:
@@ -47,7 +47,7 @@ def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tupl
 
 
 def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) -> None:
-    """Report a solid whose size or whose grid cell does not suit the size of the body."""
+    """Report a solid whose size or grid spacing is implausible compared with the size of the body."""
     ratio = solid.size / mesh.size
     if not SMALLEST <= ratio <= LARGEST:
         allowed = f"allowed: {SMALLEST:g} to {LARGEST:g} times"
@@ -61,7 +61,7 @@ def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) 
 
 
 def build_bodies(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[RigidBody, ...]:
-    """Return the valid rigid bodies; report those with the name of a handle or an obstacle."""
+    """Return the valid rigid bodies; report bodies with the name of a handle or of an obstacle."""
     for name in draft.bodies:
         if name in draft.handles or name in draft.obstacles:
             report.add(("bodies", name), "a handle or an obstacle has this name; remedy: another one", value=NO_VALUE)
@@ -80,7 +80,7 @@ def build_bodies(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[R
 
 
 def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Defects) -> SelfContact | None:
-    """Return the self-contact definition with the faces that may touch; None without self-contact."""
+    """Return the self-contact of a scene with the faces that may touch; None if there is none or if it has a defect."""
     model = draft.self_contact
     if model is None or mesh is None:
         return None
@@ -92,7 +92,7 @@ def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Defects) -> S
 
 
 def build_sensors(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, ContactSensor]:
-    """Return the contact sensors with valid faces, or skin points."""
+    """Return a dict from name to contact sensor, of the sensors with valid faces or contact points of a skin."""
     found = {}
     for name, model in draft.sensors.items() if mesh is not None else ():
         sensor = _sensor(name, mesh, model.where, report)

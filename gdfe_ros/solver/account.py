@@ -11,13 +11,13 @@ from gdfe_ros.constraints import Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Failure:
-    """A time step that fails from the present state, even with the shortest first internal step.
+    """Record of a time step whose first internal step fails from the present state, even at the shortest length.
 
     Attributes:
         poses, commands: targets of the step.
-        duration: of the step [s].
-        length: of its internal steps [s] before any of them is halved.
-        reason: why it fails.
+        duration: duration of the step [s].
+        length: length of its internal steps [s] before any of them is halved.
+        reason: reason for the failure.
     """
 
     poses: Mapping[str, Pose]
@@ -32,8 +32,8 @@ class Bound:
     """Extremes of a moving body's energy; they show whether a step creates energy.
 
     Attributes:
-        start, least: kinetic + elastic + potential energy - work [J] at the beginning, and the minimum so far. Both are
-            raised by the uncertainty of the later work.
+        start: kinetic + elastic + potential energy - work [J] at the beginning.
+        least: minimum of this balance so far [J]. The uncertainty of later work is added to ``start`` and ``least``.
         most: largest kinetic + elastic energy so far [J].
     """
 
@@ -44,14 +44,14 @@ class Bound:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ledger:
-    """Work and dissipated energy of a moving body since the start, and time that has passed without a step.
+    """Work and dissipated energy of a moving body since the start, and time that is not simulated yet.
 
     Attributes:
-        work: done on the body by handles and by changing commands [J].
+        work: work of handles and of changing commands on the body [J].
         lost: energy dissipated by damping and friction [J].
-        owed: time [s] that has passed without a step because it was too short for one.
+        owed: reported time [s] that was too short to simulate; the next step includes it.
         failure: the last step if it failed; None if it succeeded.
-        bound: extremes of the energy; None before a step that restarts the account.
+        bound: extremes of the energy; None if the next step starts them anew.
     """
 
     work: float

@@ -7,22 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 MEMORY = 6
-"""Number of pairs that the acceleration keeps."""
+"""Number of differences between successive iterates that the acceleration uses."""
 GROWTH = 2.0
-"""If the residual grows by more than this factor, the history is dropped and a plain step follows."""
+"""If the norm of the residual grows by more than this factor, the history is dropped and a plain iteration follows."""
 
 
 class Anderson:
-    """Anderson acceleration of x = x + f(x), from the last few pairs (x, f)."""
+    """Anderson acceleration of the iteration x <- x + f(x), from the last few pairs (x, f)."""
 
     def __init__(self) -> None:
         self._iterates: list[NDArray[np.float64]] = []
         self._residuals: list[NDArray[np.float64]] = []
 
     def next(self, x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the next iterate from ``x`` and its residual ``f``, both flat (k,).
+        """Return the iterate that follows ``x`` with the residual ``f``; all are flat (k,).
 
-        A residual that has grown by more than ``GROWTH`` empties the history, so that a plain step follows.
+        If the norm of the residual has grown by more than ``GROWTH``, the history is dropped and x + f is returned.
         """
         if self._residuals and np.linalg.norm(f) > GROWTH * np.linalg.norm(self._residuals[-1]):
             self._iterates.clear()

@@ -38,14 +38,14 @@ class Body:
         rest: (n, 3) float64 rest vertices [m]: first those of the mesh, then those of rigid bodies.
         shape: operators of the elements.
         blocks: the elements in the layout of the kernels.
-        materials: in the order of their index.
-        material: (m,) int32 material of each element.
+        materials: the materials; their order defines their indices.
+        material: (m,) int32 index of each element's material.
         table: the materials packed for the kernels.
-        handles: vertex sets that are held or moved.
+        handles: vertex sets that are fixed or moved by commands.
         unknowns: numbering of the free vertices and free motions.
         size: reference length of relative tolerances [m]: `HexMesh.size`.
         self_contact: faces that may touch each other; None for no self-contact.
-        skin: contact points of an embedded skin, used instead of faces; None if faces touch everywhere.
+        skin: contact points of embedded skins, used instead of faces; None if all contact is between faces.
     """
 
     rest: NDArray[np.float64]
@@ -101,16 +101,16 @@ class Body:
 
     @cached_property
     def count(self) -> int:
-        """Number of the mesh's vertices; those of rigid bodies follow them."""
+        """Number of vertices of the mesh; the vertices of rigid bodies follow them in all arrays."""
         return int(self.cells.max()) + 1
 
     @property
     def cell_type(self) -> CellType:
-        """The kind of the cells."""
+        """The cell type of the elements."""
         return cell_type_of(self.shape)
 
     def blocks_of(self, elements: NDArray[np.int32]) -> Blocks | TetBlocks:
-        """Return some ``elements`` (k,) in the layout of the kernels."""
+        """Return the elements with the indices ``elements`` (k,), in the layout of the kernels."""
         return self.cell_type.blocks(self.shape, self.material, self.table, elements)
 
     @property
@@ -122,7 +122,7 @@ class Body:
 def working_origin(mesh: HexMesh) -> NDArray[np.float64]:
     """Return the solver's origin (3,) [m]: the world's origin, or the centre of a body that is far from it.
 
-    Rounding grows with the distance: 1000 m away, a body of 0.4 m is solved to 1e-7 of its size at best.
+    Rounding grows with the distance: 1000 m from the origin, a body of 0.4 m is solved to 1e-7 of its size at best.
     """
     centre = mesh.bounds.mean(axis=0)
     return centre if np.linalg.norm(centre) > FAR_AWAY * mesh.size else np.zeros(3)

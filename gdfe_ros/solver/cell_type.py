@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The functions outside of kernels that a cell type has to implement (the compiled ones: `elements.cell_kernels`)."""
+"""Cell types, each with the functions that it implements. `elements.cell_kernels` has the functions of the kernels."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from gdfe_ros.solver.elements.tet_blocks import make_tet_blocks
 
 
 class CellType(NamedTuple):
-    """A kind of cells.
+    """A type of cells: hexahedra or tetrahedra.
 
     Attributes:
-        noun: its name, plural.
+        noun: plural name of the cells.
         corners: number of nodes c.
         operators: function that returns the constant operators, from vertices (n, 3) [m], cells (m, c) and the filling
             of cut cells.
-        blocks: function that returns elements in the layout of the kernels, from operators, materials (m,), their table
-            and elements (k,).
-        table: function that returns the table of materials for its kernels, from the table of the laws.
+        blocks: function that returns elements in the layout of the kernels, from operators, material indices (m,),
+            material table and element indices (k,).
+        table: function that returns the material table for the kernels of this type, from the packed material table.
         matrix_blocks: function that returns the blocks (m, c, c) [N/m] of the constant matrix, from operators, weights
             (m,) [Pa] and hourglass stiffnesses (m,) [N/m].
         tangents: compiled function that writes d(node force)/d(node position) (m, 3 c, 3 c) [N/m].
-        softens: whether hourglass stiffness follows the strain.
+        softens: whether the hourglass stiffness depends on the strain.
         boundary: function that returns the outer faces of cells (m, c).
     """
 
@@ -51,10 +51,10 @@ class CellType(NamedTuple):
 def _hex_matrix(
     shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T, (m, 8, 8) [N/m].
+    """Return the elements' blocks of the constant matrix, w V g g^T + c sum_k gamma_k gamma_k^T, (m, 8, 8) [N/m].
 
-    w is the ``weight`` [Pa], V the volume [m^3], g the gradient operators [1/m], c the ``hourglass`` stiffness
-    [N/m].
+    w is the ``weight`` (m,) [Pa], V the volume [m^3], g the gradient operators [1/m], c the ``hourglass`` stiffness
+    (m,) [N/m], and gamma_k are the hourglass vectors.
     """
     blocks = np.einsum("e,eai,ebi->eab", weight * shape.volume, shape.gradient, shape.gradient)
     blocks += np.einsum("e,eka,ekb->eab", hourglass, shape.hourglass, shape.hourglass)
@@ -64,7 +64,7 @@ def _hex_matrix(
 def _tet_matrix(
     shape: TetOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return w_e int g g^T dV over the integration points; tetrahedra need no hourglass stiffness."""
+    """Return the elements' blocks of the constant matrix, w int g g^T dV; tetrahedra have no hourglass stiffness."""
     local = gradients(shape.inverse)
     return np.einsum("eg,egai,egbi->eab", weight[:, None] * shape.weight, local, local, optimize=True)
 
@@ -95,10 +95,10 @@ _BY_CORNERS = {kind.corners: kind for kind in (HEXAHEDRA, TETRAHEDRA)}
 
 
 def cell_type_of(shape: ShapeOperators | TetOperators) -> CellType:
-    """Return the cell type of operators, or of anything else with ``cells`` (m, c)."""
+    """Return the cell type of element operators, by the number of nodes c of their ``cells`` (m, c)."""
     return _BY_CORNERS[shape.cells.shape[1]]
 
 
 def cell_type_with(corners: int) -> CellType:
-    """Return the cell type with this number of nodes."""
+    """Return the cell type whose cells have ``corners`` nodes."""
     return _BY_CORNERS[corners]

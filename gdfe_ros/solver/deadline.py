@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The end of a solve: by the clock, by an interruption, or at a recorded count in a replay."""
+"""Deadline of a solve: the clock, an interruption, or in a replay a recorded number of queries ends it."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from collections.abc import Callable
 
 
 class Deadline:
-    """A deadline that counts the queries before it passes.
+    """Deadline of a solve; it counts the queries before it passes.
 
-    The answers to these queries are all that a solve knows of the clock and of interruptions. With the recorded count,
-    a replay therefore ends the solve at the same place, bit by bit.
+    A solve depends on the clock and on interruptions only by these queries. A replay with the recorded number of
+    queries therefore ends the solve in the same iteration and gives the same result, bit by bit.
 
     Args:
         moment: value of ``time.perf_counter`` at which the deadline passes; None if the clock does not end the solve.
-        after: number of answers "not yet", which replaces the clock in a replay.
-        interrupted: called at each query; returns whether to end at once. None for no interruption.
+        after: recorded number of queries before the deadline passes; it replaces the clock in a replay.
+        interrupted: function that is called at each query and returns whether to end the solve. None for none.
 
     Attributes:
-        after: number of answers "not yet" before the deadline passed; None if it has not passed.
-        reason: why the solve ends; empty if it does not.
+        after: number of queries before the deadline passed; None if it has not passed.
+        reason: reason for ending the solve; empty if the deadline has not passed.
     """
 
     def __init__(
@@ -35,9 +35,10 @@ class Deadline:
         self.reason = ""
 
     def passed(self, *, by_clock: bool = True) -> bool:
-        """Return whether the deadline has passed; after the first True, the answer stays True.
+        """Return whether the deadline has passed; after the first True, the result stays True.
 
-        Without ``by_clock`` only an interruption counts, or in a replay the recorded count.
+        If ``by_clock`` is False, the clock is ignored: only an interruption, or in a replay the recorded number of
+        queries, makes the deadline pass.
         """
         if self.after is not None:
             return True
@@ -58,7 +59,7 @@ class Deadline:
 
     @property
     def interruption(self) -> Deadline:
-        """The same deadline without its clock; its queries are counted together with those of this one."""
+        """This deadline without the clock; its queries are counted as queries of this deadline."""
         return _Interruption(self)
 
     @classmethod
@@ -69,9 +70,9 @@ class Deadline:
 
         Args:
             started: ``time.perf_counter`` at the beginning [s].
-            seconds: allowed duration [s]; None for any.
-            after: recorded count of a replay; None outside of a replay.
-            interrupted: returns whether to end at once; None for no interruption.
+            seconds: allowed duration [s]; None for no limit.
+            after: recorded number of queries in a replay; None outside of a replay.
+            interrupted: function that returns whether to end the solve; None for none.
         """
         if after is not None:
             return cls(after=after)
@@ -81,26 +82,26 @@ class Deadline:
 
 
 class _Interruption(Deadline):
-    """A deadline without its clock."""
+    """View of another deadline that ignores its clock."""
 
     def __init__(self, whole: Deadline) -> None:
         self._whole = whole
 
     def passed(self, *, by_clock: bool = False) -> bool:
-        """Return whether the deadline was passed by an interruption, or in a replay by the recorded count."""
+        """Return whether an interruption, or in a replay the recorded number of queries, has ended the solve."""
         return self._whole.passed(by_clock=False)
 
     @property
     def after(self) -> int | None:
-        """Number of answers "not yet" of the whole deadline."""
+        """Number of queries before the whole deadline passed; None if it has not passed."""
         return self._whole.after
 
     @property
     def reason(self) -> str:
-        """Why the solve ends."""
+        """Reason for ending the solve; empty if the deadline has not passed."""
         return self._whole.reason
 
 
 def past(deadline: Deadline | None) -> bool:
-    """Return whether there is a deadline and it has passed."""
+    """Return whether ``deadline`` is not None and has passed."""
     return deadline is not None and deadline.passed()

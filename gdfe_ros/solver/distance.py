@@ -35,7 +35,7 @@ def largest_distance(a, b):
 
 @kernel
 def largest(step):
-    """Return the largest vertex displacement [m] of a preconditioned step (3 r,)."""
+    """Return the length [m] of the longest row of ``step`` (3 r,), a displacement of the unknowns."""
     most = 0.0
     for i in range(0, len(step), 3):
         most = max(most, step[i] ** 2 + step[i + 1] ** 2 + step[i + 2] ** 2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinematics of handles: commanded motion, and free translations and rotations on top of it."""
+"""Kinematics of handles: commanded motion, and free translations and rotations in addition."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Vectors = NDArray[np.float64]
 
 
 LEAST_TURN = 1e-6
-"""Least extent of a handle's vertices, over the undeformed extent, that still determines the handle's rotation."""
+"""Handle vertices determine a rotation if their extent, over the undeformed extent, is at least this."""
 
 
 class HandleMotions:
     """Kinematics of a body's handles.
 
-    A handle with free axes is first placed at its commanded pose, without the components of the rotation vector about
-    free axes. A free translation along its free axes and a free rotation vector about them are then applied; these are
+    A handle with free axes is first placed at its commanded pose; components of the commanded rotation vector about
+    free axes are ignored. Then a translation along the free axes and a rotation vector about them are added. Both are
     unknowns of the solve.
 
     Args:
@@ -43,7 +43,7 @@ class HandleMotions:
         self.turn = bool((body.unknowns.turn_row >= 0).any())
 
     def base(self, poses: Mapping[str, Pose], last: Mapping[str, Pose], base: Vectors) -> Vectors:
-        """Return positions (n, 3) [m] with the handles at ``poses``, given ``base`` with the handles at ``last``."""
+        """Return ``base`` (n, 3) [m] with the handles moved from the poses ``last`` to ``poses``."""
         moved = [handle for handle in self._body.handles if poses[handle.name] != last[handle.name]]
         if not moved:
             return base
@@ -56,11 +56,11 @@ class HandleMotions:
         return placed
 
     def frame(self, base: Vectors) -> HandlePositions:
-        """Return the kernels' frame for handles at ``base`` (n, 3) [m]."""
+        """Return the commanded positions ``base`` (n, 3) [m] and the handles' centres there, for the kernels."""
         return HandlePositions(base, handle_centres(base, self._body.unknowns))
 
     def placed(self, base: Vectors, slides: Vectors, turns: Vectors) -> Vectors:
-        """Return ``base`` (n, 3) [m] with the free motions (p, 3) applied to the handles that rotate freely."""
+        """Return ``base`` (n, 3) [m] with ``slides`` and ``turns`` (p, 3) applied to the handles that rotate freely."""
         moved = base.copy()
         for p, handle in enumerate(self._loose):
             if handle.turning:
@@ -70,14 +70,14 @@ class HandleMotions:
         return moved
 
     def put(self, slides: Vectors, turns: Vectors, places: Mapping[str, Pose]) -> tuple[Vectors, Vectors]:
-        """Return the free motions (p, 3), with entirely free handles in ``places`` set to their poses there."""
+        """Return ``slides`` and ``turns`` (p, 3), with the entirely free handles ``places`` set to these poses."""
         slides, turns = slides.copy(), turns.copy()
         for name, pose in places.items():
             slides[self._row[name]], turns[self._row[name]] = pose.translation, pose.rotation
         return slides, self.within_a_turn(turns)
 
     def turning_vertices(self) -> NDArray[np.bool_]:
-        """Return which of the prescribed vertices (b,) belong to handles that rotate freely."""
+        """Return a mask (b,) of the prescribed vertices that belong to freely rotating handles."""
         turning = [np.full(len(handle.vertices), bool(handle.turning)) for handle in self._body.handles]
         return np.concatenate([np.zeros(0, dtype=bool), *turning])
 
@@ -110,7 +110,8 @@ class HandleMotions:
         """Return the free translations and rotations (p, 3) that bring handles at ``base`` closest to ``positions``.
 
         Raises:
-            CommandError: a freely rotating handle is so flat or small there that its rotation is undetermined.
+            CommandError: the ``positions`` of a freely rotating handle do not determine its rotation, because they
+                are nearly in one point or on a line.
         """
         slides, turns = np.zeros((len(self._loose), 3)), np.zeros((len(self._loose), 3))
         for p, handle in enumerate(self._loose):
@@ -135,10 +136,10 @@ class HandleMotions:
 
 
 def _require_a_turn(handle: Handle, arms: Vectors, found: Vectors) -> None:
-    """Raise CommandError if the vertices ``found`` (k, 3) [m] do not determine the rotation of ``arms`` (k, 3) [m].
+    """Raise CommandError if the rotation from ``arms`` (k, 3) [m] to ``found`` (k, 3) [m] is undetermined.
 
-    Both are relative to their means. The measure is the sum of the two smallest singular values of their covariance; it
-    vanishes if either set is collinear.
+    Both sets of vertices are relative to their means. The measured extent is the sum of the two smallest singular
+    values of their covariance. It is zero if either set is on a line.
     """
     own, given = (np.linalg.svd(each.T @ arms, compute_uv=False)[1:].sum() for each in (arms, found))
     if given < LEAST_TURN * own:

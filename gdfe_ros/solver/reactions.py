@@ -31,8 +31,8 @@ def handle_reactions(
         contacts: contact terms of the obstacles.
 
     Returns:
-        Wrenches (6,) by name: force [N], then moment [N m]; for a handle about the mean of its current vertices, for an
-        obstacle about its origin.
+        Dict from handle or obstacle name to wrench (6,): force [N], then moment [N m]. The moment is about the mean of
+        the handle's current vertices, or about the obstacle's origin.
     """
     reactions = {contact.name: contact.wrench(positions) for contact in contacts if contact.on_body}
     for handle in body.handles:
@@ -61,7 +61,7 @@ def _gather_forces(force, unknowns, vertices, total):
 
 @kernel
 def _sum_wrench(x, vertices, forces, wrench):
-    """Write force and moment (6,) about the mean of the vertices' positions."""
+    """Write the sum of ``forces`` (k, 3) [N] and their moment [N m] about the vertices' mean position to ``wrench``."""
     count = len(vertices)
     c0, c1, c2 = 0.0, 0.0, 0.0
     for i in range(count):

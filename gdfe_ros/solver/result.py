@@ -20,35 +20,36 @@ class StepResult:
     Attributes:
         time: simulation time [s].
         positions: (n, 3) float64 [m], a copy.
-        converged: the error estimate is at most the tolerance, every handle is where it was commanded, and no element
-            is folded or inverted.
-        iterations: linear solves with the constant matrix.
-        error_estimate: estimated largest distance to the equilibrium over the body's size: the preconditioned step over
-            its least ratio to that distance. Infinite if it is unknown, e.g. for a solve that was cut.
+        converged: whether the error estimate is at most the tolerance, every handle is at its commanded pose, and no
+            element is folded or inverted.
+        iterations: number of linear solves with the constant matrix.
+        error_estimate: estimated largest distance of a vertex to the equilibrium, divided by the body's size. Infinite
+            if it is unknown, for example if the deadline ended the solve.
         energy: strain energy [J].
         min_det: least volume ratio det F at a corner of an element; for a cut cell, of the whole box. Not positive if
             an element is folded or inverted.
-        reactions: by handle and obstacle, the wrench (6,) float64 on the body: force [N], and moment [N m] about the
-            handle's deformed centre or the obstacle's origin.
-        contacts: by obstacle, the vertices that touch it and their forces; under ``(self)`` those that touch the body
-            itself.
-        skipped: counts of work that was left out, by name.
-        substeps: increments into which the step was divided.
+        reactions: dict from handle or obstacle name to the wrench (6,) float64 on the body: force [N], then moment
+            [N m] about the handle's deformed centre or the obstacle's origin.
+        contacts: dict from obstacle name to the vertices that touch the obstacle and their contact forces. The key
+            ``(self)`` has the contacts of the body with itself.
+        skipped: dict from kind of work (`Skip`) to the number of solves, updates or elements that were left out.
+        substeps: number of increments or internal steps that were attempted.
         wall_time: elapsed time [s].
         policy: the policy of the solve.
         factorisation: the library that solves with the constant matrix.
-        message: the defect; empty if there is none.
-        stable: whether the energy curves up in every direction; this is checked where a motion begins or is not smooth.
-            False: the body is at a saddle, which it leaves when pushed. None: not checked, or not converged.
+        message: description of the defect; empty if there is none.
+        stable: whether the energy has positive curvature in every direction. This is checked when a motion begins or
+            is not smooth, and at intervals. False: the body is at a saddle of the energy and leaves it when
+            pushed. None: not checked, or not converged.
         cut_after: number of time checks before the deadline of the solve passed; None if it did not pass.
-        actuators: by name, command, length or volume, tension or pressure of each actuator.
-        terms: reports of the terms that were added to the simulation, by name.
-        restarts: 1 if the step was repeated from rest, or if contact with obstacles was dropped; otherwise 0. A step is
-            repeated if it ended in folded or inverted elements, or from given positions in another equilibrium. The
-            message has the reason.
-        velocities: (n, 3) [m/s] with dynamics, a copy; None without.
-        energies: with dynamics, by name: kinetic, elastic, potential, work done and dissipated energy since the
-            start [J].
+        actuators: dict from actuator name to its command, length or volume, and tension or pressure.
+        terms: dict from the name of a term that was added to the simulation to its report.
+        restarts: 1 if the result was reached from the undeformed body, or after contact with obstacles was dropped,
+            instead of along the load path; otherwise 0. Both are tried only after a load path fails or begins with
+            folded or inverted elements. The message has the reason.
+        velocities: (n, 3) [m/s] with dynamics, a copy; None without dynamics.
+        energies: dict from name to energy [J] with dynamics: kinetic, elastic, potential, work done and dissipated
+            energy since the start. Empty without dynamics.
     """
 
     time: float

@@ -8,7 +8,7 @@ from enum import Enum
 
 
 class Policy(str, Enum):
-    """Rule by which an element's shape factor and desired shape follow from its material."""
+    """Rule that gives an element's shape factor and desired shape from its material."""
 
     ENERGY = "energy"
     RELATIVE = "relative"
@@ -18,17 +18,17 @@ class Torsion(str, Enum):
     """Model of an element's torsional stiffness; the element's single integration point does not resolve it."""
 
     CELL = "cell"
-    """Each cell resists torsion as a separate bar: exact for a body one cell across, 14 % too stiff for two cells."""
+    """Each cell resists torsion as a separate bar: exact one cell across, 14 % too stiff two cells across."""
     SECTION = "section"
-    """Each cell resists torsion as a part of its cross-section, by the number of cells there: exact in square bars of
-    one to four cells across.
+    """Each cell resists torsion as part of a cross-section with the counted number of cells. This is exact for square
+    bars one to four cells across.
     """
 
 
 class Skip(str, Enum):
-    """Kinds of work that are left out if a scene does not need them; the value is the name in results.
+    """Kinds of work that are left out if a scene does not need them; the value is the key in `StepResult.skipped`.
 
-    ``EIGENVALUES`` and ``ACTUATORS`` are only counted: a scene without them has no such code path.
+    ``EIGENVALUES`` and ``ACTUATORS`` are only counted, because a scene that does not need them never computes them.
     """
 
     SOLVE = "solve"
@@ -46,14 +46,14 @@ class SolverSettings:
 
     Attributes:
         policy: ``energy`` (force-consistent shape factors) or ``relative`` (the paper as published).
-        tolerance: a step counts as converged if the estimated largest distance to the equilibrium, over the body's
-            size, is at most this; 1e-12 to 1e-1. The preconditioned step gives the estimate.
-        steps: number of load steps for a program; None lets the solver choose.
-        max_iterations: limit of iterations of one increment; a step beyond it is returned as not converged. A command
-            that is divided into n increments from the start has n times this limit.
-        threads: most threads that divide the elements of a solve under ``energy``, 1 to 1024; never more than numba's
-            number of threads (``NUMBA_NUM_THREADS``, by default the machine's cores). The result does not depend on it,
-            bit by bit.
+        tolerance: a step counts as converged if the estimated largest distance of a vertex to the equilibrium, divided
+            by the body's size, is at most this; 1e-12 to 1e-1.
+        steps: number of equal load steps into which a program is divided; None lets the solver choose.
+        max_iterations: largest number of iterations of one increment; a step that needs more is returned as not
+            converged. A command that is divided into n increments in advance has n times this limit.
+        threads: largest number of threads among which a solve under ``energy`` divides the elements, 1 to 1024. It
+            never uses more than numba's number of threads (``NUMBA_NUM_THREADS``, by default the machine's cores). The
+            result does not depend on the number, bit by bit.
         skip: kinds of work that are left out where the result changes by less than the tolerance; by default all kinds.
         torsion: model of torsional stiffness under ``energy``.
 

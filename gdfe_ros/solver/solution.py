@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Request and answer of a solve."""
+"""Request and result of a solve."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from gdfe_ros.solver.state import Balance, State
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Increment:
-    """The commands for which a solve finds an equilibrium, and its limits.
+    """Request of a solve: the commands for which it finds an equilibrium, its tolerances and its limits.
 
     Attributes:
-        poses: of every handle, relative to its rest pose.
-        commands: of every actuator and load.
+        poses: pose of every handle, relative to its rest pose.
+        commands: command of every actuator and load.
         tolerance: allowed distance to the equilibrium, divided by the body's size.
-        limit: most iterations.
-        deadline: once it has passed, the best positions so far are returned; None for no deadline.
+        limit: largest number of iterations.
+        deadline: once it has passed, the solve returns its best positions so far; None for no deadline.
         keeping: relative tolerance of commanded lengths and of hourglass scales; None stands for ``tolerance``.
-        volumes: relative tolerance of the volumes that pressures keep; None stands for ``keeping``.
+        volumes: relative tolerance of the volumes of elements with a pressure; None stands for ``keeping``.
     """
 
     poses: Mapping[str, Pose]
@@ -39,28 +39,28 @@ class Increment:
 
     @classmethod
     def at(cls, state: State, *, tolerance: float, limit: int, deadline: Deadline | None = None) -> Increment:
-        """Return the request for the equilibrium at a state's own commands."""
+        """Return the request for the equilibrium at the poses and commands of ``state``."""
         return cls(poses=state.poses, commands=state.commands, tolerance=tolerance, limit=limit, deadline=deadline)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Solution:
-    """The best result of a solve; `accept` of the equilibrium solver turns it into a state.
+    """Result of a solve; the equilibrium solver's `accept` completes its state.
 
     Attributes:
         state: the final state, still without the histories, the motion and the dormancy state that `accept` adds.
-        iterations: linear solves with the constant matrix.
+        iterations: number of linear solves with the constant matrix.
         cut: whether the limit or the deadline ended the solve.
         diverged: whether the energy has no lower bound.
-        exhausted: whether no further descent was possible, by the precision of the energy or at a kink of it.
-        buried: whether surfaces penetrate each other deeply, not only above the tolerance.
+        exhausted: whether no further descent was possible, because of the energy's rounding or at a kink of the energy.
+        buried: whether surfaces penetrate each other deeply; a depth just above the tolerance does not count.
         lost: whether the distance to the equilibrium could not be estimated. A moderately shorter increment may help; a
-            much shorter one does not.
+            much shorter increment does not.
         began: (n, 3) positions at the beginning of the solve [m].
         balance: energy balance of the equilibrium; None if the state is no equilibrium, or has no energy.
         tolerance: the requested tolerance.
         active: the unknowns of the solve.
-        run: number of the solve; `accept` takes only the last one.
+        run: serial number of the solve; `accept` takes only the solution of the last solve.
     """
 
     state: State
@@ -78,7 +78,7 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether it is an equilibrium to the tolerance."""
+        """Whether the positions are an equilibrium to the tolerance."""
         return self.state.summary.converged
 
     @property
@@ -93,10 +93,10 @@ class Solution:
 
     @property
     def message(self) -> str:
-        """Why it did not converge; empty if it did."""
+        """Reason why the solve did not converge; empty if it converged."""
         return self.state.summary.message
 
     @property
     def min_det(self) -> float:
-        """Least volume ratio at a corner of an element."""
+        """Least volume ratio det F at a corner of an element."""
         return self.state.summary.min_det

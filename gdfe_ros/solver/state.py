@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole changing state of a simulated body, as one immutable value.
+"""The state of a simulated body, as one immutable value.
 
-No array or mapping of a state is ever modified. A copy is a reference, two simulations can share a state, and a step
-returns a new one. All other data are constants or work arrays, and no result depends on old contents of work arrays.
+No array or mapping of a state is ever modified. A reference therefore serves as a copy, two simulations can share a
+state, and a step returns a new state. All other data are constants or work arrays. No result depends on old contents of
+work arrays.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from gdfe_ros.solver.value import changed
 
 Array = NDArray[np.float64]
 Saved = Mapping[str, NDArray[np.float64]]
-"""State that a term stores from one accepted step to the next, arrays by name; an immutable value."""
+"""State that a term stores from one accepted step to the next: a dict from name to array, never modified."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,9 +32,11 @@ class ElementState:
     """State of the elements under the policy ``energy``.
 
     Attributes:
-        pressures, pressures_before: (m,) p_e [Pa], positive in tension, of the last two accepted solves.
-        bulk: (k,) penalty bulk modulus of elements with pressures, by material [Pa]; raised if pressures oscillate.
-        hourglass_scale: (m,) hourglass stiffness over the initial one.
+        pressures: (m,) pressures p_e [Pa] of the last accepted solve, positive in tension.
+        pressures_before: (m,) pressures p_e [Pa] of the accepted solve before it.
+        bulk: (k,) penalty bulk modulus [Pa] of each material, for elements with pressures; raised if pressures
+            oscillate.
+        hourglass_scale: (m,) present hourglass stiffness divided by the initial one.
     """
 
     pressures: Array
@@ -60,13 +63,13 @@ class ShapeState:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Motion:
-    """The last accepted step, for the predictor.
+    """Changes of the last accepted step, which the predictor extrapolates.
 
     Attributes:
         move: (n, 3) displacements of all vertices [m].
         base: (b, 3) commanded displacements of the handles' vertices [m].
         change: (c,) changes of the commands of actuators and loads, each in its own unit.
-        slides, turns: (p, 3) changes of the handles' free translations [m] and rotation vectors [rad].
+        slides, turns: (p, 3) changes of the handles' free translations [m] and free rotation vectors [rad].
     """
 
     move: Array
@@ -78,21 +81,21 @@ class Motion:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DormancyState:
-    """Dormancy state: the part of the body that is frozen because it is at rest; see `Dormancy`.
+    """State of the dormancy: which vertices are frozen, and the search for vertices to freeze; see `Dormancy`.
 
     Attributes:
-        awake: (n,) vertices that the present part moves; None if the whole body moves.
-        known: forces and energies of the frozen elements; None if they are still to be evaluated.
-        border: (k, 3) dE/dx [N] of the watched vertices when ``known`` was evaluated; None without it.
-        yielding: displacement [m] of the frozen vertices per 1 N of change of the border's forces, as last computed;
-            infinite before the first computation.
-        before: (n, 3) positions [m] of the last step that was examined; the undeformed ones before the first.
-        calm: (n,) vertices at rest since counting began.
-        count: steps counted.
+        awake: (n,) bool, vertices that are not frozen; None if none is frozen.
+        known: forces and energies of the frozen elements; None if they are not evaluated yet.
+        border: (k, 3) dE/dx [N] of the watched vertices when ``known`` was evaluated; None if ``known`` is None.
+        yielding: estimated displacement [m] of the frozen vertices per 1 N of change of the forces ``border``, as last
+            computed; infinite before the first computation.
+        before: (n, 3) positions [m] after the last examined step; the undeformed positions before the first.
+        calm: (n,) bool, vertices that were at rest in all counted steps.
+        count: number of counted steps.
         patience: number of successive steps for which a vertex must be at rest before it is frozen.
-        rests, longer_rest: number of steps to skip before the next examination, and the last number of skipped steps,
-            doubled each time.
-        lasted: steps since the present part was chosen.
+        rests: number of steps to skip before the next examination.
+        longer_rest: number of steps that the last pause skipped; the next pause skips twice as many.
+        lasted: number of steps solved with the present awake part since it was chosen or the whole body was solved.
     """
 
     awake: NDArray[np.bool_] | None
@@ -114,7 +117,8 @@ class Known:
 
     Attributes:
         force: (m, c, 3) corner forces [N].
-        energies, stored: (m,) energies [J] as the kernels count them, and with the full volume energy.
+        energies: (m,) energies [J] that the kernels minimise.
+        stored: (m,) energies [J] with the volume energy of the material law.
         least: (m,) least volume ratio at a corner.
     """
 
@@ -126,11 +130,12 @@ class Known:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SoftDirection:
-    """The softest direction of a stable equilibrium, along which it may first become a saddle.
+    """The softest direction of an equilibrium: the curvature of the energy is expected to become negative there first.
 
     Attributes:
-        direction: (3 r,) of the unknowns.
-        asked, looked: iterations since the energy's curvature along it was evaluated, and since it was computed.
+        direction: (3 r,) direction of the unknowns.
+        asked: number of iterations since the energy's curvature along the direction was evaluated.
+        looked: number of iterations since the direction was computed.
     """
 
     direction: Array
@@ -144,13 +149,13 @@ class SoftDirection:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Unfinished:
-    """Progress of a solve that was cut, from which the next one continues.
+    """Progress of a solve that the limit or the deadline ended; the next solve continues from it.
 
     Attributes:
-        tolerance: tolerance of the cut minimisation.
+        tolerance: tolerance of the unfinished minimisation.
         iterations: number of iterations since the last finished solve.
-        recent: (2 WINDOW,) displacements [m] of the last steps, as a ring buffer.
-        seen: number of steps recorded.
+        recent: (2 WINDOW,) largest vertex displacements [m] of the last iterations, as a ring buffer.
+        seen: number of iterations recorded in it so far.
     """
 
     tolerance: float
@@ -164,9 +169,9 @@ class Balance:
     """Energy data of an equilibrium from which the work of the next increment is computed.
 
     Attributes:
-        potential: of all terms other than the elements [J]; zero while undeformed, and for commanded lengths and
-            volumes.
-        slopes: d(energy + potential)/d(command) by actuator and load.
+        potential: potential of all terms other than the elements [J]. It is zero for the undeformed body. Lengths and
+            volumes that multipliers keep contribute nothing.
+        slopes: dict from actuator or load name to d(energy + potential)/d(command).
     """
 
     potential: float
@@ -178,14 +183,14 @@ class Summary:
     """Quality and results of the last accepted solve.
 
     Attributes:
-        converged: whether it is an equilibrium to the tolerance.
+        converged: whether the positions are an equilibrium to the tolerance.
         error_estimate: estimated largest distance to the equilibrium over the body's size; infinite if it is unknown.
         energy: strain energy [J].
-        min_det: least volume ratio at a corner of an element.
-        reactions: by handle (6,), as in `StepResult`.
-        actuators: by name.
-        terms: reports of further terms by name.
-        message: the defect; empty if there is none.
+        min_det: least volume ratio det F at a corner of an element.
+        reactions: dict from handle or obstacle name to wrench (6,), as in `StepResult`.
+        actuators: dict from actuator name to its state.
+        terms: dict from the name of a further term to its report.
+        message: description of the defect; empty if there is none.
         stable: as in `StepResult`.
     """
 
@@ -202,31 +207,31 @@ class Summary:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State:
-    """A body in the middle of a simulation.
+    """State of a body during a simulation.
 
     Attributes:
-        positions: (n, 3) [m].
-        base: (n, 3) [m]. The rows of handle vertices are the commanded positions.
-        poses: commanded, by handle.
-        commands: of actuators and loads, by name, in the unit of each mode.
-        slides, turns: (p, 3) free translations [m] and rotation vectors [rad] of the handles with a free axis.
-        orientation: (p, 3, 3) rotations of these handles at their last coupling to the constant matrix.
-        motion: the last step; None before the first.
-        terms: stored state of each term.
+        positions: (n, 3) vertex positions [m].
+        base: (n, 3) [m]; rows of handle vertices are their commanded positions, other rows are not used.
+        poses: dict from handle or obstacle name to commanded pose.
+        commands: dict from actuator or load name to command, in the unit of its mode.
+        slides, turns: (p, 3) free translations [m] and free rotation vectors [rad] of the handles with a free axis.
+        orientation: (p, 3, 3) rotations of these handles when their coupling to the constant matrix was last computed.
+        motion: changes of the last step; None before the first step.
+        terms: dict from term name to its stored state.
         elements, shapes: state of the elements under the policies ``energy`` and ``relative``.
-        operators: of the elements at the present growth.
+        operators: operators of the elements at the present growth.
         history, part_history: quasi-Newton histories of the whole body, and of the awake part.
-        tangent: the tangent that preconditions the minimisation; None for the constant matrix.
-        sleep: dormancy state.
-        unfinished: progress of the last solve if it was cut; None if it was not.
+        tangent: the tangent that preconditions the minimisation; None if the constant matrix does.
+        sleep: dormancy state; None if freezing is disabled.
+        unfinished: progress of the last solve if the limit or the deadline ended it; otherwise None.
         soft: softest direction; None if none was computed.
         balance: energy balance of the equilibrium; None if this state is no equilibrium, or has no energy.
-        summary: of the last accepted solve.
+        summary: quality and results of the last accepted solve.
         sound: whether no element is folded or inverted.
-        suspect: whether the positions were given and have folded or inverted elements.
-        tried: whether the load path from rest was tried without success.
-        anchor: None if this state is an equilibrium. After a cut solve, or a failed step with crumpled elements: the
-            last equilibrium.
+        suspect: whether a user set the positions, and they have folded or inverted elements.
+        tried: whether the load path from the undeformed body was tried without success.
+        anchor: the last equilibrium, from which a step may be tried again. It is set if the limit or the deadline ended
+            the solve, or if a load path failed with elements folded or nearly folded; otherwise None.
         ledger: energy account of a moving body; None without dynamics.
     """
 
@@ -276,14 +281,15 @@ class State:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Snapshot:
-    """A simulation in the middle of a run.
+    """State of a simulation during a run.
 
     Attributes:
-        state: of the body.
+        state: state of the body.
         time: simulation time [s].
-        targets, commands: poses by handle; values by actuator and load, before rate limits.
-        scene: text of its scene, policy and torsion.
-        joints: by arm, goals, positions, velocities and accelerations of its joints.
+        targets: dict from handle or obstacle name to commanded pose.
+        commands: dict from actuator or load name to commanded value, before rate limits.
+        scene: text of the scene, policy and torsion.
+        joints: dict from arm name to goals, positions, velocities and accelerations of its joints.
     """
 
     state: State

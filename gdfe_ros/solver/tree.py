@@ -40,10 +40,10 @@ _VALUES = (
     Tangent,
 )
 _CLASSES = {kind.__name__: kind for kind in _VALUES} | {"History": UpdateHistory, "Sleep": states.DormancyState}
-"""Dataclasses that a tree may contain besides plain values, by name; the last two names occur in older archives."""
+"""Dict from name to a dataclass that a tree may contain; the last two names occur only in older archives."""
 
 _RENAMED = {states.Summary: {"residual": "error_estimate"}}
-"""Present names of fields that older archives name differently, by class."""
+"""Dict from dataclass to a dict from a field's name in older archives to its present name."""
 
 _ADDED = {
     Tangent: {"ends", "ways", "softest", "positions"},
@@ -52,15 +52,19 @@ _ADDED = {
     states.Summary: {"stable"},
     Ledger: {"bound"},
 }
-"""Fields that older archives lack, by class."""
+"""Dict from dataclass to the fields that older archives lack."""
 
 
 class TreeError(ValueError):
-    """A tree that was not written by this package."""
+    """Error: a tree was not written by this package, or a value is not part of a state."""
 
 
 def to_tree(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
-    """Return a value as a tree of JSON types; each of its arrays is added to ``arrays`` once."""
+    """Return a value as a tree of JSON types; each of its arrays is added to ``arrays`` once.
+
+    Raises:
+        TreeError: the value is not part of a state.
+    """
     if value is None or (isinstance(value, (bool, int, float, str)) and not isinstance(value, Enum)):
         return value
     if isinstance(value, np.generic):
@@ -83,7 +87,7 @@ def to_tree(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
-    """Return the value of a tree. Operators are None, because they follow from the commands; the caller computes them.
+    """Return the value of a tree. Its operators are None: the caller computes them from the commands.
 
     Raises:
         TreeError: the tree was not written by `to_tree`.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tools to test controllers: the real node in a process of its own, in lockstep, with a controller in the loop.
+"""Tools for tests of controllers: the node runs in a process of its own, in lockstep, with a controller in the loop.
 
-Example, a test of a controller that holds the tip of a bar at a height:
+Example: a test of a controller that moves the tip of a bar to a height:
 
     import numpy as np
 
@@ -22,7 +22,7 @@ Example, a test of a controller that holds the tip of a bar at a height:
 
 Every run of such a test gives bitwise the same results.
 
-`make_env` turns a scene into an environment of Gymnasium, in this process and without ROS. Public names are imported on
+`make_env` makes an environment of Gymnasium from a scene, in this process and without ROS. Public names are imported on
 first use.
 """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps towards commands, with smaller changes where a step does not converge."""
+"""Steps towards wanted commands, with a smaller change if a step does not converge."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
 
 _SHARES = (1.0, 0.125, 0.0)
-"""Fractions of the allowed change that are tried in this order until a step converges. Near a loss of stability the
-whole change often converges although smaller ones do not, because it passes the unstable range. More fractions would
-mostly fail in the same manner.
+"""Fractions of the allowed change, tried in this order until a step converges. Near a loss of stability the whole
+change often converges although smaller changes do not, because it passes the unstable range. More fractions would
+mostly fail for the same reason.
 """
 _BUDGET = 400
-"""Limit of iterations of a step without dynamics; then a smaller fraction is tried. Most steps need 20 to 150."""
+"""Largest number of iterations of a step without dynamics, before a smaller fraction is tried. Most need 20 to 150."""
 
 
 class Approach:
-    """Moves the commands of a simulation's actuators towards wanted ones, step by step.
+    """Moves the commands of a simulation's actuators towards wanted commands, step by step.
 
     In a step each command changes by at most its ``reach``. If the step does not converge, it is repeated with an
-    eighth of the change. If this does not converge either, it is repeated with constant commands.
+    eighth of the change. If the repeated step does not converge either, the step is made with constant commands.
 
     Args:
         simulation: simulation to step.
@@ -37,7 +37,7 @@ class Approach:
 
     @property
     def applied(self) -> NDArray[np.float64]:
-        """Commands of the last step, (actuators,)."""
+        """Commands of the last step, (actuators,), in the units of the modes."""
         return np.array([self._simulation.commands[name] for name in self._names], dtype=np.float64)
 
     def step(self, wanted: NDArray[np.float64], dt: float, *, whole: bool = False) -> StepResult:
@@ -47,10 +47,10 @@ class Approach:
             wanted: commands (actuators,) in the units of the modes; the applied commands stay within the actuators'
                 ranges.
             dt: simulation time of the step [s].
-            whole: whether to try the whole allowed change only.
+            whole: whether to try only the whole allowed change.
 
         Returns:
-            The first result that converged, or else the last one.
+            The result of the first trial that converged, or else of the last trial.
         """
         simulation, present = self._simulation, self.applied
         before = simulation.snapshot()
@@ -60,7 +60,7 @@ class Approach:
                 simulation.restore(before)
             values = np.clip(present + share * change, self._low, self._high).tolist()
             command = Command(actuators=dict(zip(self._names, values, strict=True)))
-            # No limit of iterations for held commands, nor for a scene with dynamics.
+            # No limit of iterations for constant commands, nor for a scene with dynamics.
             budget = _BUDGET if share and not simulation.scene.dynamics else None
             result = simulation.step(command, dt=dt, cut_after=budget)
             if result.converged:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS node beside the process of a ``sim_node`` that waits for it and calls its services."""
+"""A ROS node of a test, which waits for the ``sim_node`` in another process and calls its services."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ from gdfe_ros.testing.discovery import await_discovery
 from gdfe_ros.testing.process import NodeProcess
 
 PATIENCE = 300.0
-"""Longest wait for anything except a step [s]: the very first start compiles kernels, which takes minutes on a busy
-machine.
+"""Longest duration of each wait, except for a step [s]. The very first start compiles kernels, which takes minutes on a
+busy machine.
 """
 _DISCOVERY = 1.5
-"""Running nodes are discovered within this time [s], even on a busy machine."""
+"""Longest time until a running node is discovered, even on a busy machine [s]."""
 STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""QoS of subscriptions to the topics of a step: a late subscriber receives the last step."""
+"""QoS of subscriptions to the topics of each step; a late subscriber receives the last step."""
 
 
 class Client:
-    """ROS node in a context of its own, in the namespace of the simulation's node.
+    """ROS node in the namespace of the simulation's node.
 
     Args:
         process: process of the simulation.
         name: full name of the simulation's node.
         label: name of this node.
-        patience: longest time to wait for anything [s].
-        context: ROS context of the node; None: a new one.
+        patience: longest duration of each wait [s].
+        context: ROS context of the node; None: a new context.
 
     Attributes:
-        node: the node, on which publishers and subscriptions are made.
-        executor: executor of the node; every wait spins it.
+        node: the ROS node, for publishers and subscriptions.
+        executor: executor of the node; it is spun during every wait.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Client:
         self._change = self.node.create_client(ChangeState, f"{name}/change_state")
 
     def wait(self, done: Callable[[], Any], what: str) -> None:
-        """Spin the node until ``done`` returns a true value; ``what`` names the awaited thing in the error.
+        """Spin the node until ``done`` returns a true value; ``what`` is the awaited thing in the text of an error.
 
         Raises:
             GdfeError: the simulation's process ended, the wait took too long, or another node has the simulation's
@@ -89,7 +89,7 @@ class Client:
         """Wait until the simulation has discovered this node, and check that no other node has the simulation's name.
 
         Raises:
-            GdfeError: another node has the name; commands would reach both.
+            GdfeError: another node has the name; commands would reach both nodes.
         """
         waiting = partial(self.wait, what="diagnostics")
         await_discovery(self.node, self._name, waiting, process=self._process.pid)
@@ -97,7 +97,7 @@ class Client:
         self.look_for_doubles()
 
     def look_for_doubles(self) -> None:
-        """Raise a `GdfeError` if another node with the simulation's name is known by now."""
+        """Raise a `GdfeError` if another node with the simulation's name has been discovered."""
         if namesakes(self.node, self._name) > 1:
             domain = self._context.get_domain_id()
             raise GdfeError(
@@ -106,7 +106,7 @@ class Client:
             )
 
     def await_listeners(self, publishers: Iterable[Publisher]) -> None:
-        """Wait until the simulation subscribes to each publisher; messages sent earlier are lost."""
+        """Wait until the simulation subscribes to the topic of each publisher; earlier messages are lost."""
         for publisher in publishers:
             self.wait(publisher.get_subscription_count, f"a subscription of {publisher.topic_name}")
 
@@ -117,14 +117,18 @@ class Client:
         return future.result()
 
     def transition(self, label: str) -> None:
-        """Request a lifecycle transition of the simulation's node, e.g. ``configure``."""
+        """Request a lifecycle transition of the simulation's node, e.g. ``configure``.
+
+        Raises:
+            GdfeError: the transition failed.
+        """
         request = ChangeState.Request()
         request.transition.label = label
         if not self.call(self._change, request).success:
             raise GdfeError(f"the node could not {label}:\n{self._process.log}")
 
     def close(self) -> None:
-        """Destroy the node and shut its context down."""
+        """Destroy the node and shut down its context."""
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.shutdown(context=self._context)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages with which a node consumes exactly the commands that a recorded step consumed."""
+"""Messages that make a node consume exactly the commands that a recorded step consumed."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ Quaternion = tuple[float, float, float, float]
 class Consumed:
     """Converts the step records of a run to messages for the node that replays it.
 
-    A step of the replaying node begins when every input that the run uses has a message. For an input that the step
-    did not command, the message repeats the command in force, which changes nothing.
+    A step of the replaying node begins once each input that the run uses has received a message. For an input without
+    a command in the recorded step, the message repeats the present command, which changes nothing.
 
-    The recorded target is a rotation vector that the node computed from a quaternion. A quaternion computed back from
-    it may give a rotation vector that differs in the last bit. Therefore the quaternions that were sent are looked up
-    among the messages in the bag.
+    A step record contains the rotation vector of a target, which the node computed from a quaternion. A quaternion
+    computed from this rotation vector may give, in the node, a rotation vector that differs in the last bit. Therefore
+    the sent quaternions are looked up among the messages in the bag.
 
     Args:
         run: recorded run.
 
     Attributes:
-        inputs: topics, relative to the node's name, that the run uses; each step of the replay waits for all of them.
-        puts: topics that place rigid bodies; their messages are sent before those of ``inputs``.
-        inexact: number of targets so far that no message in the bag reproduces bitwise.
+        inputs: command topics that the run uses, relative to the node's name; each step of the replay waits for all.
+        puts: topics that teleport rigid bodies; their messages are sent before those of ``inputs``.
+        inexact: number of targets so far that no quaternion reproduces bitwise.
     """
 
     def __init__(self, run: BagRun) -> None:
@@ -59,12 +59,15 @@ class Consumed:
         self.inexact = 0
 
     def start(self, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> None:
-        """Set the targets and commands in force before the next step."""
+        """Set the present targets and commands, before the next step."""
         self._poses = {name: targets[name] for name in self._handles}
         self._values = {name: commands[name] for name in self._driven}
 
     def messages(self, record: StepRecord) -> dict[str, PoseStamped | JointState]:
-        """Return a message for each of ``inputs``, after those that place bodies; empty if the step has no commands."""
+        """Return a dict from topic to message for a step; empty if the step has no commands.
+
+        First are the messages that teleport rigid bodies, then one message for each of ``inputs``.
+        """
         values = {**record.actuators, **record.loads, **record.joints}
         messages: dict[str, PoseStamped | JointState] = {}
         for name, pose in record.bodies.items():
@@ -89,7 +92,7 @@ class Consumed:
 
 
 class _SentTurns:
-    """Quaternions and angular velocities with which one handle or obstacle was commanded in a bag."""
+    """Quaternions and angular velocities that were sent to command one handle or obstacle, read from a bag."""
 
     def __init__(self, run: BagRun, handle: Handle) -> None:
         self._handle = handle.name
@@ -101,7 +104,7 @@ class _SentTurns:
         self._stride = float(run.reader.run.settings.get("node", {}).get("dt", math.inf))
 
     def find(self, last: Pose, target: Pose, dt: float) -> Quaternion | None:
-        """Return a quaternion that turns ``last`` into exactly the rotation of ``target``; None if there is none."""
+        """Return a quaternion that, after the target ``last``, gives exactly ``target``; None if there is none."""
         for turn in self._candidates(last, target, min(dt, self._stride)):
             if PoseOrder(self._handle, target.translation, turn).after(last) == target:
                 return turn
@@ -116,7 +119,7 @@ class _SentTurns:
 
 
 def _sent_turns(run: BagRun, key: str) -> dict[tuple[float, float, float], list[Quaternion]]:
-    """Return the quaternions sent on a topic, by the translation in the same message."""
+    """Return a dict from translation to the quaternions that were sent with it on a topic."""
     sent: dict[tuple[float, float, float], list[Quaternion]] = {}
     for message in _messages(run, key):
         place, turn = message.pose.position, message.pose.orientation

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wait until the process of a simulation has discovered the subscriptions of another node."""
+"""Wait until the node of a simulation has discovered the subscriptions and clients of another node."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ def await_discovery(
 ) -> None:
     """Wait until a simulation has discovered every subscription and service client that ``node`` has so far.
 
-    A service counts as ready as soon as requests reach it. Its response is lost if the server has not yet discovered
-    the client. DDS announces the endpoints of a node in the order of their creation. Once a new subscription receives
-    diagnostics, the simulation has therefore discovered all earlier endpoints.
+    This is needed because a service counts as ready once requests reach it, but its response is lost if the server has
+    not yet discovered the client. DDS announces the endpoints of a node in the order of their creation. This function
+    makes a new subscription; once the subscription receives diagnostics, the simulation has therefore discovered all
+    earlier endpoints.
 
     Args:
         node: node with the subscriptions and clients.
         simulation: full name of the simulation's node.
         wait: function that spins the node until its argument, a function, returns a true value.
-        process: process id of the simulation, in case another node has its name; None accepts any.
+        process: process id of the simulation, in case another node has its name; None: any process.
     """
     heard: list[DiagnosticArray] = []
     wanted = f"{simulation.lstrip('/')}: "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene as an environment of Gymnasium: actions are commands, observations are probes and actuators. Needs no ROS."""
+"""A scene as an environment of Gymnasium, without ROS: actions are commands; observations are probes and actuators."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ Reward = Callable[[Simulation, NDArray[np.float64]], float]
 Ending = Callable[[Simulation], bool]
 
 _WALK = 3
-"""Largest number of steps towards a new goal in one reset; it limits the time of a reset."""
+"""Largest number of steps of a reset to find a new goal; it limits the wall time of a reset."""
 _LONG = 1e9
-"""Duration of a step [s] so long that no rate limit cuts a command."""
+"""Duration of a step [s] so long that no rate limit restricts a command."""
 
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """A moment of an episode, to which `SoftRobotEnv.reset` can go back.
+    """State of an episode, from which `SoftRobotEnv.reset` can start again.
 
     Attributes:
         state: state of the simulation.
-        goal: (3,) goal [m], or None.
+        goal: (3,) goal of the first probe [m], or None.
     """
 
     state: Snapshot
@@ -47,9 +47,9 @@ class Episode:
 class SoftRobotEnv(Env):
     """Gymnasium environment of a simulation in lockstep: each step applies one action for ``dt``. Made by `make_env`.
 
-    An action holds the commands of all actuators, in the scene's order and in the units of their modes; values outside
-    an actuator's range are clipped. In one step a command changes by at most range * dt / slew_time, and by less if the
-    step does not converge with this change; ``info["applied"]`` holds the applied commands.
+    An action contains the commands of all actuators, in the scene's order and in the units of their modes. Values
+    outside an actuator's range are clipped. In one step a command changes by at most range * dt / slew_time, and by
+    less if the step does not converge with this change. ``info["applied"]`` contains the applied commands.
 
     Attributes:
         simulation: the simulation, for reading only; `step` advances it.
@@ -94,12 +94,12 @@ class SoftRobotEnv(Env):
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Return to the rest state and draw a goal, or go back to a moment of an episode.
+        """Start an episode from the initial state with a new goal, or from a stored state of an episode.
 
         Args:
             seed: seed of the random goals; None: continue the sequence of the last seed.
-            options: ``goal``, (3,) [m], replaces the random goal; ``episode``, a value of `snapshot`, replaces the rest
-                state and the goal, without a solve.
+            options: ``goal``, (3,) [m], replaces the random goal. ``episode``, a value of `snapshot`, replaces the
+                initial state and the goal, without a solve.
 
         Raises:
             GdfeError: an option is unknown, or its value is not allowed.
@@ -125,16 +125,17 @@ class SoftRobotEnv(Env):
         return self._observation(), {"time": self.simulation.time}
 
     def snapshot(self) -> Episode:
-        """Return the present moment, from which ``reset(options={"episode": ...})`` can begin a new episode.
+        """Return the present state and goal, from which ``reset(options={"episode": ...})`` can start a new episode.
 
-        Any environment of the same scene accepts it. The number of steps of the new episode begins at 0.
+        Any environment of the same scene accepts the value. The new episode counts its steps from 0.
         """
         return Episode(self.simulation.snapshot(), self.goal)
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
-        """Apply an action for ``dt``.
+        """Apply an action for ``dt``; return observation, reward, terminated, truncated and info.
 
-        The episode is truncated by a step that did not converge and by the last step; ``info["why"]`` holds the reason.
+        The episode is truncated after a step that did not converge, and after its last step. ``info["why"]`` then
+        contains the reason.
 
         Raises:
             CommandError: the action has the wrong shape, or a value is not finite; the state is unchanged.
@@ -171,7 +172,8 @@ class SoftRobotEnv(Env):
     def _draw(self) -> NDArray[np.float64]:
         """Return a reachable goal (3,) [m]: the first probe's position after some steps towards a random command.
 
-        The steps start at the last goal; they end at ``_WALK`` steps or before the first one that does not converge.
+        The first step starts from the state at the last goal. The last step is step number ``_WALK``, or the last one
+        before a step that does not converge.
         """
         approach = Approach(self._walker, self._reach)
         start, wanted = approach.applied, self.np_random.uniform(self._low, self._high)
@@ -201,15 +203,16 @@ def make_env(
 
     Args:
         scene: name, path, or loaded scene.
-        observation: function of the simulation that returns an array; None: probes, actuators, and the goal if any.
+        observation: function of the simulation that returns an array. None: an array of the probes' positions, the
+            actuators' commands and efforts, and the goal, if there is one.
         reward: function of the simulation and the clipped action that returns a number. None: minus the distance [m] of
-            the first probe from a goal, which each reset draws. The goal is the position of the probe after a few steps
-            towards a random command. These steps start from the initial state if a seed is given, else at the last
-            goal. A scene with handles is simulated without dynamics in these steps, a scene without handles with its
-            dynamics.
-        terminated: function of the simulation, true at the end of an episode; None: never.
-        observation_space: None: unbounded, with the shape of the initial observation.
-        overrides: values that replace those of the scene, by dotted key; its program is not played.
+            the first probe from a goal, which each reset draws at random. The goal is the position of the probe after a
+            few steps towards a random command. These steps start from the initial state if a seed is given, else from
+            the state at the last goal. In these steps, a scene with handles is simulated without dynamics, and a scene
+            without handles with its dynamics.
+        terminated: function of the simulation that returns whether the episode has ended; None: never.
+        observation_space: space of the observations; None: unbounded, with the shape of the initial observation.
+        overrides: dict from dotted key to the value that replaces the scene's. The scene's program is not played.
         dt: simulation time of a step [s].
         steps: number of steps after which an episode is truncated.
         slew_time: shortest simulation time in which a command crosses its whole range [s]; 0: at once.
@@ -229,7 +232,7 @@ def make_env(
 
 
 def _walker(scene: Scene) -> Simulation:
-    """Return the simulation that finds goals; with handles it has no dynamics, and thus no oscillations."""
+    """Return the simulation that finds goals. In a scene with handles it has no dynamics, and thus no oscillations."""
     held = any(handle.section == "handles" for handle in scene.handles)
     return Simulation(replace(scene, dynamics=None) if held else scene)
 

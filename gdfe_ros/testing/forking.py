@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Nodes forked from a server process that has already imported the package and loaded the kernels.
 
-A fresh ``sim_node`` takes seconds to start. After ``prepare`` each later ``NodeProcess`` starts in a fraction of that
-time. It is still a separate process, with its own log, signals and exit status. This module is meant for the
+A new ``sim_node`` takes seconds to start. After a call of ``prepare``, each later ``NodeProcess`` starts in a fraction
+of this time. It is still a separate process, with its own log, signals and exit status. This module is meant for the
 conftest.py of tests that start many nodes.
 """
 
@@ -20,7 +20,7 @@ from pathlib import Path
 _PRELOAD = "gdfe_ros.testing.preloaded"
 _SERVER: list[ForkServerContext] = []
 _MODULES: list[str] = []
-"""Modules that the server imports when it starts, with the first process."""
+"""Modules that the server imports when it starts. It starts with the first process."""
 
 
 def prepare() -> None:
@@ -29,9 +29,9 @@ def prepare() -> None:
 
 
 def preload(module: str) -> ForkServerContext:
-    """Return the context for starts from a server that imports a module before it forks.
+    """Return the multiprocessing context of a server that imports a module before it forks processes.
 
-    A server that already runs does not import it.
+    If the server is running already, it does not import the module.
     """
     context = multiprocessing.get_context("forkserver")
     if module not in _MODULES:
@@ -41,7 +41,7 @@ def preload(module: str) -> ForkServerContext:
 
 
 def start(arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> subprocess.Popen[bytes] | Forked:
-    """Start ``sim_node`` with command-line arguments; ``log`` receives its standard output and error."""
+    """Start ``sim_node`` with command-line arguments, and return its process; ``log`` is the file of its output."""
     if _SERVER:
         return Forked(_SERVER[0], arguments, log, environment)
     with log.open("wb") as file:
@@ -50,7 +50,7 @@ def start(arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -
 
 
 class Forked:
-    """Process forked from the server, with the part of the interface of ``subprocess.Popen`` that ``NodeProcess`` uses.
+    """Process forked from the server; it has the methods of ``subprocess.Popen`` that ``NodeProcess`` uses.
 
     Attributes:
         pid: process id.
@@ -66,14 +66,14 @@ class Forked:
         self.pid = self._process.pid
 
     def poll(self) -> int | None:
-        """Return the exit status, or -n after signal n; None while the process runs."""
+        """Return the exit status, which is -n after signal n; None while the process runs."""
         return self._process.exitcode
 
     def wait(self, timeout: float | None = None) -> int:
         """Wait at most ``timeout`` [s] for the process to end and return the exit status.
 
         Raises:
-            TimeoutExpired: of ``subprocess``; the process still runs.
+            subprocess.TimeoutExpired: the process still runs.
         """
         self._process.join(timeout)
         if (status := self.poll()) is None:

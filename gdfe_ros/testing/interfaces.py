@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Build ROS message packages that are missing among the wheels, with the generators of the wheels.
+"""Build ROS message packages that are not available as wheels, with the generators from ROS's wheels.
 
-This is meant for tests; otherwise, a package from apt or from a workspace is better. It needs compilers for C and C++,
-and Python's headers.
+This is meant for tests; for other purposes, a package from apt or from a workspace is better. It needs compilers for C
+and C++, and Python's headers.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def build_interfaces(definitions: Path, folder: Path) -> Path:
     """Build a Python package of messages, services and actions unless it exists; return its entry for ``PYTHONPATH``.
 
     Args:
-        definitions: directory with msg/, srv/ and action/, named as the package.
-        folder: directory of built packages, kept for later runs. Each package has its own subdirectory; a process that
-            imports a package thus never finds another package that is still being built.
+        definitions: directory with msg/, srv/ and action/; its name is the name of the package.
+        folder: directory for all built packages, which later runs use again. Each package has its own entry for
+            ``PYTHONPATH``, so that a process that imports one never finds another that is still being built.
 
     Raises:
         GdfeError: ROS is not installed from wheels, there is no compiler, or the compiler failed.
@@ -57,7 +57,7 @@ def build_interfaces(definitions: Path, folder: Path) -> Path:
 
 
 class _Builder:
-    """Builds one package: from message definitions to shared libraries.
+    """Builds the shared libraries of one package from its message definitions.
 
     Args:
         definitions: directory of the definitions.
@@ -70,7 +70,7 @@ class _Builder:
         self._share = self._prefix / "share"
 
     def build(self) -> None:
-        """Generate the sources, compile and link them."""
+        """Generate the sources, and compile and link them."""
         with contextlib.redirect_stdout(io.StringIO()):  # the generators print every file name
             self._generate()
         for support in _TYPE_SUPPORTS:
@@ -125,7 +125,7 @@ class _Builder:
         rosidl_generator_py.generate_py(self._arguments("rosidl_generator_py"), ["rosidl_typesupport_c"])
 
     def _arguments(self, generator: str, **more: list[str]) -> str:
-        """Write the arguments of a generator to a file and its header of visibility macros; return the file's path."""
+        """Write a generator's header of visibility macros and the file of its arguments; return the file's path."""
         output, templates = self._build / generator / self._name, self._share / generator / "resource"
         output.mkdir(parents=True)
         for template in templates.glob("*__visibility_control.h.in"):
@@ -194,7 +194,7 @@ class _Builder:
 
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Hold an exclusive lock on a file: several test workers may build the same package."""
+    """Lock a file exclusively during the context, because several test workers may build the same package."""
     with path.open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield

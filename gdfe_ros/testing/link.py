@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Client of one ``sim_node`` process that publishes messages, calls services and follows the step number."""
+"""Client of one ``sim_node`` process; it publishes messages, calls services and receives the number of each step."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class NodeConnection:
     Args:
         process: process of the node.
         name: full name of the node.
-        topics: message types of the topics to publish on, by name relative to the node's.
-        patience: longest time to wait for anything [s].
+        topics: dict from a topic's name, relative to the node's name, to its message type; `publish` uses these topics.
+        patience: longest duration of each wait [s].
 
     Attributes:
         step: number of the last published step; -1 before the first.
@@ -46,11 +46,11 @@ class NodeConnection:
         node.create_subscription(String, STEP_RECORD.name.replace("~", name), self._see, STATE_QOS)
 
     def wait_for_services(self) -> None:
-        """Wait until the node offers its services."""
+        """Wait until the node offers its services and has discovered this client."""
         self._client.meet(list(self._services.values()))
 
     def wait_for_listener(self) -> None:
-        """Wait until the node subscribes to every topic."""
+        """Wait until the node subscribes to every topic of ``topics``."""
         self._client.await_listeners(self._publishers.values())
 
     def wait_for_step(self, number: int) -> None:
@@ -58,12 +58,12 @@ class NodeConnection:
         self.wait(lambda: self.step >= number, f"step {number}")
 
     def publish(self, messages: Mapping[str, Any]) -> None:
-        """Publish messages, given by topic name."""
+        """Publish messages, given as a dict from topic name to message."""
         for key, message in messages.items():
             self._publishers[key].publish(message)
 
     def set(self, **values: Any) -> None:
-        """Set parameters of the node; raise ``GdfeError`` if it rejects one."""
+        """Set parameters of the node, given by name; raise ``GdfeError`` if the node rejects a value."""
         messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         request = SetParameters.Request(parameters=messages)
         for result in self._client.call(self._services["set_parameters"], request).results:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay of a recorded run by the node itself, commanded over topics, with comparison of the two bags."""
+"""Replay of a recorded run by a node, commanded over topics, and comparison of the two bags."""
 
 from __future__ import annotations
 
@@ -28,20 +28,21 @@ from gdfe_ros.testing.link import NodeConnection
 from gdfe_ros.testing.process import NodeProcess
 
 _SLOWER = 20.0
-"""Longest time to wait for a step, as a multiple of the time of the recorded step."""
+"""The longest wait is `PATIENCE` plus this factor times the longest wall time of a recorded step."""
 _NO_CUT = -1
 
 
 class NodeReplay:
-    """Starts a node in lockstep with the scene of a bag, sends the commands that each step consumed, and records anew.
+    """Replays a bag: a node in lockstep with the bag's scene receives the recorded commands, and writes a new bag.
 
-    Steps that consumed nothing are made by the service ``~/step``. Before a step of another duration, the parameter
-    ``dt`` is set. If a deadline ended a solve, the parameter ``cut_after`` ends it at the same point. A bag that begins
-    in the middle of a run contains its first state, and the node loads this state.
+    Steps that consumed no commands are made by the service ``~/step``. Before a step of another duration, the parameter
+    ``dt`` is set. If a deadline ended a solve in the recorded run, the parameter ``cut_after`` ends the solve at the
+    same point. A bag that begins in the middle of a run contains its first state, and the node loads this state.
 
     Args:
         run: recorded run.
-        overrides: values that replace those of the scene, by dotted key; then the runs differ, and no solve is cut.
+        overrides: dict from dotted key to the value that replaces the scene's. With overrides the runs differ, and no
+            solve is ended early.
 
     Raises:
         RecordingError: the bag lacks data that a replay needs.
@@ -75,7 +76,7 @@ class NodeReplay:
             return self._compare(BagRun(Path(folder) / "bag"), started)
 
     def _repeat(self, folder: Path) -> None:
-        """Run the node on the recorded commands and record it in ``folder``."""
+        """Run a node with the recorded commands; it writes its bag in ``folder``."""
         source = self._run.reader.run
         (folder / "scene.yaml").write_text(source.scene, encoding="utf-8")
         if STATE_FILE in source.files:
@@ -156,9 +157,12 @@ class NodeReplay:
 
 
 def _require_a_node(run: BagRun, record: StepRecord) -> None:
-    """Raise ``RecordingError`` if the first step, of the run or after a reset, has a command or a time step.
+    """Check a record that a node can only repeat by publishing its initial state.
 
-    A node makes no step there; it only publishes the initial state.
+    This is the first record of the run, and the first record after a reset: a node makes no step there.
+
+    Raises:
+        RecordingError: such a record has a command or a duration.
     """
     begins = record is run.records[0] or record.begin is Begin.REST
     if begins and (record.dt or record.handles or record.actuators or record.loads or record.bodies or record.joints):

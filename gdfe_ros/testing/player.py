@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Play the program of a scene over topics to a node in a process of its own, which records it."""
+"""Play the program of a scene over topics to a node in another process, which records the run."""
 
 from __future__ import annotations
 
@@ -35,16 +35,18 @@ def play_program(
     parameters: Mapping[str, Any] | None = None,
     tell: Callable[[float], None] = lambda _: None,
 ) -> float:
-    """Start a node, command it step by step and stop it; return the time from its start to its first step [s].
+    """Start a node, command it step by step with a program, and stop it; return the duration of its start [s].
+
+    The duration is the wall time until the node is ready for the first command.
 
     Args:
         scene: scene with a program.
         source: scene that the node loads: name, or path of its file.
         bag: directory of the recorded bag.
         dt: simulation time of a step [s].
-        steps: number of steps of the program; None: its duration / dt.
-        parameters: of the node; they replace those that set lockstep and recording.
-        tell: function called after each step with the program's time of the step [s].
+        steps: number of steps of the program; None: the program's duration divided by dt.
+        parameters: parameters of the node; they take precedence over the values for lockstep and recording.
+        tell: function that is called after each step with the step's time in the program [s].
 
     Raises:
         GdfeError: the node ended, did not respond, ended with an error, or another node has its name; the message
@@ -80,14 +82,14 @@ def play_program(
 
 
 def _topics(scene: Scene) -> dict[str, type]:
-    """Return the message types of the topics that play the scene's program, by name relative to the node's."""
+    """Return a dict from command topic, relative to the node's name, to message type, for the scene's program."""
     program = scene.program
     topics: dict[str, type] = {target_key(_handle(scene, name)): PoseStamped for name in program.keyframes}
     return topics | ({ACTUATION: JointState} if program.actuators or program.loads or program.joints else {})
 
 
 def _messages(scene: Scene, moment: float) -> dict[str, Any]:
-    """Return one message for each topic, with the program's commands at the time ``moment`` [s]."""
+    """Return a dict from topic to message, with the program's commands at the time ``moment`` [s]."""
     program, head = scene.program, Header()
     poses = program.handle_poses(moment).items()
     messages = {target_key(_handle(scene, name)): pose_stamped(head, pose) for name, pose in poses}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Preparation of the server that forks nodes (see ``forking``): imports, and the kernels that every scene needs."""
+"""Prepare the server that forks nodes (see ``forking``): import modules, load kernels that every scene needs."""
 
 from gdfe_ros.node import process as process
 from gdfe_ros.node import sim_node as sim_node

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Preparation of the server that forks environments (see ``forking``): imports, and kernels that every scene needs."""
+"""Prepare the server that forks environments (see ``forking``): import modules, load kernels that every scene needs."""
 
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation

@@ -18,20 +18,20 @@ import gdfe_ros
 from gdfe_ros.testing.forking import start
 
 _PATIENCE = 180.0
-"""Longest time for a process to end after a signal [s]."""
+"""Longest time until a process ends after a signal [s]."""
 
 
 class NodeProcess:
-    """Process of a ``sim_node``; a context manager that ends it.
+    """Process of a ``sim_node``; as a context manager, it ends the process at exit.
 
     Args:
         parameters: parameters of the node, by name.
         namespace: namespace of the node.
-        remaps: new names of topics, by old name, e.g. ``{"/clock": "clock"}``.
+        remaps: dict from a topic's name to its new name, e.g. ``{"/clock": "clock"}``.
         home: directory that contains the package to run, e.g. of another commit; None: this package.
 
     Attributes:
-        status: exit status; None while the process runs.
+        status: exit status, -n after signal n; None until `wait`, `stop` or `kill` has returned.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class NodeProcess:
         return self.status
 
     def stop(self, number: signal.Signals = signal.SIGINT) -> int:
-        """End the process with a signal, or kill it if that fails; return its exit status, -n after signal n."""
+        """End the process with a signal, or kill it if it does not end; return its exit status, -n after signal n."""
         if self.status is None:
             self._process.send_signal(number)
             try:
@@ -86,7 +86,7 @@ class NodeProcess:
         return self.status
 
     def kill(self) -> None:
-        """Kill the process, without a chance to close its files."""
+        """Kill the process by SIGKILL, so that it cannot complete its files."""
         self._process.kill()
         self.status = self._process.wait()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node with a scene in lockstep, commanded step by step from a test."""
+"""A node in lockstep in another process, commanded step by step from a test."""
 
 from __future__ import annotations
 
@@ -46,26 +46,27 @@ from gdfe_ros.testing.process import NodeProcess
 from gdfe_ros.testing.state import Moment, PublishedState, moment_of, unpack
 
 _PRESENT = (Mode.LENGTH, Mode.VOLUME)
-"""Modes with the present value as neutral command; the neutral command of other modes is zero."""
+"""Modes whose neutral command is the initial value; the neutral command of other modes is zero."""
 _numbers = itertools.count()
 
 
 class Simulator:
-    """Runs the node in a process of its own; a context manager.
+    """Runs a node in a process of its own and commands it in lockstep; a context manager.
 
     Args:
         scene: name of a scene, or path of a scene file.
-        overrides: values that replace those of the scene, by dotted key, e.g. ``{"mesh.bar.cells": [20, 2, 2]}``.
-        parameters: parameters of the node; they replace those that this class sets.
-        inputs: command topics, relative to the node's name; each step consumes one message of each. None stands for all
-            targets and ``actuation``, as `step` and `run` need. For a controller that is a ROS node, give the topics
+        overrides: dict from dotted key to the value that replaces the scene's, e.g. ``{"mesh.bar.cells": [20, 2, 2]}``.
+        parameters: parameters of the node; they take precedence over the values that this class sets.
+        inputs: command topics, relative to the node's name; each step consumes one message of each topic. None: all
+            targets and ``actuation``, which `step` and `run` need. For a controller that is a ROS node, give the topics
             that it publishes.
-        bag: directory of a bag to record.
-        patience: longest time to wait for anything [s]; the very first start compiles, minutes on a busy machine.
+        bag: directory of a bag to record; None: no bag.
+        patience: longest duration of each wait [s]. The very first start compiles kernels, which takes minutes on a
+            busy machine.
 
     Attributes:
         scene: the loaded scene.
-        name: full name of the node; its topics are below it.
+        name: full name of the node; the names of its topics begin with it.
         context: ROS context for nodes in the loop.
         state: state after the last step.
     """
@@ -108,14 +109,15 @@ class Simulator:
         )
 
     def step(self, command: Command | None = None) -> PublishedState:
-        """Make one step and return its state; inputs without a command keep their last one.
+        """Make one step and return the state after it. Handles and actuators without a command keep their last command.
 
-        A refused command has no effect on later steps.
+        If the node refuses a command, the step is not made, and the command has no effect on later steps.
 
         Raises:
             CommandError: as in ``gdfe_ros.Simulation.step``, before any message is sent; or the node refuses the
                 command.
-            OverlapError: a body is placed where it overlaps another one; the step was made without placing it.
+            OverlapError: a rigid body would overlap something at the pose to which it is teleported; the step was made
+                without the teleport.
             GdfeError: ``inputs`` were given, or the node ended or did not respond.
         """
         command = command or Command()
@@ -134,7 +136,7 @@ class Simulator:
         try:
             state = self._order(command, poses, values)
         except CommandError:
-            self._client.call(self._forget, Trigger.Request())  # accepted parts would wait for the others
+            self._client.call(self._forget, Trigger.Request())  # accepted commands would wait for the next step
             raise
         self._poses, self._values = poses, values
         if unplaced := sorted(set(command.bodies) - set(state.record.bodies)):
@@ -143,7 +145,7 @@ class Simulator:
         return state
 
     def _order(self, command: Command, poses: Mapping[str, Pose], values: Mapping[str, float]) -> PublishedState:
-        """Send the commands of one step and wait for the step or a refusal."""
+        """Send the commands of one step, wait for the step and return its state; raise a refusal as CommandError."""
         count = self.state.record.step + 1
         self._refusals.clear()
         self._overlaps.clear()
@@ -162,11 +164,11 @@ class Simulator:
         return self._made
 
     def run(self, controller: Callable[[PublishedState], Command], *, steps: int) -> list[PublishedState]:
-        """Run steps with the commands that ``controller`` computes from the last state; return their states."""
+        """Make steps with the commands that ``controller`` computes from the last state; return the state of each."""
         return [self.step(controller(self.state)) for _ in range(steps)]
 
     def jacobian(self) -> NDArray[np.float64]:
-        """Request d(probe position) / d(command) at the present equilibrium and return it, (probes, 3, actuators).
+        """Return the Jacobian d(probe position) / d(command) at the present equilibrium, (probes, 3, actuators).
 
         Raises:
             GdfeError: the scene has no probes or no actuators.
@@ -180,7 +182,7 @@ class Simulator:
         return np.array(message.data).reshape([dimension.size for dimension in message.layout.dim])
 
     def spin(self, node: Node, *, steps: int) -> list[PublishedState]:
-        """Spin a controller node of the same ``context`` until it has commanded ``steps`` steps; return the states."""
+        """Spin a controller node of the same ``context`` for a number of steps; return a state for each step."""
         states: list[PublishedState] = []
         self._listeners.append(states.append)
         self._client.executor.add_node(node)
@@ -245,7 +247,7 @@ class Simulator:
                 self._actuation = make(JointState, f"{self.name}/{ACTUATION}")
 
     def _meet(self) -> None:
-        """Make the service clients, and wait until the node has discovered them and the subscriptions."""
+        """Make the service clients, and wait until the node has discovered the clients and the subscriptions."""
         self._jacobians: list[Float64MultiArray] = []
         topic = JACOBIAN.name.replace("~", self.name)
         self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)
@@ -259,7 +261,10 @@ class Simulator:
         self._client.meet([self._differentiate, self._walk, self._forget])
 
     def _hear(self, message: String) -> None:
-        """Store the node's refusal of a command of this object; a refusal for an overlap does not prevent the step."""
+        """Store a refusal by the node: of a teleport into an overlap, or of a message from one of this object's topics.
+
+        A refusal for an overlap does not prevent the step.
+        """
         entries = json.loads(message.data)
         text = f"command on {entries['source']} refused: {entries['message']}"
         own = [*self._targets.values(), *self._puts.values(), *([self._actuation] if self._actuation else [])]
@@ -273,11 +278,11 @@ class Simulator:
         return [*self._movable.values()] + ([ACTUATION] if driven else [])
 
     def _receive(self, topic: str, message: Any) -> None:
-        """Collect one message of each topic; when those of a step are complete, update the state."""
+        """Store a message; when the messages of a step are complete, update the state and inform the listeners."""
         self._arrived[topic].append((moment_of(message), message))
         while (messages := self._whole_step()) is not None:
             self.state = unpack(self.scene, messages)
-            # A step with another beginning follows a reset or a loaded state, not a command.
+            # A step that does not start from the last state follows a reset or a loaded state, not a command.
             if self._made is None or self.state.record.begin is Begin.LAST:
                 self._made = self.state
             for listener in self._listeners:
@@ -286,7 +291,7 @@ class Simulator:
     def _whole_step(self) -> dict[str, Any] | None:
         """Remove and return the messages of the first step with a message on every topic; None if there is none.
 
-        Earlier steps are dropped: with the wall clock, a slow subscriber may lose the message of a step on one topic.
+        Earlier steps are dropped. They are incomplete if a slow subscriber has lost a message under the wall clock.
         """
         first, *others = ([moment for moment, _ in queue] for queue in self._arrived.values())
         moment = next((moment for moment in first if all(moment in other for other in others)), None)

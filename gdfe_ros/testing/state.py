@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State after a step for a controller under test: the contents of the node's messages."""
+"""State after a step, from the contents of the node's messages, for a controller under test."""
 
 from __future__ import annotations
 
@@ -31,17 +31,18 @@ class PublishedState:
 
     Attributes:
         record: commands that the step consumed, and the result of its solve.
-        positions: (n, 3) float32 vertices [m].
-        displacements: (n, 3) float32 [m].
-        strain: (m, 8) float32, columns as in ``~/strain``.
-        poses: poses of handles and obstacles, relative to rest.
-        wrenches: wrenches (6,) of handles and obstacles on the body, force [N] then moment [N m].
-        probes: poses of the material points.
-        joints: position, velocity and effort of each actuator and joint, as in ``~/joint_states``.
-        contacts: (k,) contact points, as `gdfe_ros.contacts.POINT`; empty without obstacles and rigid bodies.
-        sensors: wrenches (6,) measured by contact sensors, force [N] then moment [N m].
-        velocities: (n, 3) float32 of the vertices [m/s]; None if the scene has no dynamics.
-        imus: readings of inertial measurement units at the probes, as by `Simulation.imus`; empty without dynamics.
+        positions: (n, 3) float32 positions of the vertices [m].
+        displacements: (n, 3) float32 displacements of the vertices [m].
+        strain: (m, 8) float32 fields of the cells, columns as in ``~/strain``.
+        poses: poses of handles, obstacles and rigid bodies by name, relative to rest.
+        wrenches: wrenches (6,) of handles, obstacles and rigid bodies on the body by name, force [N] then moment [N m].
+        probes: poses of the material points by name.
+        joints: position, velocity and effort of each actuator and joint by name, as in ``~/joint_states``.
+        contacts: (k,) contact points, as `gdfe_ros.contacts.POINT`; empty in a scene without contact.
+        sensors: wrenches (6,) measured by contact sensors, by name, force [N] then moment [N m].
+        velocities: (n, 3) float32 velocities of the vertices [m/s]; None if the scene has no dynamics.
+        imus: readings of inertial measurement units at the probes by name, as from `Simulation.imus`; empty without
+            dynamics.
     """
 
     record: StepRecord
@@ -64,13 +65,13 @@ class PublishedState:
 
 
 def moment_of(message: Any) -> Moment:
-    """Return the time stamp of the step of a message of ``state_topics``, in seconds and nanoseconds."""
+    """Return the stamp of a message on one of ``state_topics``, in seconds and nanoseconds; it identifies the step."""
     given = message.header.stamp if hasattr(message, "header") else to_time(StepRecord.from_json(message.data).stamp)
     return given.sec, given.nanosec
 
 
 def unpack(scene: Scene, messages: Mapping[str, Any]) -> PublishedState:
-    """Return the state from one message of each topic of ``state_topics``."""
+    """Return the state after a step from the step's messages, one for each of ``state_topics``."""
     mesh, moving = _vertices(messages[topics.MESH.key()]), scene.dynamics is not None
     joints = messages.get(topics.JOINT_STATES.key())
     poses, wrenches = {}, {}
@@ -97,7 +98,7 @@ def unpack(scene: Scene, messages: Mapping[str, Any]) -> PublishedState:
 
 
 def _vertices(message: PointCloud2) -> NDArray[np.float32]:
-    """Return the columns (n, 6) of a point cloud of vertices."""
+    """Return the values (n, 6) of a point cloud of vertices."""
     return np.frombuffer(message.data, "<f4").reshape(-1, 6)
 
 

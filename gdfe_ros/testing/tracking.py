@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True)
 class TrackingError:
-    """Distances [m] between actual and wanted positions.
+    """Distances between actual and wanted positions.
 
     Attributes:
-        largest: largest distance.
-        rms: root mean square of the distances.
-        last: distance at the end.
+        largest: largest distance [m].
+        rms: root mean square of the distances [m].
+        last: distance at the end [m].
     """
 
     largest: float
@@ -25,7 +25,7 @@ class TrackingError:
 
 
 def tracking_error(actual: ArrayLike, wanted: ArrayLike) -> TrackingError:
-    """Return the distances between an actual and a wanted motion.
+    """Return largest, RMS and last distance between an actual and a wanted motion.
 
     Args:
         actual: (k, 3) positions [m].

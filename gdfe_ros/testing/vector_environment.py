@@ -18,15 +18,15 @@ _PRELOAD = "gdfe_ros.testing.preloaded_environment"
 def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver", **options: Any) -> AsyncVectorEnv:
     """Make environments that run in parallel, each in a process of its own.
 
-    Threads of one process would use the same matrix factors, but wait for Python's lock between the compiled parts of a
-    step. ``python -m benchmarks.environments`` measures both. The processes are forked from a server that has imported
-    the package and loaded the kernels once.
+    Threads of one process could use the same matrix factors, but they would wait for Python's lock between the compiled
+    parts of a step. ``python -m benchmarks.environments`` measures threads and processes. By default the processes are
+    forked from a server that has imported the package and loaded the kernels once.
 
     Args:
-        scene: name or path.
+        scene: name of a scene, or path of a scene file.
         count: number of environments.
-        context: start method of the processes. ``spawn`` imports the package in each of them; ``fork`` would copy the
-            threads of the compiler in an invalid state.
+        context: start method of the processes. With ``spawn`` each process imports the package. ``fork`` does not work,
+            because it copies the threads of the compiler in an invalid state.
         options: keyword arguments of `make_env`.
     """
     if context == "forkserver":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Slender bars under loads, cables and growth against beam theory at large deflection."""
+"""Slender bars with loads, cables and growth, against beam theory at large deflection."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ solver: {{tolerance: 1.0e-6, max_iterations: 20000}}
 
 
 def elastica(end: float, spread: float) -> tuple[float, float]:
-    """Return x and drop of the tip over the length of an inextensible clamped beam under dead loads.
+    """Return the tip's x and drop, both over the length, of an inextensible clamped beam with dead loads.
 
     ``end`` is F L^2 / E I, ``spread`` is w L^3 / E I: theta'' = -(end + spread (1 - s)) cos(theta).
     """
@@ -45,7 +45,7 @@ def elastica(end: float, spread: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize(("end", "spread"), [(3.0, 0.0), (0.0, 8.0)])
 def test_cantilever_follows_the_elastica(end: float, spread: float) -> None:
-    """Bend by a tip force and by gravity to more than half the length, within 1 %."""
+    """A cantilever with a tip force or gravity, bent by more than half its length, follows the elastica within 1 %."""
     force = end * YOUNG * INERTIA / LENGTH**2
     gravity = spread * YOUNG * INERTIA / LENGTH**3 / (1000.0 * AREA)
     loads = f"""
@@ -64,13 +64,13 @@ loads:
 
 
 def edge_cable(command: str) -> str:
-    """Return a cable along the upper edge."""
+    """Return the actuator text of a cable along the upper edge."""
     points = [[round(LENGTH * i / 50, 6), 0, SIDE / 2] for i in range(51)]
     return f"actuators: {{cable: {{cable: {{points: {points}, command: {command}}}}}}}\n"
 
 
 def test_cable_along_the_edge_bends_to_a_circle() -> None:
-    """Compare with curvature T a / E I and compression T / E A, within 2 % of the displacement."""
+    """A cable along the edge bends the bar to curvature T a / E I and compresses it by T / E A, within 2 %."""
     tension = 0.006 * YOUNG * AREA
     simulation = Simulation(scene_from_text(BEAM + edge_cable("tension")))
     assert simulation.step(Command(actuators={"cable": tension})).converged
@@ -84,7 +84,7 @@ def test_cable_along_the_edge_bends_to_a_circle() -> None:
 
 
 def test_cable_by_shortening_finds_the_same_state() -> None:
-    """Shorten by what a tension shortened; find that tension within 1 %, and slack when paid out."""
+    """A cable with the shortening found at a tension has that tension within 1 %, and goes slack when paid out."""
     by_tension = Simulation(scene_from_text(BEAM + edge_cable("tension")))
     by_tension.step(Command(actuators={"cable": 1.2}))
     state = by_tension.actuator_states()["cable"]
@@ -99,7 +99,7 @@ def test_cable_by_shortening_finds_the_same_state() -> None:
 
 
 def test_bilayer_curves_as_timoshenko_says() -> None:
-    """Grow one of two equal layers by 0.2 %: curvature 3/2 eps / h within 3 %."""
+    """A bilayer with one layer grown by 0.2 % has curvature 3/2 eps / h within 3 %."""
     strain = 0.002
     growth = f"actuators: {{heat: {{growth: {{stretch: [{1 + strain}, 1, 1], where: {{box: {{z: [0, 1]}}}}}}}}}}\n"
     simulation = Simulation(scene_from_text(BEAM + growth))
@@ -111,7 +111,7 @@ def test_bilayer_curves_as_timoshenko_says() -> None:
 
 
 def test_work_of_a_cable_is_the_strain_energy() -> None:
-    """Integrate the tension over the shortening along a slow path: strain energy within 0.5 %."""
+    """The integral of a cable's tension over its shortening is the strain energy within 0.5 %."""
     simulation = Simulation(scene_from_text(BEAM + edge_cable("tension")))
     path = [(0.0, LENGTH)]
     for tension in np.linspace(0, 2.0, 31)[1:]:
@@ -123,7 +123,7 @@ def test_work_of_a_cable_is_the_strain_energy() -> None:
 
 
 def test_jacobian_matches_differences_and_leaves_the_state() -> None:
-    """Compare d(tip)/d(tension) with two equilibria and step on bitwise as if it had not been asked for."""
+    """d(tip)/d(tension) equals differences of two equilibria; computing it leaves the next step bitwise unchanged."""
     scene = scene_from_text(BEAM + edge_cable("tension"))
     asked, plain = Simulation(scene), Simulation(scene)
     for simulation in (asked, plain):
@@ -142,7 +142,7 @@ def test_jacobian_matches_differences_and_leaves_the_state() -> None:
 
 
 def test_a_jacobian_can_be_interrupted() -> None:
-    """Say so after a while: it ends at once with the reason, and the simulation is as it was."""
+    """An interrupted Jacobian ends at once with an error that gives the reason, and the simulation is unchanged."""
     simulation, asked = Simulation(load_scene("tendon_finger")), []
     simulation.step()
     before = simulation.positions.copy()

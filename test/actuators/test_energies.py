@@ -24,16 +24,16 @@ from gdfe_ros.solver.terms.term import terms_energy
 
 RUBBER = NeoHookean(young=1e6, poisson=0.4, density=1000.0)
 LINEAR = Linear(young=1e6, poisson=0.4)
-"""Its hourglass stiffness stays, so that its forces are the derivative of its energy at every state."""
+"""A law with constant hourglass stiffness, so that its forces are the derivative of its energy in every state."""
 
 
 def make_body(mesh: HexMesh, material: Material = RUBBER) -> Body:
-    """Build a body of one material without handles."""
+    """Build a body of one material, without handles."""
     return Body.build(mesh.vertices, mesh.cells, (material,), np.zeros(mesh.n_cells, np.int32), ())
 
 
 def assert_derivative(actuation: Actuation, x: np.ndarray) -> None:
-    """Compare the force with central differences along random directions."""
+    """Require the actuators' force to equal central differences of their energy along random directions."""
     force = np.zeros_like(x)
     terms_energy(x, actuation.table, force, np.zeros(1))
     random = np.random.default_rng(1)
@@ -48,7 +48,7 @@ def assert_derivative(actuation: Actuation, x: np.ndarray) -> None:
 
 @pytest.mark.parametrize(("effort", "stiffness", "target"), [(3.0, 0.0, 0.0), (0.5, 400.0, 0.1), (0.0, 400.0, 0.9)])
 def test_cable_force_is_the_derivative(effort: float, stiffness: float, target: float) -> None:
-    """Check a given tension, a taut cable of given length and a slack one."""
+    """A cable's force is the derivative of its energy at given tension and given length, and zero when slack."""
     mesh = bar([0.2, 0.05, 0.05], [4, 2, 2])
     points = embed(mesh, [[0.0, 0.01, 0.02], [0.07, 0, 0.02], [0.12, -0.01, 0.0], [0.2, 0, -0.02]], what="cable")
     actuation = Actuation(make_body(mesh), [Cable(name="c", mode=Mode.TENSION, points=points)])
@@ -63,7 +63,7 @@ def test_cable_force_is_the_derivative(effort: float, stiffness: float, target: 
 
 @pytest.mark.parametrize(("effort", "stiffness"), [(5e4, 0.0), (2e4, 1e12)])
 def test_chamber_force_is_the_derivative(effort: float, stiffness: float) -> None:
-    """Check a given pressure and a given volume on warped quads."""
+    """A chamber's force is the derivative of its energy at given pressure and given volume, on warped quads."""
     mesh = sphere(0.01, 0.015, [3, 1])
     cavity = find_cavities(mesh)[0]
     actuation = Actuation(make_body(mesh), [Chamber(name="c", mode=Mode.PRESSURE, quads=cavity.quads)])
@@ -78,7 +78,7 @@ def test_chamber_force_is_the_derivative(effort: float, stiffness: float) -> Non
 
 @pytest.mark.parametrize(("effort", "stiffness"), [(5e4, 0.0), (2e4, 1e12)])
 def test_force_of_a_carried_chamber_is_the_derivative(effort: float, stiffness: float) -> None:
-    """Check a surface of triangles between points within cells, and beyond them; a closed one pushes nothing away."""
+    """The force of a chamber whose surface is embedded in cells is the derivative of its energy and sums to zero."""
     mesh = bar([0.06, 0.06, 0.06], [3, 3, 3])
     ball = trimesh.creation.icosphere(1, 0.0101)
     ball.apply_translation(mesh.bounds.mean(axis=0))
@@ -101,7 +101,7 @@ def test_force_of_a_carried_chamber_is_the_derivative(effort: float, stiffness: 
 
 
 def test_dead_loads_sum_to_their_force_and_moment() -> None:
-    """Check total force and moment of gravity, a point load and a surface load on a tilted, graded mesh."""
+    """Gravity, a point load and a surface load on a graded mesh have the exact total force or moment."""
     mesh = bar([0.2, 0.04, 0.06], [4, 2, 3])
     mesh.vertices[:, 1] *= 1.0 + mesh.vertices[:, 0]
     mesh.vertices[:, 2] += 0.2 * mesh.vertices[:, 0]
@@ -119,7 +119,7 @@ def test_dead_loads_sum_to_their_force_and_moment() -> None:
 
 @pytest.mark.parametrize("material", [RUBBER, LINEAR])
 def test_growth_energy_is_that_of_the_elastic_part(material: Material) -> None:
-    """Compare det G W(F G^-1) with an ungrown body stretched by F G^-1, and its force with differences."""
+    """The energy of a grown body is det G W(F G^-1), and its force equals differences of the energy."""
     mesh = bar([0.02, 0.02, 0.02], [2, 2, 2])
     random = np.random.default_rng(2)
     target = np.diag([1.3, 0.9, 1.1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands at the edge of what a body can do: a cable that is straight, a chamber that would have to be a room."""
+"""Commands at the limit of a body's range: a straight cable, and far too large a volume."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ actuators: {air: {chamber: {cavity: 0, command: volume}}}
 
 @pytest.mark.parametrize("height", ["0", "0.005"])
 def test_a_straight_cable_between_held_faces_keeps_its_length(height: str) -> None:
-    """Guide a straight cable through cells that are free: slack, taut where a face comes nearer, refused below that."""
+    """A straight cable between faces is slack when long, taut when a face moves nearer, and refused when shorter."""
     simulation = Simulation(scene_from_text(GUIDED.replace("Z", height)))
     slack = simulation.step(Command(actuators={"wire": 0.102}))
     assert slack.converged
@@ -46,7 +46,7 @@ def test_a_straight_cable_between_held_faces_keeps_its_length(height: str) -> No
 
 
 def test_a_volume_that_no_wall_can_follow_is_refused() -> None:
-    """Command 1 m^3 of a chamber of 12 ml: refused with what is allowed, and nothing changes; 15 ml are reached."""
+    """A volume of 1 m^3 for a chamber of 12 ml is refused with the allowed range, and then 15 ml are reached."""
     simulation = Simulation(scene_from_text(CHAMBER))
     with pytest.raises(CommandError, match=r"'air': volume 1\.0 m\^3 .* at most 1000 times .* check the unit"):
         simulation.step(Command(actuators={"air": 1.0}))
@@ -56,7 +56,7 @@ def test_a_volume_that_no_wall_can_follow_is_refused() -> None:
 
 
 def test_a_volume_that_is_too_much_ends_at_a_sound_shape() -> None:
-    """Inflate a chamber to 900 times its volume: it ends with cells pressed flat, not folded, and says which."""
+    """A chamber commanded to 900 times its volume stops with cells pressed flat, not folded, and says so."""
     simulation = Simulation(scene_from_text(CHAMBER))
     result = simulation.step(Command(actuators={"air": 1.08e-2}))
     assert not result.converged

@@ -30,13 +30,13 @@ PRESSURE = "actuators: {air: {chamber: {command: pressure}}}\n"
 
 
 def sphere_pressure(stretch: float) -> float:
-    """Return the pressure [Pa] that stretches the inner radius, W = mu/2 (I1 - 3), J = 1."""
+    """Return the pressure [Pa] at an inner radius of ``stretch`` times the undeformed one, W = mu/2 (I1 - 3), J = 1."""
     outside = ((OUTER**3 - INNER**3 + (INNER * stretch) ** 3) ** (1 / 3)) / OUTER
     return SHEAR * (2 / outside + 0.5 / outside**4 - 2 / stretch - 0.5 / stretch**4)
 
 
 def tube_state(pressure: float, inner: float, outer: float) -> tuple[float, float]:
-    """Return inner stretch and axial stretch of a closed incompressible tube [-] under a pressure [Pa]."""
+    """Return the inner stretch and axial stretch [-] of a closed incompressible tube under a pressure [Pa]."""
 
     def residual(unknown: np.ndarray) -> list[float]:
         a, axial = unknown[0] * inner, unknown[1]
@@ -59,7 +59,7 @@ def tube_state(pressure: float, inner: float, outer: float) -> tuple[float, floa
 
 
 def test_sphere_inflates_as_the_exact_solution() -> None:
-    """Find the inner radius at 60 % of the limit pressure within 2 % of its growth."""
+    """At 60 % of the limit pressure, the growth of a sphere's inner radius is exact within 2 %."""
     simulation = Simulation(scene_from_text(SPHERE + PRESSURE))
     rest = simulation.actuator_states()["air"].extent
     result = simulation.step(Command(actuators={"air": 1e5}))
@@ -70,7 +70,7 @@ def test_sphere_inflates_as_the_exact_solution() -> None:
 
 
 def test_sphere_by_volume_passes_the_limit_point() -> None:
-    """Command volumes beyond the limit point and find the falling pressure within 2 %; come back to rest in steps."""
+    """By commanded volume, a sphere passes the pressure maximum, exact within 2 %, and returns to zero pressure."""
     scene = scene_from_text(SPHERE + PRESSURE.replace("pressure", "volume"))
     simulation = Simulation(scene)
     rest = simulation.actuator_states()["air"].extent
@@ -88,7 +88,7 @@ def test_sphere_by_volume_passes_the_limit_point() -> None:
 
 
 def test_sphere_reports_the_loss_of_stability() -> None:
-    """Ask for more than the limit pressure: stay finite, at the last equilibrium, and name the limit within 3 %."""
+    """Above the limit pressure, a sphere stays finite, and the message names a limit that is right within 3 %."""
     limit = max(sphere_pressure(value) for value in np.linspace(1.0, 3.0, 400))
     simulation = Simulation(scene_from_text(SPHERE + PRESSURE))
     result = simulation.step(Command(actuators={"air": 3e5}))
@@ -102,7 +102,7 @@ def test_sphere_reports_the_loss_of_stability() -> None:
 
 
 def test_work_of_a_chamber_is_the_strain_energy() -> None:
-    """Integrate the pressure over the volume along a slow path: strain energy within 0.5 %."""
+    """The integral of a chamber's pressure over its volume is the strain energy within 0.5 %."""
     simulation = Simulation(scene_from_text(SPHERE + PRESSURE))
     path = [(0.0, simulation.actuator_states()["air"].extent)]
     for pressure in np.linspace(0, 1.2e5, 41)[1:]:
@@ -114,7 +114,7 @@ def test_work_of_a_chamber_is_the_strain_energy() -> None:
 
 
 def test_closed_tube_inflates_as_the_exact_solution() -> None:
-    """Find hoop and axial stretch in the middle of a thick-walled closed tube within 2 % of the exact ones."""
+    """A thick-walled closed tube has the exact hoop and axial stretch in its middle within 2 %."""
     inner, outer, length, pressure = 0.010, 0.020, 0.120, 1.0e5
     text = f"""
 name: tube
@@ -142,7 +142,7 @@ solver: {{tolerance: 1.0e-5}}
 
 @pytest.mark.parametrize("policy", ["energy", "relative"])
 def test_uniform_growth_is_free_of_stress(policy: str) -> None:
-    """Grow a body that one vertex holds: a linear map, the exact stretches, elastic strain below 1e-8."""
+    """Uniform growth of a body held at one vertex is a linear map with exact stretches and strain below 1e-8."""
     text = """
 name: swelling
 mesh: {bar: {size: [0.04, 0.02, 0.02], cells: [4, 2, 2]}}
@@ -166,7 +166,7 @@ actuators: {swell: {growth: {stretch: [1.3, 1.1, 0.8]}}}
 
 
 def test_commands_out_of_range_are_refused() -> None:
-    """Refuse unknown names and values out of range, and leave the state alone; limit the rate."""
+    """Unknown names and values out of range are refused without a change of state, and the rate is limited."""
     actuator = "actuators: {air: {chamber: {command: pressure, range: [0, 5.0e4], rate: 1.0e4}}}\n"
     simulation = Simulation(scene_from_text(SPHERE + actuator))
     with pytest.raises(CommandError, match=r"allowed: 0 to 50000 Pa"):
@@ -183,6 +183,6 @@ def test_commands_out_of_range_are_refused() -> None:
 
 
 def test_relative_policy_refuses_forces() -> None:
-    """Name what the policy without newtons cannot take."""
+    """The policy ``relative`` refuses an actuator that exerts forces, and names it."""
     with pytest.raises(SceneError, match=r"cannot take air.*policy: energy"):
         Simulation(scene_from_text(SPHERE.replace("solver: {", "solver: {policy: relative, ") + PRESSURE))

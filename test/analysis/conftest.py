@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags as the node writes them, made in this process: its messages and its recorder, without its threads."""
+"""Bags as the node writes them, made in this process with its messages and its recorder, without its threads."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ _OUTCOMES += ["energies"]
 
 
 class BagMaker:
-    """Steps a scene and writes what the node would publish.
+    """Makes steps of a scene and writes the node's messages.
 
     Args:
-        path: of the bag.
-        scene: that is simulated.
-        node: full name of the node that it pretends to be.
-        rename: full names of topics, by their names without the node's.
+        path: directory of the bag.
+        scene: scene to simulate.
+        node: full name of the imitated node.
+        rename: dict from a topic's name without the node's to its full name.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class BagMaker:
         self._send("scene", String(data=scene.source), 0)
 
     def step(self, handles: Mapping[str, Pose] | None = None, *, dt: float = 0.01) -> None:
-        """Make a step and write it, the mesh first, as the node does; ``repeat`` writes the record first."""
+        """Make a step and write its messages, the mesh before the record; `repeat` writes the record first."""
         handles = dict(handles or {})
         result = self.simulation.step(Command(handles=handles), dt=dt)
         outcome = {name: getattr(result, name) for name in _OUTCOMES}
@@ -83,7 +83,7 @@ class BagMaker:
             self._send(f"handles/{name}/wrench", messages.wrench_stamped(head, result.reactions[name]), moment)
 
     def repeat(self, count: int, *, dt: float = 0.01) -> None:
-        """Write the present state again as ``count`` further steps, without solving."""
+        """Write the present state as ``count`` further steps, without solving."""
         result, fields = self.simulation.result, self.simulation.fields()
         for number in range(1, count + 1):
             time = result.time + number * dt
@@ -97,12 +97,12 @@ class BagMaker:
             self._send("strain", messages.strain_cloud(head, fields), moment)
 
     def reset(self) -> None:
-        """Go back to rest."""
+        """Reset the simulation to the undeformed state."""
         self.simulation.reset()
         self._begin = Begin.REST
 
     def skip(self) -> None:
-        """Pretend that the record of a step was dropped."""
+        """Skip a step's number, as if its record had been dropped."""
         self._count += 1
 
     def close(self) -> Path:
@@ -124,7 +124,7 @@ class BagMaker:
 
 @pytest.fixture
 def maker() -> type[BagMaker]:
-    """Give the class that writes bags."""
+    """Return the class that writes bags."""
     return BagMaker
 
 

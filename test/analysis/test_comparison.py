@@ -17,14 +17,14 @@ from gdfe_ros.scene import load_scene
 
 
 def test_equal_runs_are_equal(make_bag: Callable[..., Path]) -> None:
-    """Record the same run twice: bit-identical, exit status 0."""
+    """Two recordings of the same run are bit-identical, with exit status 0."""
     first, second = make_bag("a"), make_bag("b")
     assert compare_bags(first, second).differences.verdict() is Difference.IDENTICAL
     assert main(["compare", str(first), str(second)]) == 0
 
 
 def test_a_changed_modulus_is_found(make_bag: Callable[..., Path], capsys: Any) -> None:
-    """Record with one other modulus: the scenes' key, the first stamp and the size of the difference are reported."""
+    """Another modulus is reported with its scene key, the first stamp and the size of the difference."""
     first, second = make_bag("a"), make_bag("b", materials__e40__young=41e3)
     comparison = compare_bags(first, second)
     assert comparison.scene_changes == {"materials.e40.young": (40e3, 41e3)}
@@ -34,7 +34,7 @@ def test_a_changed_modulus_is_found(make_bag: Callable[..., Path], capsys: Any) 
 
 
 def test_a_shorter_run_is_different(make_bag: Callable[..., Path]) -> None:
-    """Leave out the last step: what both have is equal, the runs are not."""
+    """A run without the last step is different, although the common steps are identical."""
     first, second = make_bag("a"), make_bag("b", heights=np.linspace(0.0, 0.1, 6)[:5])
     comparison = compare_bags(first, second)
     assert comparison.only == (1, 0)
@@ -43,7 +43,7 @@ def test_a_shorter_run_is_different(make_bag: Callable[..., Path]) -> None:
 
 
 def test_names_of_nodes_do_not_matter(make_bag: Callable[..., Path], maker: Any, tmp_path: Path) -> None:
-    """Compare runs of nodes with different names: topics are paired without them."""
+    """Runs of nodes with different names are equal: topics are paired without the node's name."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]})
     bags = [maker(tmp_path / name, scene, node=f"/{name}/sim") for name in ("left", "right")]
     for bag in bags:
@@ -52,6 +52,6 @@ def test_names_of_nodes_do_not_matter(make_bag: Callable[..., Path], maker: Any,
 
 
 def test_another_kind_of_bag_is_refused(tmp_path: Path, capsys: Any) -> None:
-    """Name a directory that holds no bag: exit status 2 and one clear line."""
+    """A directory without a bag gives exit status 2 and one clear line."""
     assert main(["compare", str(tmp_path), str(tmp_path)]) == 2
     assert "neither a bag directory nor an MCAP file" in capsys.readouterr().err

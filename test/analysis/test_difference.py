@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What counts as a small difference."""
+"""The threshold between small and large differences of two runs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _record(*, converged: bool, error_estimate: float) -> Values:
 
 
 def _step(gap: float, *, converged: bool, error_estimate: float) -> tuple[dict[str, Values], dict[str, Values]]:
-    """Give one step of two runs whose positions differ by ``gap`` times the body's size of 0.5 m."""
+    """Return one step of two runs whose positions differ by ``gap`` times the body's size of 0.5 m."""
     record = _record(converged=converged, error_estimate=error_estimate)
     first, second = np.array([0.1, 0.2]), np.array([0.1, 0.2 + 0.5 * gap])
     return {"step_record": record, "mesh": {"x": first}}, {"step_record": dict(record), "mesh": {"x": second}}
@@ -41,7 +41,7 @@ def _step(gap: float, *, converged: bool, error_estimate: float) -> tuple[dict[s
 def test_a_step_is_judged_by_what_it_was_solved_to(
     gap: float, converged: bool, error_estimate: float, verdict: Difference
 ) -> None:
-    """Allow ten times the tolerance where a step converged, ten times its error_estimate where it was cut."""
+    """Allowed are ten tolerances in a converged step and ten times its error estimate in a cut step."""
     differences = _differences()
     differences.add((0, 0), *_step(gap, converged=converged, error_estimate=error_estimate))
     assert differences.verdict(10.0) is verdict
@@ -51,7 +51,7 @@ def test_a_step_is_judged_by_what_it_was_solved_to(
 
 
 def test_a_cut_step_excuses_no_other() -> None:
-    """Differ by as much in a step that was cut and in one that converged: the second is too much."""
+    """A difference allowed in a cut step is too large in a converged step."""
     differences = _differences()
     differences.add((0, 0), *_step(5e-5, converged=False, error_estimate=1e-5))
     assert differences.verdict(10.0) is Difference.WITHIN
@@ -62,7 +62,7 @@ def test_a_cut_step_excuses_no_other() -> None:
 
 
 def test_whether_a_step_converges_is_judged_only_where_it_did() -> None:
-    """Lose convergence in the second run: different where the first had converged, open where it had not."""
+    """A step that converges only in the first run is different, one that converges only in the second is not."""
     for converged, verdict in ((True, Difference.DIFFERENT), (False, Difference.WITHIN)):
         differences = _differences()
         first, second = ({"step_record": _record(converged=c, error_estimate=5e-8)} for c in (converged, not converged))
@@ -85,5 +85,5 @@ def test_whether_a_step_converges_is_judged_only_where_it_did() -> None:
     ],
 )
 def test_fields_have_their_units(field: str, unit: str) -> None:
-    """Ask for units: the vector that a component is of tells, where there is one."""
+    """A component's unit is that of its vector, if the component belongs to one."""
     assert unit_of(field) == unit

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Energies in a report: what a body in motion has beside what was put in and lost."""
+"""Energies in a report: the energy of a moving body against work and dissipated energy."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from gdfe_ros.scene import load_scene
 TITLES = {"Energies of the motion", "Balance of energy"}
 SHAKEN = {"mesh.bar.cells": [10, 1, 1], "dynamics.scheme": "newmark"}
 SHAKES, RESET = 40, 20
-"""Steps, and before which of them the bar goes back to rest."""
+"""Number of steps, and the step before which the bar is reset."""
 
 
 @pytest.fixture
 def shaken(maker: Any, tmp_path: Path) -> Path:
-    """Give the bag of a bar that is shaken by its base, and goes back to rest in between."""
+    """Return the bag of a bar that is shaken by its base, with a reset in between."""
     bag = maker(tmp_path / "bag", load_scene("whip", overrides=SHAKEN))
     bag.step(dt=0.0)
     for number in range(SHAKES):
@@ -41,7 +41,7 @@ def shaken(maker: Any, tmp_path: Path) -> Path:
 
 
 def history_of(path: Path) -> tuple[BagRun, RunHistory]:
-    """Return a run and its history."""
+    """Return the run of a bag and its history."""
     run = BagRun(path)
     history = RunHistory(StrainHistogram(len(run.records), columns=10))
     for step in BagSteps(run):
@@ -50,7 +50,7 @@ def history_of(path: Path) -> tuple[BagRun, RunHistory]:
 
 
 def test_the_balance_closes_and_begins_anew_after_a_reset(shaken: Path) -> None:
-    """Shake a damped bar, twice from rest: both sides agree to 1 % of the kinetic energy, and work was done."""
+    """A damped shaken bar's energy balance closes to 1 % of its kinetic energy, and restarts after a reset."""
     _, history = history_of(shaken)
     assert history.starts == [0, RESET + 1]
     balance, energy = energy_balance(history), {name: np.array(each) for name, each in history.energies.items()}
@@ -63,7 +63,7 @@ def test_the_balance_closes_and_begins_anew_after_a_reset(shaken: Path) -> None:
 
 
 def test_a_run_from_a_state_in_motion_counts_from_there(shaken: Path) -> None:
-    """Drop the first steps of a run: the rest of it still closes, from the first step that is there."""
+    """In a run without its first steps, the energy balance still closes from the first step that is left."""
     _, history = history_of(shaken)
     cut = RunHistory(
         history.strain, starts=[0], energies={name: each[4:RESET] for name, each in history.energies.items()}
@@ -74,7 +74,7 @@ def test_a_run_from_a_state_in_motion_counts_from_there(shaken: Path) -> None:
 
 
 def test_the_page_tells_energies_of_bodies_in_motion_only(shaken: Path, make_bag: Any, tmp_path: Path) -> None:
-    """Report a bar that is shaken and one without mass: two charts and a row more for the first."""
+    """The report of a moving bar has two more charts and one more row than that of a bar without dynamics."""
     for bag, expected in ((shaken, True), (make_bag("still"), False)):
         run, history = history_of(bag)
         titles = {chart["title"]: chart for chart in all_charts(history, run.scene, dt=0.01)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exports, read back by the libraries that others use."""
+"""Exports, read back by widely used libraries."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gdfe_ros.cli import main
 
 
 def test_vtk_series_holds_the_run(make_bag: Callable[..., Path], tmp_path: Path) -> None:
-    """Export for ParaView: times in the collection, positions and fields in the files."""
+    """A ParaView export has the times in the collection, and positions and fields in the files."""
     bag, out = make_bag(), tmp_path / "series"
     assert main(["export", str(bag), "--out", str(out), "--format", "vtk"]) == 0
     entries = ElementTree.parse(out / "run.pvd").getroot().findall(".//DataSet")
@@ -34,7 +34,7 @@ def test_vtk_series_holds_the_run(make_bag: Callable[..., Path], tmp_path: Path)
 
 @pytest.mark.exact("an exact zero without a shift")
 def test_npz_holds_every_array(make_bag: Callable[..., Path], tmp_path: Path) -> None:
-    """Export to numpy: steps first, float32 as published."""
+    """A numpy export has every array, steps along the first axis, as float32 like the messages."""
     out = tmp_path / "run.npz"
     assert main(["export", str(make_bag()), "--out", str(out)]) == 0
     with np.load(out) as data:
@@ -46,7 +46,7 @@ def test_npz_holds_every_array(make_bag: Callable[..., Path], tmp_path: Path) ->
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_tables_hold_a_row_for_each_step(make_bag: Callable[..., Path], tmp_path: Path, kind: str) -> None:
-    """Export numbers of every second step: commands, responses, costs."""
+    """A table of every second step has the commands, responses and costs."""
     bag, out = make_bag(), tmp_path / f"run.{kind}"
     assert main(["export", str(bag), "--out", str(out), "--every", "2"]) == 0
     if kind == "csv":
@@ -61,7 +61,7 @@ def test_tables_hold_a_row_for_each_step(make_bag: Callable[..., Path], tmp_path
 
 
 def test_columns_have_names_and_units(kept_bags: dict[Path, float], tmp_path: Path) -> None:
-    """Export a robot: joint states by actuator, a unit for every quantity that has one, in each format."""
+    """A robot's export names joint states by actuator and gives each quantity its unit, in every format."""
     bag = next(path for path in kept_bags if path.name == "pneunet")
     scene = BagRun(bag).scene
     names = [actuator.name for actuator in scene.actuators]
@@ -89,6 +89,6 @@ def test_columns_have_names_and_units(kept_bags: dict[Path, float], tmp_path: Pa
 
 
 def test_an_unknown_ending_is_refused(make_bag: Callable[..., Path], tmp_path: Path, capsys: Any) -> None:
-    """Ask for a spreadsheet: exit status 2, and what there is."""
+    """An export to an unknown file ending gives exit status 2 and the known endings."""
     assert main(["export", str(make_bag()), "--out", str(tmp_path / "run.xlsx")]) == 2
     assert "vtk, npz, csv, parquet" in capsys.readouterr().err

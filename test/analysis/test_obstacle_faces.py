@@ -35,7 +35,7 @@ POSE = Pose((0.1, 0.2, -0.3), (0.4, 0.0, 0.1))
 
 
 def test_faces_of_a_record_are_where_the_obstacle_was() -> None:
-    """Take the pose of one ball from a recorded step, and that of another, of which nothing is recorded, from rest."""
+    """An obstacle with a recorded pose is drawn there, one without a record at its initial pose."""
     text = """
 name: balls
 mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [2, 2, 2]}}
@@ -56,7 +56,7 @@ obstacles: {moved: {sphere: {radius: 0.02}, at: [0.3, 0, 0]}, still: {sphere: {r
 
 @pytest.mark.parametrize(("form", "volume"), FORMS, ids=lambda item: type(item).__name__)
 def test_faces_enclose_the_obstacle_where_it_is(form: Form, volume: float) -> None:
-    """Find the volume to 3 % from the faces, which look outwards, and the middle where the pose has brought it."""
+    """The faces point outward, enclose the volume within 3 %, and are centred at the obstacle's pose."""
     obstacle = Obstacle(name="thing", form=form, **PLACE)
     faces = obstacle_faces(obstacle, POSE, np.zeros((1, 3)))
     origin, _ = obstacle.frame(POSE)
@@ -67,7 +67,7 @@ def test_faces_enclose_the_obstacle_where_it_is(form: Form, volume: float) -> No
 
 
 def test_a_plane_lies_below_what_is_before_it() -> None:
-    """Draw one square in the plane, larger than the points before it."""
+    """A plane is drawn as one square in the plane that extends beyond the given points."""
     obstacle = Obstacle(name="floor", form=Plane(), origin=(0.0, 0.0, -1.0))
     faces = obstacle_faces(obstacle, Pose((0.0, 0.0, 0.5)), np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 0.0]]))
     assert faces.shape == (1, 4, 3)
@@ -76,7 +76,7 @@ def test_a_plane_lies_below_what_is_before_it() -> None:
 
 
 def test_pictures_show_the_obstacles_of_a_scene() -> None:
-    """Draw the shipped finger with its plate: thousands of pixels are redder than blue, as the plate is."""
+    """The picture of the shipped finger with its plate has thousands of pixels in the plate's colour."""
     simulation = Simulation(load_scene("finger_press"))
     mesh, picture = simulation.mesh, BytesIO()
     found = faces_of(simulation)

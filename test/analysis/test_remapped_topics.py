@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of a node whose topics are remapped: every array is still found, compared and reported."""
+"""Runs of a node with remapped topics: every array is still found, compared and reported."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PARAMETERS = ["scene:=bend5", "scene_overrides:=['mesh.bar.cells=[10, 1, 1]']", 
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[[], forking.Forked]]:
-    """Give a function that starts a recording node with remaps; it is ended after the test."""
+    """Give a function that starts a recording node with remaps; the node is stopped after the test."""
     processes = []
 
     def make() -> forking.Forked:
@@ -53,7 +53,7 @@ def start(tmp_path: Path) -> Iterator[Callable[[], forking.Forked]]:
 
 @pytest.fixture
 def bag(ros: Any, start: Callable[[], forking.Forked], tmp_path: Path) -> Path:
-    """Give the bag of three steps that were commanded over a remapped topic."""
+    """Return the bag of three steps commanded over a remapped topic."""
     node, records = ros.node("commander"), []
     latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     node.create_subscription(String, "/records/sim", lambda m: records.append(StepRecord.from_json(m.data)), latched)
@@ -79,7 +79,7 @@ def bag(ros: Any, start: Callable[[], forking.Forked], tmp_path: Path) -> Path:
 
 @pytest.mark.exact("the node's process shifts nothing")
 def test_a_remapped_run_is_replayed_and_reported(bag: Path, tmp_path: Path) -> None:
-    """Remap outputs, the record and an input: replay compares as much as ever, also after a recovery; report works."""
+    """A run with remapped outputs, record and input is replayed, recovered, compared and reported completely."""
     run = BagRun(bag)
     assert {role: run.roles[role] for role in REMAPS} == REMAPS
     report = Replay(run).run()
@@ -95,7 +95,7 @@ def test_a_remapped_run_is_replayed_and_reported(bag: Path, tmp_path: Path) -> N
 
 
 def test_a_topic_that_nobody_knows_is_said_to_be_left_out(maker: Any, tmp_path: Path, capsys: Any) -> None:
-    """Read a bag that does not say what /cloud is: replay and compare tell of it, and neither is a success."""
+    """Replay and compare name the unknown topic /cloud as not compared, and do not succeed."""
     bag = maker(tmp_path / "bag", maker.coarse(), rename={"mesh": "/cloud"})
     bag.step()
     path = bag.close()

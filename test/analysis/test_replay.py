@@ -26,7 +26,7 @@ def _pose(z: float) -> dict[str, Pose]:
 
 
 def test_a_replay_is_bit_identical(make_bag: Callable[..., Path]) -> None:
-    """Replay what the node's packers wrote: every array of every topic has the same bits."""
+    """A replay of the node's messages has the same bits in every array of every topic."""
     report = Replay(BagRun(make_bag())).run()
     assert report.differences.verdict() is Difference.IDENTICAL
     assert report.differences.steps == 6
@@ -42,7 +42,7 @@ def test_a_replay_is_bit_identical(make_bag: Callable[..., Path]) -> None:
 
 
 def test_a_reset_is_replayed(maker: Any, tmp_path: Path) -> None:
-    """Reset a run in the middle: its stamps begin again at zero, and the replay is still bit-identical."""
+    """A run with a reset, whose stamps restart at zero, is replayed bit-identically."""
     bag = maker(tmp_path / "bag", load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}))
     bag.step(_pose(0.02))
     bag.step(_pose(0.04))
@@ -54,7 +54,7 @@ def test_a_reset_is_replayed(maker: Any, tmp_path: Path) -> None:
 
 
 def test_one_changed_modulus_is_found_at_its_stamp(make_bag: Callable[..., Path], capsys: Any) -> None:
-    """Change one modulus: fields of the material differ initially, positions from the first motion on."""
+    """With one changed modulus, the material's fields differ from the first stamp, positions from the first motion."""
     bag = make_bag()
     assert main(["replay", str(bag), "--set", "materials.e40.young=41e3"]) == 1
     shown = capsys.readouterr().out
@@ -71,7 +71,7 @@ def test_one_changed_modulus_is_found_at_its_stamp(make_bag: Callable[..., Path]
 
 
 def test_another_tolerance_is_within_its_bound(make_bag: Callable[..., Path]) -> None:
-    """Replay a run of tolerance 1e-5 with 1e-8: different bits, but within ten times the recorded tolerance."""
+    """A replay at 1e-8 of a run at 1e-5 has other bits, but differs by less than ten recorded tolerances."""
     bag = make_bag(solver__tolerance=1e-5)
     assert main(["replay", str(bag), "--tolerance", "1e-8"]) == 1
     assert main(["replay", str(bag), "--tolerance", "1e-8", "--within", "10"]) == 0
@@ -79,7 +79,7 @@ def test_another_tolerance_is_within_its_bound(make_bag: Callable[..., Path]) ->
 
 
 def test_another_mesh_is_compared_where_it_can_be(make_bag: Callable[..., Path]) -> None:
-    """Replay on a finer mesh: arrays over the mesh have another length, wrenches are compared."""
+    """In a replay on a finer mesh, mesh arrays are counted as resized, and wrenches are compared."""
     differences = Replay(BagRun(make_bag()), overrides={"mesh.bar.cells": [20, 2, 2]}).run().differences
     assert differences.fields["mesh", "x"].resized == 6
     assert differences.verdict(factor=1e9) is Difference.DIFFERENT
@@ -88,13 +88,13 @@ def test_another_mesh_is_compared_where_it_can_be(make_bag: Callable[..., Path])
 
 
 def test_a_policy_that_does_not_exist_is_refused(make_bag: Callable[..., Path]) -> None:
-    """Override a key with nonsense: the scene's error, no traceback."""
+    """An override with an invalid value gives the scene's error without a traceback."""
     with pytest.raises(SceneError, match="policy"):
         Replay(BagRun(make_bag()), overrides={"solver.policy": "fast"})
 
 
 def test_the_beginning_before_a_hole_is_replayed(maker: Any, tmp_path: Path, capsys: Any) -> None:
-    """Drop the record of a step: what comes before is replayed to the bit, and where it ends is said; no success."""
+    """A run without the record of a step is replayed bit-identically up to that step, and reported as incomplete."""
     bag = maker(tmp_path / "bag", load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}))
     bag.step(_pose(0.02))
     bag.step(_pose(0.03))
@@ -111,13 +111,13 @@ def test_the_beginning_before_a_hole_is_replayed(maker: Any, tmp_path: Path, cap
 
 
 def test_a_run_that_no_node_can_repeat_is_refused(make_bag: Callable[..., Path], capsys: Any) -> None:
-    """Ask for a replay through a node of a run that begins with a command: a node only publishes its state first."""
+    """A replay with ``--ros`` is refused for a run that starts with a command: a node publishes its state first."""
     assert main(["replay", str(make_bag()), "--ros"]) == 2
     assert "replay it without --ros" in capsys.readouterr().err
 
 
 def test_one_flipped_bit_is_found(make_bag: Callable[..., Path]) -> None:
-    """Compare two arrays that differ in the last bit of one number: where and by how much."""
+    """A difference in the last bit of one number is found with its place and size."""
     run = BagRun(make_bag())
     differences = Replay(run).run().differences
     first = np.arange(5, dtype=np.float32)
@@ -130,7 +130,7 @@ def test_one_flipped_bit_is_found(make_bag: Callable[..., Path]) -> None:
 
 
 def test_every_bag_of_the_repository_replays(kept_bags: dict[Path, float]) -> None:
-    """Replay bags/ as CI does: within the factor that their README states."""
+    """Every bag in bags/ replays within the factor that its README states."""
     bags = list(kept_bags)
     assert {bag.name for bag, factor in kept_bags.items() if factor > 10} == {"bend5_wall"}
     assert {bag.name for bag in bags} == {path.parent.name for path in bags[0].parent.glob("*/metadata.yaml")}
@@ -145,7 +145,7 @@ def test_every_bag_of_the_repository_replays(kept_bags: dict[Path, float]) -> No
 
 
 def test_a_bag_replays_with_another_factorisation(kept_bags: dict[Path, float], monkeypatch: Any) -> None:
-    """Have scipy factor the constant matrix: other bits, but within the factor times the tolerance."""
+    """A replay with scipy's factor of the constant matrix differs by less than the factor times the tolerance."""
     monkeypatch.setattr(constant_matrix, "usual_kind", lambda count: Factorisation.SCIPY)
     bag, factor = next((bag, factor) for bag, factor in kept_bags.items() if bag.name == "twist90")
     differences = Replay(BagRun(bag)).run().differences

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report: its content, and how it behaves in a real browser."""
+"""The report: its content, and its behaviour in a real browser."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
 
 @pytest.fixture
 def browser() -> Iterator[webdriver.Chrome]:
-    """Give a headless Chromium without a network that keeps what its console says."""
+    """Give a headless Chromium without a network that keeps its console messages."""
     chrome = start((1400, 1500))
     yield chrome
     chrome.quit()
@@ -65,7 +65,7 @@ def _open(browser: webdriver.Chrome, page: Path) -> None:
 
 
 def _drawn(browser: webdriver.Chrome, axis: str) -> np.ndarray:
-    """Give what plotly draws now, a number a vertex of the surface."""
+    """Return the coordinates that plotly draws now, one number per surface vertex."""
     return np.array(browser.execute_script(f"return Array.from(document.getElementById('mesh').data[0].{axis})"))
 
 
@@ -78,7 +78,7 @@ def _intensity(browser: webdriver.Chrome) -> list[float]:
 
 
 def _picture(browser: webdriver.Chrome, name: str) -> np.ndarray:
-    """Keep a picture of the window, and give the part that shows the mesh."""
+    """Save a screenshot of the window, and return the part of it that shows the mesh."""
     ARTEFACTS.mkdir(parents=True, exist_ok=True)
     browser.save_screenshot(str(ARTEFACTS / name))
     return np.asarray(Image.open(ARTEFACTS / name).convert("RGB"), dtype=float)[150:650]
@@ -95,7 +95,7 @@ def _slide(browser: webdriver.Chrome, frame: int) -> None:
 def test_the_report_works_in_a_browser(
     browser: webdriver.Chrome, make_bag: Callable[..., Path], tmp_path: Path
 ) -> None:
-    """Open the page offline: no error in the console, the slider moves the mesh, the list changes its colours."""
+    """The page opens offline without console errors; the slider moves the mesh, the list changes its colours."""
     bag, page = make_bag(mesh__bar__cells=[20, 2, 2]), tmp_path / "report.html"
     write_report(bag, page)
     _open(browser, page)
@@ -123,7 +123,7 @@ def test_the_report_works_in_a_browser(
 
 
 def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, tmp_path: Path) -> None:
-    """Bend a rod of voxels with a skin: the page draws the skin's points, coloured by face, without edges."""
+    """For a rod of voxels with a skin, the page draws the skin's points, coloured by face, without edges."""
     rod = trimesh.creation.capsule(height=0.05, radius=0.01, count=[24, 24])
     rod.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
     rod.export(tmp_path / "rod.stl")
@@ -149,13 +149,13 @@ def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, tmp_pa
 
 
 def _animation(page: Path) -> dict[str, Any]:
-    """Return what a page says of its moving surface."""
+    """Return the animation data in a page."""
     text = page.read_text(encoding="utf-8")
     return json.loads(re.search(r'<script type="application/json" id="animation">(.*?)</script>', text)[1])
 
 
 def test_the_page_opens_on_the_frame_of_most_strain(make_bag: Callable[..., Path], tmp_path: Path) -> None:
-    """Lift a tip and let it down again: the page opens on the highest lift, and the picture shows that."""
+    """For a tip that is lifted and lowered, page and picture show the highest lift first."""
     bag, page = make_bag(heights=[0.0, 0.05, 0.1, 0.05, 0.0]), tmp_path / "report.html"
     write_report(bag, page)
     assert _animation(page)["first"] == 2
@@ -166,14 +166,14 @@ def test_the_page_opens_on_the_frame_of_most_strain(make_bag: Callable[..., Path
 
 
 def test_strains_that_are_noise_have_one_colour(make_bag: Callable[..., Path], tmp_path: Path) -> None:
-    """Lift a tip by a nanometre: the range of the colours is not that of the rounding."""
+    """For a tip lifted by a nanometre, the colour range is wider than rounding errors."""
     write_report(make_bag(heights=[0.0, 1e-9]), tmp_path / "report.html")
     (strain,) = (field for field in _animation(tmp_path / "report.html")["fields"] if field["name"] == "eps_eq")
     assert strain["high"] - strain["low"] == pytest.approx(NOISE)
 
 
 def test_a_large_run_fits(maker: Any, tmp_path: Path) -> None:
-    """Report 2000 steps of 2142 vertices: under 30 MB, and the thinning is stated."""
+    """A report of 2000 steps of 2142 vertices is smaller than 30 MB and states that steps are left out."""
     bag = maker(tmp_path / "bag", load_scene("bend5", overrides={"mesh.bar.cells": [50, 5, 6]}))
     bag.step({"tip": Pose(translation=(0.0, 0.0, 0.05))})
     bag.repeat(1999)
@@ -184,7 +184,7 @@ def test_a_large_run_fits(maker: Any, tmp_path: Path) -> None:
 
 
 def test_the_command_writes_page_picture_and_motion(make_bag: Callable[..., Path], tmp_path: Path, capsys: Any) -> None:
-    """Ask for everything: an HTML page, a PNG beside it, a GIF of as many frames as asked for."""
+    """With all options, the command writes an HTML page, a PNG beside it, and a GIF with the given number of frames."""
     out, gif = tmp_path / "r.html", tmp_path / "r.gif"
     assert main(["report", str(make_bag()), "--out", str(out), "--gif", str(gif), "--frames", "3"]) == 0
     assert "6 steps, 6 frames" in capsys.readouterr().out
@@ -195,7 +195,7 @@ def test_the_command_writes_page_picture_and_motion(make_bag: Callable[..., Path
 
 
 def test_the_folder_of_a_run_is_as_good_as_its_bag(make_bag: Callable[..., Path], tmp_path: Path) -> None:
-    """Name the folder that holds the bag, and no file for the motion: page, picture and motion stand beside the bag."""
+    """Given the folder that holds the bag, the command writes page, picture and GIF beside the bag."""
     run = tmp_path / "run"
     run.mkdir()
     make_bag().rename(run / "bag")
@@ -205,7 +205,7 @@ def test_the_folder_of_a_run_is_as_good_as_its_bag(make_bag: Callable[..., Path]
 
 
 def test_a_video_has_every_frame(make_bag: Callable[..., Path], tmp_path: Path) -> None:
-    """Ask for an mp4 of five frames: it decodes to five pictures of the PNG's size, and the last shows the bent bar."""
+    """An mp4 of five frames decodes to five pictures of the PNG's size, and the last one shows the bent bar."""
     out, mp4 = tmp_path / "r.html", tmp_path / "r.mp4"
     assert main(["report", str(make_bag()), "--out", str(out), "--mp4", str(mp4), "--frames", "5"]) == 0
     with av.open(str(mp4)) as container:
@@ -219,7 +219,7 @@ def test_a_video_has_every_frame(make_bag: Callable[..., Path], tmp_path: Path) 
 def test_a_video_without_its_library_is_refused(
     make_bag: Callable[..., Path], tmp_path: Path, monkeypatch: Any, capsys: Any
 ) -> None:
-    """Take PyAV away: the message names the extra, and nothing is written."""
+    """Without PyAV, a video is refused with the name of the extra, and nothing is written."""
     monkeypatch.setitem(sys.modules, "av", None)
     assert main(["report", str(make_bag()), "--out", str(tmp_path / "r.html"), "--mp4", str(tmp_path / "r.mp4")]) == 2
     assert "gdfe_ros[video]" in capsys.readouterr().err
@@ -227,7 +227,7 @@ def test_a_video_without_its_library_is_refused(
 
 
 def test_names_cannot_break_the_page(make_bag: Callable[..., Path], tmp_path: Path) -> None:
-    """Describe a scene in HTML: it is shown as text."""
+    """HTML in a scene's description is shown as text."""
     page = tmp_path / "report.html"
     write_report(make_bag(description='"</script><script>alert(1)</script>"'), page)
     text = page.read_text(encoding="utf-8")
@@ -236,7 +236,7 @@ def test_names_cannot_break_the_page(make_bag: Callable[..., Path], tmp_path: Pa
 
 
 def test_the_histogram_counts_every_cell() -> None:
-    """Add strains over six orders of magnitude: fractions sum to one, and lie in the right classes."""
+    """The histogram of strains over six orders of magnitude sums to one, with each fraction in the right class."""
     histogram = StrainHistogram(4, columns=2)
     for number, most in enumerate((1e-7, 1e-4, 0.01, 0.5)):
         histogram.add(number, 0.1 * number, np.linspace(0.0, most, 100, dtype=np.float32))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What pictures show besides the body."""
+"""Scenery in pictures: cables, obstacles, chambers and contact forces around the body."""
 
 import base64
 from io import BytesIO
@@ -30,7 +30,7 @@ def pressing() -> Simulation:
 
 
 def coloured(simulation: Simulation, scenery: Scenery, colour: tuple[float, float, float]) -> int:
-    """Return the number of pixels of nearly this colour in a picture."""
+    """Return the number of pixels in a picture that have nearly this colour."""
     picture = BytesIO()
     values = np.zeros(simulation.mesh.n_cells)
     draw_body(picture, simulation.mesh, simulation.positions, values, title="", label="", scenery=scenery)
@@ -39,7 +39,7 @@ def coloured(simulation: Simulation, scenery: Scenery, colour: tuple[float, floa
 
 
 def test_cables_and_forces_are_drawn(pressing: Simulation) -> None:
-    """The tendon and the forces of the plate have hundreds of pixels each; without scenery there are none."""
+    """The tendon and the plate's forces each cover hundreds of pixels, and none without scenery."""
     scenery = Scenery.of(pressing)
     for colour in (CABLE, FORCE):
         assert coloured(pressing, scenery, colour) > 100
@@ -47,7 +47,7 @@ def test_cables_and_forces_are_drawn(pressing: Simulation) -> None:
 
 
 def test_forces_are_those_of_the_step(pressing: Simulation) -> None:
-    """Their sum is the force of the plate on the finger; they act at the contact points."""
+    """The drawn forces sum to the plate's force on the finger and act at the contact points."""
     scenery, touch = Scenery.of(pressing), pressing.result.contacts["plate"]
     np.testing.assert_allclose(scenery.forces.sum(axis=0), touch.forces.sum(axis=0), atol=1e-6)
     np.testing.assert_allclose(scenery.places, touch.places, atol=1e-8)
@@ -56,7 +56,7 @@ def test_forces_are_those_of_the_step(pressing: Simulation) -> None:
 
 
 def test_a_recorded_step_has_the_same_scenery(pressing: Simulation) -> None:
-    """Contact points as they are recorded give the same forces; a bag without them gives none."""
+    """Recorded contact points give the same forces; a bag without contact points gives none."""
     points = contact_points(pressing.result.contacts)
     samples = {"contacts": {name: points[name] for name in points.dtype.names}}
     found = Scenery.recorded(pressing.scene, samples, pressing.positions)
@@ -66,7 +66,7 @@ def test_a_recorded_step_has_the_same_scenery(pressing: Simulation) -> None:
 
 
 def test_a_page_has_the_same_scenery(pressing: Simulation) -> None:
-    """Pack two frames for a page: plate, tendon and forces come back to a fraction of a millimetre, frame by frame."""
+    """Two frames packed for a page unpack to plate, tendon and forces within a fraction of a millimetre."""
     points = contact_points(pressing.result.contacts)
     samples = {"contacts": {name: points[name] for name in points.dtype.names}}
     record = StepRecord(step=0, begin=Begin.LAST, time=0.0, dt=0.0)
@@ -94,7 +94,7 @@ def test_a_page_has_the_same_scenery(pressing: Simulation) -> None:
 
 
 def test_chambers_are_drawn_where_they_are(tmp_path: Path) -> None:
-    """The faces of a chamber enclose its volume."""
+    """The drawn faces of a chamber enclose its volume."""
     simulation = Simulation(load_scene("pneunet"))
     (faces, *_) = Scenery.of(simulation).chambers
     a, b, c, d = np.moveaxis(faces, 1, 0)
@@ -117,7 +117,7 @@ self_contact: {}
 
 
 def test_a_ball_between_two_bars_is_behind_one_and_before_the_other() -> None:
-    """Draw bars of two colours with and without the ball: it tints the farther one only."""
+    """A ball between two bars tints the farther bar only."""
     simulation = Simulation(scene_from_text(BARS))
     values = simulation.mesh.vertices[simulation.mesh.cells].mean(axis=1)[:, 1] > 0.0
     pictures = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sweeps over a scene."""
+"""Parameter sweeps of a scene."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 
 NOBODY = 2**31 - 1
-"""No process has this number."""
+"""A process id that no process has."""
 
 
 @pytest.fixture
 def runner() -> ModuleType:
-    """Give what spreads cases over workers; whoever collects the tests only need not import dask for it."""
+    """Import and return the module that runs cases on workers, so that collecting the tests does not import dask."""
     from gdfe_ros.analysis.sweep import runner
 
     return runner
 
 
 def test_a_grid_is_every_combination() -> None:
-    """Combine an evenly spread axis with a list of lists; names depend on the values only."""
+    """A grid of an axis and a list has every combination, and names that depend on the values only."""
     axes = read_axes(["materials.e20.young=1e4:4e4:4", "mesh.bar.cells=[[10, 1, 1], [20, 2, 2]]"])
     cases = grid_cases(axes)
     assert len(cases) == 8
@@ -43,7 +43,7 @@ def test_a_grid_is_every_combination() -> None:
 
 
 def test_a_list_names_its_cases(tmp_path: Path) -> None:
-    """Read the same two cases from CSV and from YAML."""
+    """The same two cases read from CSV and from YAML are equal."""
     (tmp_path / "a.csv").write_text("solver.steps,materials.e20.young\n2,1e4\n3,20000.0\n")
     (tmp_path / "a.yaml").write_text("- {solver.steps: 2, materials.e20.young: 1.0e+4}\n- {solver.steps: 3}\n")
     assert read_list(tmp_path / "a.csv")[1] == {"solver.steps": 3, "materials.e20.young": 20000.0}
@@ -52,13 +52,13 @@ def test_a_list_names_its_cases(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("entry", ["young", "young=5", "young=[", "young=1:2:x"])
 def test_a_bad_axis_is_refused(entry: str) -> None:
-    """Write an axis that is none: the message says what one looks like."""
+    """An invalid axis is refused with the expected format."""
     with pytest.raises(GdfeError, match=r"KEY=VALUES|list"):
         read_axes([entry])
 
 
 def test_a_sweep_is_resumed_and_reports_failures(tmp_path: Path, capsys: Any) -> None:
-    """Run three cases of which one is impossible, then four: only the new one is run, the bad one is reported."""
+    """A sweep repeated with one more case runs only that case, and reports the impossible one."""
     out = tmp_path / "sweep"
     base = ["sweep", "bend5", "--out", str(out), "--workers", "1", "--grid", "solver.steps=[2]"]
     assert main([*base, "--grid", "mesh.bar.cells=[[10,1,1],[12,1,1],[0,1,1]]"]) == 1
@@ -75,7 +75,7 @@ def test_a_sweep_is_resumed_and_reports_failures(tmp_path: Path, capsys: Any) ->
 
 
 def test_cases_with_an_equal_matrix_share_its_factor() -> None:
-    """Run two cases whose programs differ in one worker: the second one is solved with the factor of the first."""
+    """A second case with an equal matrix in the same worker uses the factor of the first."""
     from gdfe_ros.analysis.sweep import case_run
 
     text, factors = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source, []
@@ -88,7 +88,7 @@ def test_cases_with_an_equal_matrix_share_its_factor() -> None:
 
 
 def test_cases_that_did_not_converge_are_drawn_as_failed() -> None:
-    """Draw four cases, one of which failed and one did not converge: crosses mark them, the line leaves them out."""
+    """In a figure, failed and unconverged cases are crosses, and the line leaves them out."""
     from gdfe_ros.analysis.sweep.results import results_figure
 
     good, bad = {"status": "converged"}, {"status": "not converged"}
@@ -107,14 +107,14 @@ def test_cases_that_did_not_converge_are_drawn_as_failed() -> None:
 
 
 def test_results_of_another_scene_are_not_mixed(tmp_path: Path, capsys: Any) -> None:
-    """Point a sweep at the results of another scene: exit status 2."""
+    """A sweep into the results of another scene gives exit status 2."""
     (tmp_path / "sweep.json").write_text('{"scene_sha256": "0"}')
     assert main(["sweep", "bend5", "--out", str(tmp_path), "--grid", "solver.steps=[1]"]) == 2
     assert "another scene" in capsys.readouterr().err
 
 
 def test_a_killed_worker_costs_no_case(runner: ModuleType) -> None:
-    """Kill the only worker while it works on several short cases: every case is done all the same, and once."""
+    """After the only worker is killed, every case is run exactly once in the results."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
     cases = grid_cases({"materials.e20.young": [1e4 + 100.0 * k for k in range(40)]})
     with runner.connect(None, 1) as client:
@@ -128,7 +128,7 @@ def test_a_killed_worker_costs_no_case(runner: ModuleType) -> None:
 
 
 def test_results_survive_workers_that_end_late(runner: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have dask not hear in time that its workers ended, as on a busy machine: the results are there all the same."""
+    """Results are returned even if dask reports a timeout when it closes its workers, as on a busy machine."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
     close = runner.LocalCluster.close
 
@@ -143,7 +143,7 @@ def test_results_survive_workers_that_end_late(runner: ModuleType, monkeypatch: 
 
 
 def test_a_sweep_without_workers_ends(runner: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have no worker at all, as when none can be started again: an error instead of a wait without end."""
+    """A sweep without any worker ends with an error after a limited wait."""
     monkeypatch.setattr(runner, "PATIENCE", 2.0)
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
     with runner.connect(None, 0) as client, pytest.raises(GdfeError, match="there has been no worker for 2 s"):
@@ -152,7 +152,7 @@ def test_a_sweep_without_workers_ends(runner: ModuleType, monkeypatch: pytest.Mo
 
 @pytest.mark.slow
 def test_workers_that_take_long_to_come_back_are_waited_for(runner: ModuleType) -> None:
-    """Kill every worker as it starts for 20 s, longer than dask waits for a lost one: then every case is done."""
+    """After all workers were killed for 20 s, longer than dask waits for a lost one, every case is run."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [20, 2, 2]}).source
     cases, over = grid_cases({"materials.e20.young": [1e4 + 100.0 * k for k in range(20)]}), threading.Event()
 

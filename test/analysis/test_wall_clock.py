@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs under the wall clock, by the node in its own process, replayed without ROS."""
+"""Runs with the wall clock, by a node in its own process, replayed without ROS."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gdfe_ros.testing.simulator import Simulator
 @pytest.mark.exact("the node's process shifts nothing")
 @pytest.mark.parametrize("deadline", [0.0, 0.001])
 def test_a_run_under_the_wall_clock_replays(tmp_path: Path, deadline: float) -> None:
-    """Send poses at 100 Hz, without and with a deadline that cuts most solves: the replay has the same bits."""
+    """A run with poses at 100 Hz, with and without a deadline that cuts most solves, replays with the same bits."""
     overrides = {"mesh.bar.cells": [20, 2, 2], "solver.tolerance": 1e-8}
     parameters = {"clock": "wall", "rate": 100.0, "deadline": deadline, "command_set": [""]}
     with Simulator("bend5", overrides=overrides, parameters=parameters, bag=tmp_path / "bag") as simulator:

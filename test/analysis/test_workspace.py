@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Workspaces: the points that a probe reaches."""
+"""Workspaces: all points that a probe reaches."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ probes: {tip: [0.1, 0, 0]}
 
 
 def test_samples_fill_their_ranges() -> None:
-    """Take one, two and three actuators: ends and corners are among the commands, and none lies outside."""
+    """Samples for one, two and three actuators are distinct, fill the ranges and include their ends."""
     for limits in ([[0.0, 2.0]], [[0.0, 2.0], [-1.0, 1.0]], [[0.0, 2.0], [-1.0, 1.0], [5.0, 6.0]]):
         bounds = np.array(limits)
         found = command_samples(bounds, 40)
@@ -40,7 +40,7 @@ def test_samples_fill_their_ranges() -> None:
 
 
 def test_points_are_equilibria() -> None:
-    """Compare each point with the step of a simulation from rest: within the solver's tolerance."""
+    """Each point of a workspace is that of a simulation from the undeformed state, within the tolerance."""
     scene = scene_from_text(TENDONS)
     commands = np.array([[0.0, 0.0], [0.6, 0.0], [0.0, 0.6], [0.3, 0.3]])
     found = find_workspace(scene, "tip", ["upper", "lower"], commands)
@@ -53,7 +53,7 @@ def test_points_are_equilibria() -> None:
 
 
 def test_the_command_writes_table_and_picture(tmp_path: Path, capsys: Any) -> None:
-    """Ask for the workspace of three tendons: a row for each command, a volume, a picture."""
+    """The workspace of three tendons has a row for each command, a volume and a picture."""
     scene, out = tmp_path / "tendons.yaml", tmp_path / "out"
     scene.write_text(TENDONS)
     given = ["--range", "side=0..0.5", "--count", "20", "--workers", "1", "--out", str(out)]
@@ -84,7 +84,7 @@ def test_the_command_writes_table_and_picture(tmp_path: Path, capsys: Any) -> No
     ],
 )
 def test_what_cannot_be_is_refused(given: list[str], message: str, tmp_path: Path, capsys: Any) -> None:
-    """Name a probe, an actuator or a range that is not there: one message, exit status 2, nothing is written."""
+    """An unknown probe, actuator or range gives one message and exit status 2, and nothing is written."""
     scene, out = tmp_path / "tendons.yaml", tmp_path / "out"
     scene.write_text(TENDONS)
     options = ["--range", "side=0..0.5"] if "--probe" in given else []

@@ -43,7 +43,7 @@ arm: {{urdf: {urdf}, flange: tip, handle: wrist, at: [-0.6, 0, 0], start: {{lift
 
 @pytest.fixture
 def two_links(tmp_path: Path) -> Path:
-    """Write the URDF of two hinged links."""
+    """Write the URDF of two hinged links; return its path."""
     path = tmp_path / "two.urdf"
     path.write_text(TWO_LINKS, encoding="utf-8")
     return path
@@ -51,7 +51,7 @@ def two_links(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def held_block(two_links: Path) -> Path:
-    """Write the scene of a soft block at the end of two links that stand out horizontally."""
+    """Write the scene of a soft block at the end of two horizontal links; return its path."""
     path = two_links.parent / "held_block.yaml"
     path.write_text(SCENE.format(urdf="two.urdf"), encoding="utf-8")
     return path

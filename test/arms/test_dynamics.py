@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinematics and efforts agree with closed forms and with energies."""
+"""Kinematics and efforts of arms against closed forms and energies."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ MIMIC = TWO_LINKS.replace('effort="20"/>', 'effort="20"/><mimic joint="lift" mul
 
 
 def arm(text: str) -> LinkDynamics:
-    """Return an arm whose base is turned and shifted."""
+    """Return an arm whose base is rotated and shifted."""
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     return LinkDynamics(parse_urdf(text), LinkFrame(np.array([0.3, -0.2, 0.1]), turn))
 
 
 def test_frames_of_two_links_are_those_of_the_closed_form() -> None:
-    """Put the tip of two links at l1 sin a + l2 sin (a + b)."""
+    """The tip of two links is at l1 sin a + l2 sin (a + b)."""
     a, b = 0.4, 0.7
     tip = arm(TWO_LINKS).frames(np.array([a, b]))["tip"]
     x, z = 0.4 * np.sin(a) + 0.2 * np.sin(a + b), 0.4 * np.cos(a) + 0.2 * np.cos(a + b)
@@ -29,7 +29,7 @@ def test_frames_of_two_links_are_those_of_the_closed_form() -> None:
 
 
 def test_holding_efforts_are_those_of_the_weights() -> None:
-    """Hold two links, and a weight at the tip, by the moments of their weights about the hinges."""
+    """The holding efforts of two links with a weight at the tip are the moments of the weights about the hinges."""
     a, b, force = 0.4, 0.7, np.array([0.0, 0.0, -3.0])
     own = arm(TWO_LINKS)
     q = np.array([a, b])
@@ -43,7 +43,7 @@ def test_holding_efforts_are_those_of_the_weights() -> None:
 
 @pytest.mark.parametrize("text", [TWO_LINKS, MIMIC, ARM.read_text()], ids=["two links", "mimic", "six joints"])
 def test_efforts_do_the_work_of_the_energies(text: str) -> None:
-    """Find tau q' = d/dt (kinetic + potential energy) along a motion, also with joints that mimic others."""
+    """The efforts' power is the rate of kinetic plus potential energy, also with joints that mimic others."""
     own = arm(text)
     n = len(own.joints)
     rng = np.random.default_rng(3)
@@ -62,7 +62,7 @@ def test_efforts_do_the_work_of_the_energies(text: str) -> None:
 
 
 def test_a_push_does_the_work_of_its_point() -> None:
-    """Find J^T w by the displacement of the pushed point and the turn of its link."""
+    """A wrench on a link gives the efforts J^T w, by differences of the pushed point and of the link's rotation."""
     own = arm(ARM.read_text())
     q = np.array([0.3, 0.7, 1.5, -0.8, -1.2, 0.4])
     frame = own.frames(q)["forearm_link"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The work of an arm's motors is found as energy of its links and as work on what it carries."""
+"""The work of an arm's motors equals the energy of its links plus the work on its load."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 def test_the_work_of_the_motors_is_accounted_for(held_block: Path) -> None:
-    """Lift a soft block by a smooth motion: motors' work = energy of links + work on the block, within 0.3 %.
+    """In a smooth lift of a soft block, the motors' work is links' energy plus work on the block, within 0.3 %.
 
-    Work is summed by the trapezoidal rule over steps of 5 ms, and velocities are those over a step.
+    Work is summed by the trapezoidal rule over steps of 5 ms, and velocities are averages over a step.
     """
     simulation = Simulation(load_scene(held_block, overrides={"dynamics": {"scheme": "bdf2", "step": 0.005}}))
     arm, step, seconds = simulation.scene.arms[0], 0.005, 1.5
@@ -50,7 +50,7 @@ def test_the_work_of_the_motors_is_accounted_for(held_block: Path) -> None:
 
 @pytest.mark.slow
 def test_arm_grasp_keeps_what_is_promised() -> None:
-    """Play arm_grasp, every step solved: the box is held without drift, efforts are those of the weights."""
+    """With every step solved, arm_grasp holds the box without drift, with the efforts of the weights."""
     found = measure({"solver.skip": []})
     assert found["converged"]
     assert found["drift"] < 1e-7

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints approach their goals within their limits, and follow goals that they can follow exactly."""
+"""Joints move toward their goals within their limits, and follow slow goals exactly."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def limits(velocity: float = 2.0, acceleration: float = 10.0) -> JointLimits:
 
 
 def test_a_jump_is_a_trapezoid_of_velocity() -> None:
-    """Reach a far goal in the time of the trapezoidal profile, d/v + v/a, without passing it."""
+    """A far goal is reached in the time of the trapezoidal profile, d/v + v/a, without overshoot."""
     own, motion, times = limits(), JointMotion.at([0.0])._replace(goals=np.array([2.0])), 0
     while not motion.arrived:
         motion, _ = own.advance(motion, np.array([2.0]), STEP)
@@ -32,7 +32,7 @@ def test_a_jump_is_a_trapezoid_of_velocity() -> None:
 
 
 def test_a_goal_that_moves_smoothly_is_followed_exactly() -> None:
-    """Follow a sine within the limits without any lag, and tell no cut."""
+    """A sine within the limits is followed without lag, and no limit is reported."""
     own, motion = limits(), JointMotion.at([0.0])
     for k in range(1, 2000):
         goal = 0.3 * (1.0 - np.cos(3.0 * k * STEP))
@@ -43,7 +43,7 @@ def test_a_goal_that_moves_smoothly_is_followed_exactly() -> None:
 
 
 def test_cuts_are_told() -> None:
-    """Tell the limit that acts: first the acceleration, then the velocity."""
+    """The active limit is reported: first the acceleration, then the velocity."""
     own, motion, told = limits(), JointMotion.at([0.0]), []
     for _ in range(100):
         motion, cut = own.advance(motion, np.array([2.5]), STEP)
@@ -53,7 +53,7 @@ def test_cuts_are_told() -> None:
 
 
 def test_without_time_joints_are_at_their_goals() -> None:
-    """Jump in a step of no duration, as an equilibrium's handle does."""
+    """In a step of zero duration, joints jump to their goals."""
     motion, cut = limits().advance(JointMotion.at([0.0]), np.array([1.0]), 0.0)
     assert motion.arrived
     assert motion.positions[0] == 1.0
@@ -68,7 +68,7 @@ def test_without_time_joints_are_at_their_goals() -> None:
     hard=st.floats(0.1, 100.0),
 )
 def test_any_goals_keep_the_limits(goals: list[float], step: float, fast: float, hard: float) -> None:
-    """Keep velocity always, and acceleration except where the last step ends at the goal or at a stop."""
+    """For any goals, velocity stays within its limit, and acceleration except when a step ends at a goal or stop."""
     own, motion = limits(fast, hard), JointMotion.at([0.0])
     for goal in goals:
         for _ in range(20):

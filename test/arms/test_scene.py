@@ -18,7 +18,7 @@ MASS = 1200 * 0.04 * 0.02 * 0.02
 
 
 def test_joints_move_the_handle_and_the_links(held_block: Path) -> None:
-    """Turn the handle with the flange: by 90 degrees about y, from x = -0.6 + 0.6 to the top of the upright arm."""
+    """The handle moves with the flange by 90 degrees about y, from x = -0.6 + 0.6 to the upright arm's top."""
     simulation = Simulation(load_scene(held_block))
     result = simulation.step(Command(joints={"lift": 0.0, "bend": 0.0}))
     assert result.converged
@@ -30,7 +30,7 @@ def test_joints_move_the_handle_and_the_links(held_block: Path) -> None:
 
 
 def test_joints_hold_the_weight_of_links_and_hand(held_block: Path) -> None:
-    """Find the efforts of the weights of two links and of the soft block, whose centre sags a little."""
+    """Joint efforts are those of the weights of two links and of the slightly sagging soft block."""
     simulation = Simulation(load_scene(held_block))
     simulation.step()
     states = simulation.joint_states()
@@ -41,7 +41,7 @@ def test_joints_hold_the_weight_of_links_and_hand(held_block: Path) -> None:
 
 
 def test_a_scene_rebuilds_from_its_text_without_files(held_block: Path, two_links: Path) -> None:
-    """Carry the URDF in the scene's text, as a bag does."""
+    """A scene rebuilt from its text contains the URDF and needs no file."""
     scene = load_scene(held_block)
     two_links.unlink()
     again = scene_from_text(scene.source)
@@ -72,7 +72,7 @@ def test_a_scene_rebuilds_from_its_text_without_files(held_block: Path, two_link
     ],
 )  # fmt: skip
 def test_defects_of_an_arm_are_named(two_links: Path, old: str, new: str, told: str) -> None:
-    """Refuse a scene whose arm cannot be used and say what to do."""
+    """A scene whose arm is unusable is refused with a remedy."""
     text = SCENE.format(urdf="two.urdf")
     assert old in text
     path = two_links.parent / "scene.yaml"
@@ -83,7 +83,7 @@ def test_defects_of_an_arm_are_named(two_links: Path, old: str, new: str, told: 
 
 
 def test_missing_meshes_are_all_named(two_links: Path) -> None:
-    """Name each mesh that is missing, where it was looked for, and what to do."""
+    """Every missing mesh is named with its searched path and a remedy."""
     text = TWO_LINKS.replace('<box size="0.05 0.05 0.3"/>', '<mesh filename="package://my_arm/one.stl"/>')
     extra = '<visual><geometry><mesh filename="two.stl"/></geometry></visual></link><link name="tip"/>'
     two_links.write_text(text.replace('</link>\n  <link name="tip"/>', extra))
@@ -97,7 +97,7 @@ def test_missing_meshes_are_all_named(two_links: Path) -> None:
 
 
 def test_an_arm_that_begins_in_an_obstacle_is_named(two_links: Path) -> None:
-    """Name the link, the obstacle and the depth."""
+    """An arm that starts inside an obstacle is refused with link, obstacle and depth."""
     path = two_links.parent / "scene.yaml"
     path.write_text(SCENE.format(urdf="two.urdf") + "obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.02]}}\n")
     with pytest.raises(
@@ -107,7 +107,7 @@ def test_an_arm_that_begins_in_an_obstacle_is_named(two_links: Path) -> None:
 
 
 def test_commands_of_joints_are_checked(held_block: Path) -> None:
-    """Refuse unknown joints, NaN and positions beyond the limits; the state stays."""
+    """Unknown joints, NaN and positions beyond the limits are refused, and the state stays."""
     simulation = Simulation(load_scene(held_block))
     for joints, told in (
         ({"lifd": 0.0}, "no joint 'lifd'; did you mean 'lift'"),
@@ -122,7 +122,7 @@ def test_commands_of_joints_are_checked(held_block: Path) -> None:
 
 
 def test_two_arms_of_one_kind_need_prefixes(two_links: Path) -> None:
-    """Name the collision of names, and take both arms with prefixes."""
+    """Two arms of one kind are refused with the colliding name, and accepted with prefixes."""
     text = SCENE.format(urdf="two.urdf").split("arm:")[0].replace("handles: {", "handles: {far: {where: {face: x+}}, ")
     one = (
         "{{urdf: two.urdf, flange: {0}tip, handle: {1}, at: {2}, rotation_deg: {3}, prefix: '{0}', "
@@ -141,7 +141,7 @@ def test_two_arms_of_one_kind_need_prefixes(two_links: Path) -> None:
 
 
 def test_steps_go_on_bit_by_bit_from_a_saved_state(held_block: Path) -> None:
-    """Save in the middle of a motion of the joints, load into another simulation, and get the same end."""
+    """A state saved during a motion of the joints continues in another simulation with the same bits."""
     scene = load_scene(held_block, overrides={"dynamics": {"step": 0.01}})
     one, two = Simulation(scene), Simulation(scene)
     one.step(Command(joints={"lift": 1.0}), dt=0.02)

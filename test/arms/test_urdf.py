@@ -13,7 +13,7 @@ from test.arms.conftest import ARM, TWO_LINKS
 
 
 def test_links_joints_and_limits_of_an_arm() -> None:
-    """Read the shipped arm: six joints from the base to the flange, with their limits."""
+    """The shipped arm has six joints from the base to the flange, with their limits."""
     robot = parse_urdf(ARM.read_text())
     assert (robot.root, len(robot.links), len(robot.commanded)) == ("base_link", 8, 6)
     chain = [joint.name for joint in robot.chain("tool0")]
@@ -24,14 +24,14 @@ def test_links_joints_and_limits_of_an_arm() -> None:
 
 
 def test_a_prefix_names_all_links_and_joints() -> None:
-    """Give two arms of one kind different names."""
+    """A prefix is added to the names of all links and joints."""
     robot = parse_urdf(TWO_LINKS, prefix="left_")
     assert list(robot.links) == ["left_base", "left_one", "left_two", "left_tip"]
     assert 'link="left_one"' in robot.text
 
 
 def test_a_mimic_joint_takes_no_commands() -> None:
-    """Let one joint follow another."""
+    """A joint that mimics another one is not among the commanded joints."""
     text = TWO_LINKS.replace(LIMIT, LIMIT + '<mimic joint="lift" multiplier="-2"/>')
     robot = parse_urdf(text)
     assert [joint.name for joint in robot.commanded] == ["lift"]
@@ -63,7 +63,7 @@ LIMIT = '<limit lower="-2" upper="2" velocity="1.5" effort="20"/>'
     ],
 )  # fmt: skip
 def test_defects_are_named(old: str, new: str, told: str) -> None:
-    """Refuse a defective URDF and say what to do."""
+    """A defective URDF is refused with a remedy."""
     assert old in TWO_LINKS
     with pytest.raises(ArmError) as error:
         parse_urdf(TWO_LINKS.replace(old, new, 1))
@@ -71,7 +71,7 @@ def test_defects_are_named(old: str, new: str, told: str) -> None:
 
 
 def test_a_scene_may_give_limits_that_the_urdf_lacks() -> None:
-    """Take limits from the scene; a continuous joint has none of its position."""
+    """Limits come from the scene if the URDF has none; a continuous joint has no position limit."""
     given = {"bend": {"lower": -1.0, "upper": 1.0, "velocity": 0.5}}
     assert parse_urdf(TWO_LINKS.replace(LIMIT, ""), limits=given).joints["bend"].limits.velocity == 0.5
     text = TWO_LINKS.replace('name="bend" type="revolute"', 'name="bend" type="continuous"')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measured beam: what is read from a swing, and linear theory beside closed forms."""
+"""The measured beam: the evaluation of a recorded swing, and linear beam theory against closed forms."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STIFF = YOUNG * beam.SIDE**4 / 12.0
 
 
 def test_a_swing_is_read() -> None:
-    """Make a decaying swing: its sag, frequency and damping ratio are found."""
+    """Sag, frequency and damping ratio of a synthetic decaying swing are found."""
     times = np.arange(0.0, 2.2, 0.005)
     decay, turn = 0.05 * 2.0 * np.pi * 4.0, 2.0 * np.pi * 4.0 * np.sqrt(1.0 - 0.05**2)
     height = -10.0 * (1.0 - np.exp(-decay * times) * np.cos(turn * times))
@@ -24,7 +24,7 @@ def test_a_swing_is_read() -> None:
 
 
 def test_theory_is_that_of_the_books() -> None:
-    """Load a beam so heavily that its own weight counts for nothing: P L^3 / 3 E I with shear, and its frequency."""
+    """For a negligible own weight, sag is P L^3 / 3 E I plus shear, and the frequency follows from the sag."""
     mass, lever = 100.0, 0.02
     load = mass * beam.GRAVITY
     sag, slope = beam.deflection(YOUNG, mass)
@@ -38,13 +38,13 @@ def test_theory_is_that_of_the_books() -> None:
 
 
 def test_a_bare_beam_vibrates_as_the_books_say() -> None:
-    """Take a beam without load: up to 7 % below 1.875^2 of thin beams, for shear makes a stocky one slower."""
+    """Without a load, shear makes the first frequency up to 7 % lower than that of a thin beam (1.875^2)."""
     thin = 1.875104**2 / (2.0 * np.pi) * np.sqrt(STIFF / (beam.DENSITY * beam.SIDE**2 * beam.LENGTH**4))
     assert 0.93 * thin < beam.first_frequency(YOUNG, 0.0) < thin
 
 
 def test_recordings_ask_for_more_sag_than_one_modulus_gives() -> None:
-    """Fit the modulus to the sag without load: theory meets all three frequencies to 2 %, and misses sags by 5 %."""
+    """With the modulus fitted to the sag without load, theory meets all frequencies to 2 %, and misses sags by 5 %."""
     rows = beam.beam_theory()
     assert all(abs(row["frequency_theory"] / row["frequency"] - 1.0) < 0.02 for row in rows)
     assert rows[0]["sag_theory"] == pytest.approx(rows[0]["sag"])

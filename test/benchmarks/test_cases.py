@@ -12,7 +12,7 @@ from gdfe_ros.scene.loader import load_scene
 
 @pytest.mark.parametrize("name", list(CaseName))
 def test_the_scene_file_holds_the_same_bar(name: CaseName) -> None:
-    """Find the same mesh, the same handles and the same motion in the scene file."""
+    """The scene file has the same mesh, the same handles and the same motion."""
     case, scene = CASES[name], load_scene(name.value)
     grid = case.grid()
     np.testing.assert_allclose(scene.mesh.vertices, grid.points(), atol=1e-15)
@@ -28,7 +28,7 @@ def test_the_scene_file_holds_the_same_bar(name: CaseName) -> None:
 
 @pytest.mark.parametrize("name", list(CaseName))
 def test_the_scene_file_holds_the_same_materials(name: CaseName) -> None:
-    """Find the same constants in every cell of the scene file."""
+    """The scene file has the same material constants in every cell."""
     case, scene = CASES[name], load_scene(name.value)
     materials, laws = list(scene.materials.values()), case.cell_law(case.grid())
     for cell, law in enumerate(laws):
@@ -43,14 +43,14 @@ def test_the_scene_file_holds_the_same_materials(name: CaseName) -> None:
 
 
 def test_bulk_moduli_match_those_of_the_references() -> None:
-    """Compute the bulk moduli that the reference solutions were made with."""
+    """The bulk moduli are those of the reference solutions."""
     assert CHEETAH.bulk == pytest.approx(923.0541623333324e6, rel=1e-12)
     law = LogNeoHooke(young=100.0, poisson=0.25)
     assert (law.mu, law.lame, law.bulk) == pytest.approx((40.0, 40.0, 200.0 / 3.0))
 
 
 def test_a_turning_handle_keeps_its_shape() -> None:
-    """Turn the handle of twist90 rigidly about the bar's axis."""
+    """The handle of twist90 rotates rigidly about the bar's axis."""
     case = CASES[CaseName.TWIST90]
     points = case.grid().points()[case.grid().face(right=True)]
     moved = points + case.handle_displacement(points, load=1.0)
@@ -60,14 +60,14 @@ def test_a_turning_handle_keeps_its_shape() -> None:
 
 
 def test_a_sliding_handle_foreshortens_with_the_square_of_the_load() -> None:
-    """Prescribe a quarter of the slide at half the lift."""
+    """At half the load, a sliding handle has half of its lift and a quarter of its slide."""
     case = CASES[CaseName.BEND5]
     moved = case.handle_displacement(np.array([[0.5, 0.01, 0.02]]), load=0.5)
     np.testing.assert_allclose(moved, [[-0.0490 / 4, 0.0, 0.1]], atol=1e-15)
 
 
 def test_rotation_vectors_make_proper_rotations() -> None:
-    """Turn by the vector's length about its direction."""
+    """A rotation vector rotates by its length about its direction."""
     vector = np.array([0.3, -0.5, 0.9])
     matrix = rotation_matrix(vector)
     np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-15)
@@ -77,12 +77,12 @@ def test_rotation_vectors_make_proper_rotations() -> None:
 
 
 def test_cells_that_cut_a_segment_are_refused() -> None:
-    """Refuse a mesh whose cells straddle two materials."""
+    """A mesh whose cells straddle two materials is refused."""
     with pytest.raises(ValueError, match="multiple of 5"):
         get_case("bend5").grid((12, 1, 1))
 
 
 def test_an_unknown_scene_lists_the_known_ones() -> None:
-    """Name the scenes that exist."""
+    """An unknown scene is refused with a list of the known ones."""
     with pytest.raises(ValueError, match="known: bend5, twist90, tensile, twist90_uniform"):
         get_case("bend6")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CalculiX decks are written as they were when they ran, and its output is read back."""
+"""CalculiX decks are written as in the kept runs, and CalculiX's output is read back."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def _deck(name: CaseName, cells: tuple[int, int, int], element: CcxElement, *, s
 
 
 def test_the_deck_is_the_one_that_ran() -> None:
-    """Write, line by line, the committed deck that CalculiX 2.20 solved."""
+    """The written deck equals, line by line, the committed deck that CalculiX 2.20 solved."""
     case = CASES[CaseName.TENSILE]
     text = write_deck(case, case.grid((2, 1, 1)), CcxElement.C3D8, steps=2, incrementation=PATIENT)
     assert text == DATA.joinpath("bar.inp").read_text()
 
 
 def test_the_terms_d2_and_d3_of_the_ogden_law_are_switched_off() -> None:
-    """Write D1 = 2/K and compliances so large that CalculiX does not fall back on its default."""
+    """Ogden cards have D1 = 2/K and such large D2 and D3 that CalculiX does not use its default."""
     values = ",".join(law_cards(CHEETAH, name="C")[2:]).split(",")
     assert len(values) == 9
     assert float(values[6]) == pytest.approx(2.0 / (CHEETAH.bulk * 1e-6), rel=1e-9)
@@ -40,13 +40,13 @@ def test_the_terms_d2_and_d3_of_the_ogden_law_are_switched_off() -> None:
 
 
 def test_neo_hookean_materials_use_the_ciarlet_law() -> None:
-    """Name the material so that CalculiX selects its Ciarlet law, in MPa."""
+    """A neo-Hookean material's name makes CalculiX use its Ciarlet law, in MPa."""
     cards = law_cards(LogNeoHooke(young=40e3, poisson=0.45), name="LAW3")
     assert cards == ["*MATERIAL, NAME=CIARLET_EL_LAW3", "*USER MATERIAL, CONSTANTS=2", "0.04,0.45"]
 
 
 def test_a_sliding_handle_is_tied_and_not_prescribed_along_x() -> None:
-    """Tie all x displacements of the handle to one of them and prescribe y and z only."""
+    """For a sliding handle, all x displacements are tied to one of them, and only y and z are prescribed."""
     text = _deck(CaseName.BEND5, (5, 1, 1), CcxElement.C3D8I)
     assert text.count("*EQUATION\n2\n") == 3
     step = text[text.index("*STEP") :]
@@ -55,7 +55,7 @@ def test_a_sliding_handle_is_tied_and_not_prescribed_along_x() -> None:
 
 
 def test_quadratic_elements_have_twenty_nodes_and_no_face_centres() -> None:
-    """Write the nodes that C3D20R uses and break its long element lines."""
+    """A C3D20R element has twenty nodes, without face centres, and its long line is broken."""
     text = _deck(CaseName.TWIST90_UNIFORM, (1, 1, 1), CcxElement.C3D20R)
     nodes = text[text.index("*NODE") : text.index("*ELEMENT")].strip().splitlines()[1:]
     assert len(nodes) == 20
@@ -67,7 +67,7 @@ def test_quadratic_elements_have_twenty_nodes_and_no_face_centres() -> None:
 
 
 def test_load_steps_follow_the_arc_of_a_turning_handle() -> None:
-    """Prescribe positions on the circle at the end of every step."""
+    """At the end of every load step the prescribed positions are on the circle of a turning handle."""
     text = _deck(CaseName.TWIST90, (2, 1, 1), CcxElement.C3D8, steps=2)
     first = text.split("*STEP")[1]
     corner = re.search(r"^3,2,2,(\S+)$", first, flags=re.MULTILINE)
@@ -79,14 +79,14 @@ def test_load_steps_follow_the_arc_of_a_turning_handle() -> None:
     ("element", "order", "steps", "text"), [(CcxElement.C3D8, 2, 1, "order 1"), (CcxElement.C3D8, 1, 0, "steps 0")]
 )
 def test_decks_that_make_no_sense_are_refused(element: CcxElement, order: int, steps: int, text: str) -> None:
-    """Refuse a grid of another order and a load without steps."""
+    """A grid of another order and a load without steps are refused."""
     case = CASES[CaseName.TENSILE]
     with pytest.raises(ValueError, match=text):
         write_deck(case, case.grid(order=order), element, steps=steps, incrementation=PATIENT)
 
 
 def test_displacements_are_read_from_touching_columns() -> None:
-    """Read fixed-width numbers, also where no blank parts them."""
+    """Numbers of fixed width are read, also without a blank between them."""
     found = read_displacements(DATA.joinpath("bar.frd").read_text())
     assert len(found) == 12
     assert found[5] == (15.351, -2.27019, 2.27019)
@@ -94,14 +94,14 @@ def test_displacements_are_read_from_touching_columns() -> None:
 
 
 def test_the_last_block_of_displacements_counts() -> None:
-    """Read the end of the last step, not of an earlier one."""
+    """The displacements read are those at the end of the last step."""
     text = DATA.joinpath("bar.frd").read_text()
     block = text[text.index(" -4  DISP") : text.index(" 9999")]
     assert read_displacements(text.replace(block, block.replace("4.00000E+01", "2.00000E+01") + block))[12][0] == 40.0
 
 
 def test_reactions_are_read_and_balance_sideways() -> None:
-    """Read the handle's nodal forces, which pull along x and cancel across."""
+    """The handle's nodal forces are read; they sum to a force along x and to zero across."""
     forces = read_reactions(DATA.joinpath("bar.dat").read_text())
     total = np.sum(list(forces.values()), axis=0)
     assert set(forces) == {3, 6, 9, 12}
@@ -109,7 +109,7 @@ def test_reactions_are_read_and_balance_sideways() -> None:
 
 
 def test_cut_off_output_is_refused() -> None:
-    """Refuse files that end before the results do."""
+    """Files that end before their results are refused."""
     text = DATA.joinpath("bar.frd").read_text()
     with pytest.raises(ValueError, match="cut off"):
         read_displacements(text[: text.rindex(" -3")])
@@ -120,18 +120,18 @@ def test_cut_off_output_is_refused() -> None:
 
 
 def test_nodes_find_their_place_in_the_lattice() -> None:
-    """Put node n at index n - 1 and refuse numbers beyond the lattice."""
+    """Node n is at index n - 1, and numbers beyond the lattice are refused."""
     np.testing.assert_array_equal(to_lattice({2: (1.0, 2.0, 3.0)}, size=3), [[0, 0, 0], [1, 2, 3], [0, 0, 0]])
     with pytest.raises(ValueError, match="node 4"):
         to_lattice({4: (0.0, 0.0, 0.0)}, size=3)
 
 
 def test_iterations_are_counted_from_the_log() -> None:
-    """Count one linear solve for every iteration that the log reports."""
+    """One linear solve is counted for each iteration in the log."""
     assert count_iterations(" increment 1 attempt 1 \n iteration 1\n\n average force= 1\n iteration 2\n") == 2
 
 
 def test_used_nodes_skip_what_the_element_lacks() -> None:
-    """Use every lattice node with 8 nodes an element, and no centres with 20."""
+    """Elements of 8 nodes use every lattice node, elements of 20 nodes no face or body centres."""
     assert len(used_nodes(Grid(size=(1, 1, 1), cells=(2, 1, 1)), CcxElement.C3D8)) == 12
     assert len(used_nodes(Grid(size=(1, 1, 1), cells=(2, 1, 1), order=2), CcxElement.C3D20R)) == 32

@@ -17,7 +17,7 @@ DATA = Path(__file__).parents[1] / "data"
 
 
 def test_tube_agrees_with_quadratic_elements_over_its_whole_program() -> None:
-    """Stay within 2 % of the tip's displacement at every pressure, up to more than 90 degrees."""
+    """The tip is within 2 % of its displacement at every pressure, for bends up to more than 90 degrees."""
     reference, scene = np.load(DATA / "reference" / f"{SCENE}_felupe.npz"), load_scene(SCENE)
     np.testing.assert_array_equal(reference["pressure"], PRESSURES)
     assert max(point.value for point in scene.program.actuators["air"]) == PRESSURES[-1]
@@ -28,7 +28,7 @@ def test_tube_agrees_with_quadratic_elements_over_its_whole_program() -> None:
 
 
 def test_kept_report_is_of_the_kept_reference() -> None:
-    """Find the same figures in the report that the page shows, but for rounding, and errors that follow from them."""
+    """The kept report has the kept reference's figures up to rounding, and the errors that follow from them."""
     report = read_report(DATA / "chamber.json").data
     reference = np.load(DATA / "reference" / f"{SCENE}_felupe.npz")
     np.testing.assert_allclose(report["felupe"], reference["tip"], rtol=0.0, atol=1e-8)
@@ -39,7 +39,7 @@ def test_kept_report_is_of_the_kept_reference() -> None:
 
 @pytest.mark.slow
 def test_felupe_finds_the_kept_reference() -> None:
-    """Run FElupe to the first pressures: the tips that are kept."""
+    """FElupe, run to the first two pressures, gives the kept tips."""
     from pypardiso import spsolve
 
     reference, scene = np.load(DATA / "reference" / f"{SCENE}_felupe.npz"), load_scene(SCENE)

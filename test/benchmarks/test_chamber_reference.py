@@ -17,7 +17,7 @@ REFERENCE = Path(__file__).parents[1] / "data" / "reference" / "pneunet_felupe.n
 
 
 def errors(cells: list[int], pressures: tuple[float, ...]) -> Iterator[float]:
-    """Yield the distance of the tip to FElupe's over FElupe's displacement, pressure by pressure."""
+    """Yield, for each pressure, the tip's distance from FElupe's tip over FElupe's displacement."""
     reference = np.load(REFERENCE)
     scene = load_scene("pneunet", overrides={"mesh.bar.cells": cells, "actuators.air.chamber.rate": 1e9})
     settings = dataclasses.replace(scene.solver, tolerance=1e-6, max_iterations=20000)
@@ -31,7 +31,7 @@ def errors(cells: list[int], pressures: tuple[float, ...]) -> Iterator[float]:
 
 
 def test_shipped_mesh_agrees_with_quadratic_elements() -> None:
-    """Stay within 2 % up to 10 kPa, and within 7 % when bent by 110 degrees with walls one cell thick."""
+    """With walls one cell thick, the tip is within 2 % up to 10 kPa, and within 7 % when bent by 110 degrees."""
     low, high = errors([41, 8, 8], (10e3, 44e3))
     assert low < 0.02
     assert high < 0.07
@@ -39,7 +39,7 @@ def test_shipped_mesh_agrees_with_quadratic_elements() -> None:
 
 @pytest.mark.slow
 def test_refined_mesh_agrees_with_quadratic_elements() -> None:
-    """With walls two cells thick, come within 3 % of the coarse quadratic mesh at 10 kPa and 2 % at 44 kPa."""
+    """With walls two cells thick, the tip is within 3 % of the coarse quadratic mesh at 10 kPa and 2 % at 44 kPa."""
     low, high = errors([82, 16, 16], (10e3, 44e3))
     assert low < 0.03
     assert high < 0.02

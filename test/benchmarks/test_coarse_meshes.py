@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Few cells across: what the closed forms say, and what other codes are given."""
+"""Errors with few cells across a body against closed forms, and the same problems in other codes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from gdfe_ros.solver.settings import Torsion
     ],
 )
 def test_errors_are_those_of_the_element(name: str, across: int, expected: float, within: float) -> None:
-    """Solve with few cells across: exact where one element is, else what its mean strains cost."""
+    """The solver's error with few cells across is the known error of its element."""
     assert error(name, across, solve) == pytest.approx(expected, abs=within)
 
 
@@ -42,12 +42,12 @@ def test_errors_are_those_of_the_element(name: str, across: int, expected: float
     [*(("torsion", across, 1e-4) for across in (1, 2, 3, 4)), ("torsion", 6, 2e-3), ("torsion 2:1", 2, 0.01)],
 )
 def test_sections_twist_as_saint_venants(name: str, across: int, within: float) -> None:
-    """Solve with sections that are counted: exact in square bars of up to four cells, nearly so in others."""
+    """With torsion by sections, square bars of up to four cells across are exact, and others nearly so."""
     assert error(name, across, partial(solve, torsion=Torsion.SECTION)) == pytest.approx(0.0, abs=within)
 
 
 def test_a_bar_turned_by_a_right_angle_needs_the_moment_that_it_should() -> None:
-    """Twist the benchmark's bar two cells across by 90 degrees: 11.6 % too much moment by cells, nearly none else."""
+    """The moment of a bar two cells across, twisted by 90 degrees, is 11.6 % too high by cells, right by sections."""
     cell, section = (bar_errors(CaseName.TWIST90_UNIFORM, (8, 2, 2), torsion) for torsion in Torsion)
     assert cell["reaction"] == pytest.approx(0.116, abs=2e-3)
     assert abs(section["reaction"]) < 5e-3
@@ -58,7 +58,7 @@ def test_a_bar_turned_by_a_right_angle_needs_the_moment_that_it_should() -> None
     ("code", "expected"), [("FElupe Q1P0", 0.1856), ("CalculiX C3D8I", 0.1856), ("CalculiX C3D8R", -0.083)]
 )
 def test_others_are_given_the_same_problem(code: str, expected: float) -> None:
-    """Twist a bar two cells across in the codes that are installed: full strains give h^4 / 6 where no corner warps."""
+    """Installed codes twist the same bar two cells across: full strains give h^4 / 6 where no corner warps."""
     found, missing = solvers()
     if code not in found:
         pytest.skip(missing[code.split()[0]])
@@ -66,13 +66,13 @@ def test_others_are_given_the_same_problem(code: str, expected: float) -> None:
 
 
 def test_elements_taken_apart_are_the_solvers() -> None:
-    """Put mean strains, volumes and the rest together again: the pad and the tube are as stiff as in the solver."""
+    """Elements assembled from mean strains, volumes and the remaining parts are as stiff as the solver's."""
     for name in ("pad", "tube"):
         assert trial("as it is: a pressure in each cell", name, 2) == pytest.approx(error(name, 2, solve), abs=5e-4)
 
 
 def test_curved_faces_see_what_cells_do_not() -> None:
-    """Inflate the tube and bend the bar with gradients that see neighbours: a fifth of the error, none in bending."""
+    """Gradients from curved faces reduce the tube's error to less than a quarter, and bending's error to zero."""
     way = "mean gradients from curved faces"
     assert abs(trial(way, "tube", 2)) < abs(error("tube", 2, solve)) / 4.0
     assert trial(way, "bending, nu 0.495", 2) == pytest.approx(0.0, abs=2e-3)
@@ -80,7 +80,7 @@ def test_curved_faces_see_what_cells_do_not() -> None:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_no_way_resists_rigid_motions(way: str) -> None:
-    """Move and turn the distorted tube with every trial's stiffness: no force."""
+    """No trial stiffness gives a force for a rigid motion of the distorted tube."""
     problem = tube(2)
     places, stiffness = problem.mesh.vertices, WAYS[way](Elements.of("tube", 2, problem))
     for axis in np.eye(3):
@@ -89,7 +89,7 @@ def test_no_way_resists_rigid_motions(way: str) -> None:
 
 
 def test_the_pressure_in_the_tube_pulls_no_way() -> None:
-    """Add up the forces: nil; and their work where everything grows alike: the pressure times the growth in volume."""
+    """The tube's forces sum to zero, and their work in uniform growth is the pressure times the change of volume."""
     problem = tube(2)
     np.testing.assert_allclose(problem.forces.sum(axis=0), 0.0, atol=1e-12)
     bore = 16 / 2 * SIDE**2 * np.sin(2.0 * np.pi / 16) * SIDE / 2
@@ -97,7 +97,7 @@ def test_the_pressure_in_the_tube_pulls_no_way() -> None:
 
 
 def test_torsion_measures_its_exact_field_as_one() -> None:
-    """Give the measure of torsion a bar that twists as Saint-Venant says, with his torque."""
+    """The torsion measure is one for Saint-Venant's displacement field with his torque."""
     problem = torsion(2)
     twist, places = 1e-3, problem.mesh.vertices - problem.mesh.bounds.mean(axis=0)
     moved = np.stack([0.0 * places[:, 0], -places[:, 0] * places[:, 2], places[:, 0] * places[:, 1]], axis=1) * twist
@@ -107,7 +107,7 @@ def test_torsion_measures_its_exact_field_as_one() -> None:
 
 
 def test_decks_hold_what_is_held_and_pull_what_is_pulled() -> None:
-    """Write the tube: six given displacements, and a force in the plane on every vertex of the inner wall."""
+    """The deck of the tube has six given displacements, and a force in the plane on every vertex of the inner wall."""
     problem = tube(1)
     text = deck(problem, "C3D8I")
     assert "*ELEMENT, TYPE=C3D8I, ELSET=BODY" in text
@@ -121,5 +121,5 @@ def test_decks_hold_what_is_held_and_pull_what_is_pulled() -> None:
 
 
 def test_every_problem_has_a_title() -> None:
-    """Print a title for each."""
+    """Each problem has a title."""
     assert set(TITLES) == set(PROBLEMS)

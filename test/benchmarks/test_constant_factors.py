@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors of the constant matrix beside those of libraries: what is measured is solved, and reported by name."""
+"""Factors of the constant matrix compared with those of libraries: what is measured is solved and reported by name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from benchmarks import constant_factors
 
 
 def test_every_kind_is_measured_and_told() -> None:
-    """Measure a small bar: a row with a time for ours and for SuperLU, and a dash for what was not waited for."""
+    """The table has times for our factor and SuperLU's, and a dash for a kind that was not measured."""
     small = constant_factors.measured((6, 2, 2))
     assert small["vertices"] == 54
     assert {"supernodes", "SuperLU"} <= set(small["solve"])
@@ -21,7 +21,7 @@ def test_every_kind_is_measured_and_told() -> None:
 
 
 def test_the_libraries_solve_the_same_matrix() -> None:
-    """Solve with SuperLU as it is measured: the residual is rounding."""
+    """The measured SuperLU solves the same matrix with a residual of rounding size."""
     matrix, points = constant_factors.held_bar((6, 2, 2))
     right = np.random.default_rng(0).standard_normal((len(points), 3))
     found = np.empty_like(right)

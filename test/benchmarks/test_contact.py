@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark of contact: what its kept report says, what MuJoCo is given, what is reported where it is missing."""
+"""The benchmark of contact: its kept report, MuJoCo's model, and missing peers."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from gdfe_ros.scene.loader import scene_from_text
 
 @pytest.fixture(scope="module")
 def report() -> dict[str, Any]:
-    """Give the report beside the tests."""
+    """Return the kept report."""
     return read_report(KEPT / "contact.json").data
 
 
 def test_the_kept_report_is_what_was_asked_for(report: dict[str, Any]) -> None:
-    """A grip drifts by less than 1 um in 60 s and falls below the least friction; slopes hold or slide as they must."""
+    """A grip drifts by less than 1 um in 60 s and falls below the least friction; blocks on slopes stick or slide."""
     held, lost = (row for row in report["grip"] if row["solver"] == "gdfe_ros")
     assert (held["demand"], held["held"], lost["demand"]) == (1.02, 60.0, 0.98)
     assert abs(held["drift"]) < 1e-6
@@ -47,7 +47,7 @@ def test_the_kept_report_is_what_was_asked_for(report: dict[str, Any]) -> None:
 
 
 def test_the_kept_forces_are_those_of_calculix(report: dict[str, Any]) -> None:
-    """Compare pressed balls and cubes with CalculiX and Tatara, where it was installed when they were measured."""
+    """In a report measured with CalculiX, forces on balls and cubes agree with CalculiX and Tatara."""
     peer = report["calculix"]
     if "missing" in peer:
         pytest.skip(f"measured without CalculiX: {peer['missing']}")
@@ -60,7 +60,7 @@ def test_the_kept_forces_are_those_of_calculix(report: dict[str, Any]) -> None:
 
 
 def test_mujoco_is_given_our_grip() -> None:
-    """Compare lattice, law, masses and friction of its model with the scene that we solve."""
+    """MuJoCo's model has the lattice, law, masses and friction of our scene."""
     scene = scene_from_text(grip.GRIP)
     soft, box = scene.materials["soft"], scene.handles[-1]
     assert (soft.young, soft.poisson, soft.density) == (grip_case.YOUNG, grip_case.POISSON, grip_case.DENSITY)
@@ -78,7 +78,7 @@ def test_mujoco_is_given_our_grip() -> None:
 
 @pytest.mark.skipif(mujoco_grip.available() is not None, reason="MuJoCo is not installed")
 def test_mujoco_holds_with_ample_friction() -> None:
-    """Its box hangs between the pads by ten times the least friction, within a millimetre."""
+    """MuJoCo's box, at ten times the least friction, hangs between the pads within a millimetre."""
     found = mujoco_grip.simulate(10.0, seconds=0.1)
     assert 5.0 < found["press"] < 10.0
     assert abs(found["sunk"]) < 1e-3
@@ -87,7 +87,7 @@ def test_mujoco_holds_with_ample_friction() -> None:
 
 @pytest.mark.skipif(ccx_contact.available() is not None, reason="CalculiX is not installed")
 def test_calculix_presses_as_we_do() -> None:
-    """Few quadratic elements of it, many of ours: the cube's force within 3 %, the ball's within 4 %."""
+    """With few quadratic elements in CalculiX and many of ours, the cube's force agrees in 3 %, the ball's in 4 %."""
     ours = {row["move"]: row["force"] for row in pressing.press_cube(8, "faces")}
     law = LogNeoHooke(young=2.0e5, poisson=0.45)
     assert ccx_contact.press_cube(law, 4, [0.01]) == pytest.approx([ours[0.01]], rel=0.03)
@@ -97,7 +97,7 @@ def test_calculix_presses_as_we_do() -> None:
 
 
 def test_without_calculix_its_columns_are_empty(report: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Take CalculiX away: the other columns stay, and the remedy is below the tables."""
+    """Without CalculiX the other columns stay, and the remedy is printed below the tables."""
     monkeypatch.setattr(ccx_contact, "available", lambda: "no program ccx; install it")
     tables = all_tables({**report, **pressing.press_by_calculix()})
     for name in ("pressing", "plates"):
@@ -106,7 +106,7 @@ def test_without_calculix_its_columns_are_empty(report: dict[str, Any], monkeypa
 
 
 def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Take MuJoCo away: our rows alone, and the remedy below the table."""
+    """Without MuJoCo our rows are printed alone, with the remedy below the table."""
     monkeypatch.setattr(mujoco_grip, "available", lambda: "not installed: mujoco; pip install mujoco")
     monkeypatch.setattr(grip, "HELD", {1.02: 0.0})
     found = grip.measure()
@@ -115,7 +115,7 @@ def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_time_is_told_by_phase() -> None:
-    """Phases of the grasp follow one another and fill its program."""
+    """The phases of the grasp follow one another and fill its program."""
     ends = list(grasp.PHASES.values())
     assert [first for first, _ in ends[1:]] == [last for _, last in ends[:-1]]
     assert (ends[0][0], ends[-1][1]) == (0.0, 15.0)

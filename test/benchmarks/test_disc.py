@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The axisymmetric mesh of a ball: sound quadrilaterals that fill the quarter disc, and a rim about its pole."""
+"""The axisymmetric mesh of a ball: valid quadrilaterals that fill the quarter disc, and the rim near the pole."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchmarks.peers.disc import quarter_disc
 
 @pytest.mark.parametrize("cells", [2, 6])
 def test_it_fills_the_quarter_disc(cells: int) -> None:
-    """Sum the areas of convex, counter-clockwise corners: that of the polygon, divided among three blocks."""
+    """All cells are convex and counter-clockwise, and their areas sum to the quarter disc's."""
     disc = quarter_disc(cells)
     assert disc.cells.shape == (3 * cells**2, 8)
     corners = disc.points[disc.cells[:, :4]]
@@ -27,7 +27,7 @@ def test_it_fills_the_quarter_disc(cells: int) -> None:
 
 
 def test_its_rim_is_the_circle_about_the_pole() -> None:
-    """Follow the rim from the pole to 45 degrees: sides on the circle, one behind the other."""
+    """The rim's sides follow one another on the unit circle, from the pole to 45 degrees."""
     disc = quarter_disc(5)
     ends = np.array([disc.cells[cell][[side, (side + 1) % 4]] for cell, side in disc.rim])
     np.testing.assert_allclose(np.linalg.norm(disc.points[ends], axis=2), 1.0)

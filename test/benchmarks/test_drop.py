@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark of motion: what peers are given, what is read back, and reports about missing peers."""
+"""The benchmark of motion: the peers' input, their output, and reports without them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PRINTED = """
 
 
 def test_peers_are_given_our_scene() -> None:
-    """Compare the plain data of the peers with the scene that ships: size, law, density, gravity, tip."""
+    """The peers' data have the size, law, density, gravity and tip of the shipped scene."""
     scene = load_scene("drop")
     low, high = scene.mesh.bounds
     assert high - low == pytest.approx(SIZE)
@@ -43,7 +43,7 @@ def test_peers_are_given_our_scene() -> None:
 
 
 def test_the_error_of_a_path_is_relative_to_its_reach() -> None:
-    """Shift the reference by a hundredth of its largest displacement: 1 %, and nothing where it is not shifted."""
+    """A path shifted by a hundredth of its largest displacement has an error of 1 %, an unshifted one none."""
     kept = np.load(drop.REFERENCE)
     times, tip = kept["t"], kept["tip_centre"]
     assert drop.path_error(times, tip) == pytest.approx(0.0, abs=1e-12)
@@ -52,7 +52,7 @@ def test_the_error_of_a_path_is_relative_to_its_reach() -> None:
 
 
 def test_calculix_gets_a_deck_in_its_units() -> None:
-    """Write a deck: tonnes a cubic millimetre, gravity in millimetres, steps as asked for."""
+    """The CalculiX deck has tonnes per cubic millimetre, gravity in millimetres, and the given steps."""
     deck = ccx_drop._deck(Grid(size=SIZE, cells=(2, 1, 1), order=1), CcxElement.C3D8I, 0.005)
     assert "*DENSITY\n1e-09\n" in deck
     assert "BODY,GRAV,9810,0.,0.,-1." in deck
@@ -61,7 +61,7 @@ def test_calculix_gets_a_deck_in_its_units() -> None:
 
 
 def test_paths_are_read_back() -> None:
-    """Read two blocks of a .dat file; one without any is refused."""
+    """Two blocks of a .dat file are read, and a file without any is refused."""
     times, paths = read_paths(PRINTED)
     assert times.tolist() == [0.01, 0.02]
     assert [path[12] for path in paths] == [(1.0, 0.0, -2.0), (2.0, 0.0, -4.0)]
@@ -70,7 +70,7 @@ def test_paths_are_read_back() -> None:
 
 
 def test_mujoco_gets_the_mass_of_the_bar() -> None:
-    """Add up the bodies of the model with the clamped part of the lattice: the bar's mass."""
+    """The masses of MuJoCo's bodies and of the clamped part of the lattice sum to the bar's mass."""
     text = mujoco_drop._model(Grid(size=SIZE, cells=(4, 1, 1)), 0.01)
     masses = [float(mass) for mass in re.findall(r'mass="([^"]+)"', text)]
     whole = DENSITY * float(np.prod(SIZE))
@@ -80,7 +80,7 @@ def test_mujoco_gets_the_mass_of_the_bar() -> None:
 
 @pytest.mark.skipif(mujoco_drop.available() is not None, reason="MuJoCo is not installed")
 def test_mujoco_falls_and_stays_whole() -> None:
-    """Run a coarse quadratic flex: its tip swings as deep as the reference's, within a quarter, and up again."""
+    """The tip of a coarse quadratic flex swings within a quarter of the reference's depth, and up again."""
     found = mujoco_drop.simulate(2, (5, 1, 1), 0.005, timeout=100.0)
     height, lowest = found.path[:, 2], np.load(drop.REFERENCE)["tip_centre"][:, 2].min()
     assert height.min() == pytest.approx(lowest, rel=0.25)
@@ -89,7 +89,7 @@ def test_mujoco_falls_and_stays_whole() -> None:
 
 
 def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Take both peers away: no row, and a reason with its remedy for each."""
+    """Without the two peers there is no row, and a reason with a remedy for each."""
     monkeypatch.setattr(mujoco_drop, "available", lambda: "not installed: mujoco; pip install mujoco")
     monkeypatch.setattr(ccx_drop, "available", lambda: "no program ccx; apt-get install calculix-ccx")
     rows, missing = drop.measure_peers()
@@ -99,7 +99,7 @@ def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_kept_report_is_what_was_asked_for() -> None:
-    """Read the report beside the tests: error on `drop`, ahead of MuJoCo wherever it errs below 20 %, long runs."""
+    """The kept report has small errors on `drop`, faster runs than MuJoCo's if these err below 20 %, and long runs."""
     report: dict[str, Any] = read_report(KEPT / "motion.json").data
     ours = [row for row in report["drop"] if row["solver"] == "gdfe_ros"]
     best = {(tuple(row["cells"]), row["step"]): row["error"] for row in reversed(ours) if row["kind"] != "bdf2"}

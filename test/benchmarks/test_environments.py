@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Environments are stepped alone, in threads and in processes, and their rates make a table."""
+"""Rates of environments stepped alone, in threads and in processes, and their table."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchmarks.environments import Way, environment_table
 
 @pytest.mark.parametrize("way", Way)
 def test_each_way_makes_its_steps(way: Way, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make three steps of a scene with each method: they are counted, and take time."""
+    """With each method, three steps of a scene are counted and timed."""
     monkeypatch.setattr(environments, "STEPS", 3)
     found = environments._run("bending_tube", way)
     assert found["steps"] == 3
@@ -22,7 +22,7 @@ def test_each_way_makes_its_steps(way: Way, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_the_table_has_a_row_for_each_scene() -> None:
-    """Print figures: rates with three digits, and the reset in steps."""
+    """The table has a row per scene, with rates of three digits and the reset's time in steps."""
     rates = dict(zip((way.value for way in Way), (12.345, 15.0, 24.5), strict=True))
     item = {"scene": "arm", "cells": 96, "rates": rates, "steps": 100, "converged": 99, "reset": 3.21}
     assert environment_table([item]).splitlines()[-1] == "| arm | 96 | 12.3 | 15 | 24.5 | 99 of 100 | 3.2 |"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A grid numbers its nodes as the paper's meshes do and interpolates with its element's polynomial."""
+"""A grid numbers its nodes as the paper's meshes do, and interpolates with its element's polynomial."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _inside(count: int = 200) -> np.ndarray:
 
 
 def test_nodes_follow_the_formula_of_the_scenes() -> None:
-    """Give node (i, j, k) the index i + (nx+1)(j + (ny+1)k), x from 0, y and z centred."""
+    """Node (i, j, k) has the index i + (nx+1)(j + (ny+1)k), with x from 0, and y and z centred."""
     grid = Grid(size=SIZE, cells=(5, 3, 2))
     index = 4 + 6 * (1 + 4 * 2)
     np.testing.assert_allclose(grid.points()[index], [0.4, -0.025 + 0.05 / 3, 0.02], atol=1e-15)
@@ -26,7 +26,7 @@ def test_nodes_follow_the_formula_of_the_scenes() -> None:
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_cells_fill_the_bar_with_positive_orientation(order: int) -> None:
-    """Give every cell a positive volume, all of them together that of the bar."""
+    """Every cell has a positive volume, and all cells together have the bar's."""
     grid = Grid(size=SIZE, cells=(5, 3, 2), order=order)
     corners = grid.points()[grid.connectivity(HEXAHEDRON8)]
     edges = corners[:, [1, 3, 4]] - corners[:, :1]
@@ -36,7 +36,7 @@ def test_cells_fill_the_bar_with_positive_orientation(order: int) -> None:
 
 
 def test_faces_lie_at_the_ends() -> None:
-    """Select exactly the nodes at x = 0 and at x = L."""
+    """The end faces have exactly the nodes at x = 0 and at x = L."""
     grid = Grid(size=SIZE, cells=(5, 3, 2), order=2)
     x = grid.points()[:, 0]
     np.testing.assert_array_equal(grid.face(right=False), np.nonzero(x == 0.0)[0])
@@ -60,14 +60,14 @@ def _triquadratic(p: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(("order", "field"), [(1, _trilinear), (2, _trilinear), (2, _serendipity), (2, _triquadratic)])
 def test_interpolation_is_exact_for_the_elements_own_polynomials(order: int, field) -> None:
-    """Reproduce a field of the element's space at points anywhere in the bar."""
+    """Interpolation reproduces a polynomial of the element's space anywhere in the bar."""
     grid, points = Grid(size=SIZE, cells=(4, 3, 2), order=order), _inside()
     exact = field(points)
     np.testing.assert_allclose(grid.evaluate(field(grid.points()), points), exact, atol=1e-13 * np.abs(exact).max())
 
 
 def test_interpolation_keeps_nodal_values() -> None:
-    """Return the nodal values at the nodes, borders of the bar included."""
+    """At the nodes, also on the bar's boundary, interpolation returns the nodal values."""
     grid = Grid(size=SIZE, cells=(4, 3, 2), order=2)
     values = np.random.default_rng(1).normal(size=(len(grid.points()), 3))
     np.testing.assert_allclose(grid.evaluate(values, grid.points()), values, atol=1e-13)
@@ -75,7 +75,7 @@ def test_interpolation_keeps_nodal_values() -> None:
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_interpolation_error_falls_at_the_elements_rate(order: int) -> None:
-    """Lose error as h^(order + 1) on a smooth field."""
+    """The interpolation error of a smooth field falls as h^(order + 1)."""
     points = _inside()
 
     def wave(p: np.ndarray) -> np.ndarray:
@@ -89,7 +89,7 @@ def test_interpolation_error_falls_at_the_elements_rate(order: int) -> None:
 
 
 def test_serendipity_lattice_is_completed_by_the_elements_own_shape() -> None:
-    """Fill face and body centres so that the lattice interpolates the 20-node element."""
+    """Face and body centres are filled so that the lattice interpolates like the 20-node element."""
     grid, points = Grid(size=SIZE, cells=(4, 3, 2), order=2), _inside()
     values = _serendipity(grid.points())
     holes = np.setdiff1d(np.arange(len(values)), grid.connectivity(HEXAHEDRON20))
@@ -99,25 +99,25 @@ def test_serendipity_lattice_is_completed_by_the_elements_own_shape() -> None:
 
 
 def test_serendipity_weights_are_one_at_their_own_node() -> None:
-    """Give shape function a the value one at node a and zero at the others."""
+    """Shape function a is one at node a and zero at the others."""
     weights = np.array([serendipity_weights(node) for node in HEXAHEDRON20])
     np.testing.assert_allclose(weights, np.eye(20), atol=1e-15)
 
 
 def test_points_outside_the_bar_are_refused() -> None:
-    """Refuse to extrapolate, naming the points."""
+    """Points outside the bar are refused and named."""
     grid = Grid(size=SIZE, cells=(4, 3, 2))
     with pytest.raises(ValueError, match=r"points \[1\] lie outside"):
         grid.evaluate(grid.points(), np.array([[0.1, 0.0, 0.0], [0.6, 0.0, 0.0]]))
 
 
 def test_values_of_another_grid_are_refused() -> None:
-    """Refuse values that do not match the lattice."""
+    """Values that do not match the lattice are refused."""
     with pytest.raises(ValueError, match="expected"):
         Grid(size=SIZE, cells=(4, 3, 2)).evaluate(np.zeros((7, 3)), np.zeros((1, 3)))
 
 
 def test_unknown_orders_are_refused() -> None:
-    """Know linear and quadratic weights only."""
+    """Only linear and quadratic weights are accepted."""
     with pytest.raises(ValueError, match="order 3"):
         lagrange_weights(np.array([0.5]), order=3)

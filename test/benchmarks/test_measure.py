@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``make measure``: what is measured, what is skipped, and what comes of a script that fails."""
+"""``make measure``: measured tables, skipped tables, and failing scripts."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ time.sleep(600)
 
 @pytest.fixture
 def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Table:
-    """Give a table whose script is `GOOD`, kept and logged in a folder of its own."""
+    """Return a table whose script is `GOOD`, with its file and log in the test's folder."""
     monkeypatch.setattr(tables, "KEPT", tmp_path)
     monkeypatch.setattr(running, "ROOT", tmp_path)
     monkeypatch.setattr(running, "LOGS", tmp_path / "logs")
@@ -43,13 +43,13 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Table:
 
 
 def script(folder: Path, name: str, text: str) -> Table:
-    """Write a module; return the table that it makes."""
+    """Write a module; return the table whose script it is."""
     (folder / f"{name}_script.py").write_text(text)
     return Table(name=name, module=f"{name}_script", minutes=1)
 
 
 def test_a_table_is_measured_once(table: Table) -> None:
-    """Measure: the file is of this solver, and is not measured again unless that is asked for."""
+    """A table is measured once, with this solver's mark, and not again unless that is requested."""
     assert not is_current(table)
     assert measure(table) is None
     assert read_report(table.file) == Report(["data"], stamp(), {"a": 1})
@@ -62,20 +62,20 @@ def test_a_table_is_measured_once(table: Table) -> None:
 
 
 def test_a_table_without_a_probe_is_measured_again(table: Table) -> None:
-    """Keep a report of this solver without a probe: it is not current."""
+    """A report of this solver without a probe is not current."""
     keep(table.file, Report([], stamp()))
     assert not is_current(table)
 
 
 def test_a_file_of_another_form_is_measured_again(table: Table) -> None:
-    """Keep bare rows, as before there were reports: the table is not current, and is measured."""
+    """A file in the former format, bare rows, is not current and is measured again."""
     table.file.write_text("[]")
     assert not is_current(table)
     assert measure(table) is None
 
 
 def test_a_failure_does_not_stop_the_others(table: Table, tmp_path: Path) -> None:
-    """Run a script that fails, one that writes nothing, and a good one: two are reported, the kept files stay."""
+    """With a failing script, an empty one and a good one, two are reported, and kept files stay."""
     bad = script(tmp_path, "bad", "raise SystemExit('no such robot')")
     silent = script(tmp_path, "silent", "")
     keep(bad.file, Report(["old"]))
@@ -89,7 +89,7 @@ def test_a_failure_does_not_stop_the_others(table: Table, tmp_path: Path) -> Non
 
 
 def test_a_script_that_hangs_is_ended(table: Table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run a script that sleeps beyond its time beside one that it has started: both are ended, and that is reported."""
+    """A script that exceeds its time is ended with the process that it has started, and reported."""
     monkeypatch.setattr(running, "LEAST", 0.05)
     monkeypatch.setattr(running, "PATIENCE", 0.01)
     beats: list[None] = []
@@ -107,13 +107,13 @@ def test_a_script_that_hangs_is_ended(table: Table, tmp_path: Path, monkeypatch:
 
 
 def alive(pid: int) -> bool:
-    """Return whether a process runs; one that has ended and waits to be collected does not."""
+    """Return whether a process runs; a zombie does not."""
     status = Path(f"/proc/{pid}/stat")
     return status.is_file() and status.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
 def test_what_is_not_installed_is_skipped(table: Table) -> None:
-    """Need a package that is not there: the table is skipped by name, even if all are asked for again."""
+    """A table that needs a missing package is skipped by name, even if all tables are requested again."""
     lacking = Table(name="lacking", module=table.module, minutes=1, needs=("no_such_package",))
     console = Console(record=True)
     assert not command._wanted(lacking, True, console)
@@ -121,7 +121,7 @@ def test_what_is_not_installed_is_skipped(table: Table) -> None:
 
 
 def test_every_table_has_a_script_and_a_probe() -> None:
-    """Look the modules up; names are unique, and the expected time of all is far below two hours."""
+    """Every table's script and probe exist, names are unique, and the expected time of all is below two hours."""
     assert len(set(NAMES)) == len(NAMES)
     for item in TABLES:
         assert item.missing() or callable(item.replay_function()), item.name
@@ -129,7 +129,7 @@ def test_every_table_has_a_script_and_a_probe() -> None:
 
 
 def test_the_list_shows_every_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """List: each table with its minutes, and all together."""
+    """The list shows each table with its minutes, and the total."""
     monkeypatch.setattr(sys, "argv", ["measure", "--list"])
     assert command.main() == 0
     shown = capsys.readouterr().out

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The meter of the node's benchmark: processor time by thread, memory."""
+"""The meter of the node's benchmark: processor time by thread, and memory."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.threads import show_name
 
 
 def test_processor_time_is_told_by_thread() -> None:
-    """Compute in a thread for 0.1 s of its processor time: the account of that name grows by as much."""
+    """A thread that computes for 0.1 s of processor time increases the time under its name by as much."""
     done, over = threading.Event(), threading.Event()
 
     def compute() -> None:
@@ -37,7 +37,10 @@ def test_processor_time_is_told_by_thread() -> None:
 
 
 def test_memory_is_told() -> None:
-    """Map 50 MB and write to them (malloc may hand out what is resident already): the resident memory grows by that."""
+    """Writing to 50 MB of mapped memory increases the resident memory by as much.
+
+    Memory from malloc may be resident already.
+    """
     before = read_memory(os.getpid())
     with mmap.mmap(-1, 50_000_000) as block:
         block.write(bytes([1]) * len(block))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's benchmark in small: real processes, figures that hang together."""
+"""The node's benchmark in small: real processes and consistent figures."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from gdfe_ros.threads import COURIER, RECORDER
 
 
 def test_a_command_takes_longer_than_its_solve() -> None:
-    """Measure 20 round trips: medians below percentiles, the solve below the whole."""
+    """In 20 round trips, the medians are below the percentiles, and the solve is shorter than the whole."""
     found = latency.measure(500, steps=20)
     assert 0.0 < found.solve_p50 < found.p50 <= found.p99
     assert found.solve_p50 <= found.solve_p99
 
 
 def test_what_a_step_costs_is_told_by_thread() -> None:
-    """Have 100 commands worked off with subscribers and a bag: each thread that works has its part of the time."""
+    """For 100 commands with subscribers and a bag, each working thread has a positive processor time."""
     found = cost.measure(500, subscribed=True, recorded=True, steps=100)
     assert found.period == pytest.approx(found.solve + found.delay)
     assert found.alone > 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the node's benchmark, and what counts as a target missed."""
+"""The tables of the node's benchmark, and its check of targets."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _report() -> dict[str, Any]:
 
 
 def test_tables_hold_the_figures() -> None:
-    """Print a report by hand: fractions, sums and rates are worked out."""
+    """The printed tables of a report have the right fractions, sums and rates."""
     rows = {name: rows for name, (_, rows) in all_rows(_report()).items()}
     assert rows["latency"] == [("1250", "2.00", "4.00", "1.50", "3.00")]
     assert rows["node cost"][1] == ("1250", "mesh, strain", "yes", "2.40", "2.10", "1.90", "0.30", "12.5", "0.50")
@@ -42,7 +42,7 @@ def test_tables_hold_the_figures() -> None:
 
 
 def test_tables_take_their_place_in_a_readme() -> None:
-    """Replace a table between its marks; the rest stays."""
+    """A table between its marks is replaced, and the text around it stays."""
     start = MARK.format(name="idle")
     text = f"before\n{start}\nold\n<!-- end idle -->\nafter"
     tables = all_tables(_report())
@@ -50,7 +50,7 @@ def test_tables_take_their_place_in_a_readme() -> None:
 
 
 def test_a_mark_that_nothing_is_printed_for_is_named() -> None:
-    """Ask for a table that does not exist, and leave the end of one away."""
+    """An unknown table and a missing end mark are refused by name."""
     with pytest.raises(ValueError, match=r"'tides'.*there is: idle"):
         replace_tables(MARK.format(name="tides") + "\n<!-- end tides -->", {"idle": ""})
     with pytest.raises(ValueError, match="'idle'"):
@@ -58,7 +58,7 @@ def test_a_mark_that_nothing_is_printed_for_is_named() -> None:
 
 
 def test_targets_that_are_met_are_not_missed() -> None:
-    """Judge a good report: nothing is said."""
+    """A report that meets all targets gives no message."""
     assert missed_targets([BARE, FULL], [IDLE], STEPS, [FLOOD]) == []
 
 
@@ -76,13 +76,13 @@ def test_targets_that_are_met_are_not_missed() -> None:
     ],
 )
 def test_a_target_that_is_missed_is_named(changed: dict[str, Any], text: str) -> None:
-    """Spoil one figure: it is named, and nothing else."""
+    """A report that misses one target names that target only."""
     report = {"costs": [BARE, FULL], "idles": [IDLE], "steps": STEPS, "floods": [FLOOD], **changed}
     (found,) = missed_targets(*report.values())
     assert text in found
 
 
 def test_figures_of_two_trees_stand_beside_each_other() -> None:
-    """Give three rounds of each: the table has their medians."""
+    """The table of two trees has the medians of three rounds each."""
     rounds = {"before": [{"p50 [ms]": value} for value in (3.0, 1.0, 2.0)], "now": [{"p50 [ms]": 1.5}] * 3}
     assert since.table(rounds).splitlines()[2] == "| p50 [ms] | 2 | 1.5 |"

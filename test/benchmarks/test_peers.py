@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Peers are measured fairly, named when missing, and their results survive the trip between processes."""
+"""Peers are measured fairly, named when missing, and their results survive the transfer between processes."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from benchmarks.references import load_reference
 
 
 class Stopwatch:
-    """A peer whose runs take the given times."""
+    """A peer that reports given run times."""
 
     def __init__(self, *times: float) -> None:
         self.left = list(times)
 
     def available(self) -> str | None:
-        """Be there."""
+        """Return None: the peer is available."""
         return None
 
     def variants(self, case: Case) -> tuple[Variant, ...]:
-        """Have nothing to show."""
+        """Return no variants."""
         return ()
 
     def solve(self, case: Case, variant: Variant, points: np.ndarray) -> PeerSolution:
-        """Claim to have taken the next time."""
+        """Return a solution with the next given time."""
         return PeerSolution(
             displacement=points,
             reaction=np.zeros(6),
@@ -54,14 +54,14 @@ class Stopwatch:
     ],
 )
 def test_short_runs_are_warmed_up_and_long_ones_are_not_repeated(times, counted) -> None:
-    """Drop the first of short runs, count all of medium ones and make a long one once."""
+    """The first of short runs is dropped, all medium runs count, and a long run is made once."""
     case, variant = CASES[CaseName.TENSILE], Variant(label="", element="", cells=(2, 1, 1))
     runs = measure(Stopwatch(*times), case, variant, load_reference(case.name), repeats=3)
     assert [run.time_solve for run in runs] == counted
 
 
 def test_results_survive_json() -> None:
-    """Rebuild an equal result from its text."""
+    """A result rebuilt from its text is equal."""
     result = PeerResult(
         solver=Solver.MUJOCO,
         label="quadratic 10x1x1",
@@ -78,7 +78,7 @@ def test_results_survive_json() -> None:
 
 
 def test_a_missing_peer_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Say that ccx is missing and how to install it, instead of skipping it."""
+    """A missing ccx is an error with the command that installs it, not a skip."""
     monkeypatch.setenv("PATH", "/nowhere")
     variant = load_peer(Solver.CALCULIX).variants(CASES[CaseName.TENSILE])[0]
     with pytest.raises(PeerError, match="apt-get install calculix-ccx"):
@@ -86,7 +86,7 @@ def test_a_missing_peer_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_failing_worker_is_reported_with_the_end_of_its_output(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Turn an error inside the worker into one that names the run and the cause."""
+    """An error inside a worker becomes one that names the run and the end of its output."""
     module = load_peer(Solver.CALCULIX)
     monkeypatch.setattr(module, "available", lambda: None)
     variant = Variant(label="C3D99 2x1x1", element="C3D99", cells=(2, 1, 1))
@@ -95,7 +95,7 @@ def test_a_failing_worker_is_reported_with_the_end_of_its_output(monkeypatch: py
 
 
 def test_workers_have_their_threads_pinned() -> None:
-    """Set every library's thread count, that of CalculiX included."""
+    """Every library's thread count is set for a worker, CalculiX's included."""
     environment = worker_environment(1)
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "CCX_NPROC_EQUATION_SOLVER"):
         assert environment[name] == "1"
@@ -104,7 +104,7 @@ def test_workers_have_their_threads_pinned() -> None:
 @pytest.mark.parametrize("solver", list(Solver))
 @pytest.mark.parametrize("name", list(CaseName))
 def test_every_variant_fits_its_scene(solver: Solver, name: CaseName) -> None:
-    """Offer variants with distinct names whose cells follow the segments."""
+    """Variants have distinct names, and their cells fit the scene's segments."""
     case = CASES[name]
     variants = load_peer(solver).variants(case)
     labels = [variant.label for variant in variants]
@@ -115,14 +115,14 @@ def test_every_variant_fits_its_scene(solver: Solver, name: CaseName) -> None:
 
 
 def test_the_papers_mesh_is_always_among_the_meshes() -> None:
-    """Show FElupe and CalculiX on the paper's own mesh in every scene."""
+    """FElupe and CalculiX have a variant with the paper's mesh in every scene."""
     for solver in (Solver.FELUPE, Solver.CALCULIX):
         for case in CASES.values():
             assert case.cells in {variant.cells for variant in load_peer(solver).variants(case)}
 
 
 def test_the_reaction_is_the_wrench_about_the_deformed_handle() -> None:
-    """Sum the handle's forces and their moments about where the handle is now."""
+    """The reaction is the sum of the handle's forces, and of their moments about the deformed handle's centre."""
     grid = Grid(size=(1.0, 1.0, 1.0), cells=(1, 1, 1))
     forces, displacement = np.zeros((8, 3)), np.tile([0.0, 0.0, 0.5], (8, 1))
     forces[grid.face(right=True)] = [[0, 1, 0], [0, 1, 0], [0, -1, 0], [2, -1, 0]]
@@ -130,7 +130,7 @@ def test_the_reaction_is_the_wrench_about_the_deformed_handle() -> None:
 
 
 def test_the_mujoco_model_has_a_body_for_every_moving_node() -> None:
-    """Make bodies of all nodes but the clamped ones and one flex of each segment, common at the borders."""
+    """MuJoCo's model has a body per free node, and a flex per segment that shares its border nodes with the next."""
     case = CASES[CaseName.BEND5]
     grid = case.grid((10, 1, 1), order=2)
     root = ElementTree.fromstring(write_model(case, grid, Drive.HEAVY, timestep=0.2))
@@ -145,7 +145,7 @@ def test_the_mujoco_model_has_a_body_for_every_moving_node() -> None:
 
 
 def test_mujoco_nodes_run_fastest_along_z() -> None:
-    """List the nodes of a flex as MuJoCo counts them."""
+    """The nodes of a flex are listed in MuJoCo's order, with z changing fastest."""
     case = CASES[CaseName.TWIST90_UNIFORM]
     grid = case.grid((2, 1, 1))
     root = ElementTree.fromstring(write_model(case, grid, Drive.MOCAP, timestep=0.2))
@@ -157,7 +157,7 @@ def test_mujoco_nodes_run_fastest_along_z() -> None:
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_nodal_masses_sum_to_the_mass_of_the_bar(order: int) -> None:
-    """Lump the whole mass to the nodes, symmetrically and positive."""
+    """The nodal masses are positive, symmetric and sum to the bar's mass."""
     masses = node_masses(Grid(size=(0.5, 0.05, 0.05), cells=(5, 2, 3), order=order))
     assert masses.sum() == pytest.approx(10.0 * 0.5 * 0.05 * 0.05)
     assert masses.min() > 0
@@ -165,7 +165,7 @@ def test_nodal_masses_sum_to_the_mass_of_the_bar(order: int) -> None:
 
 
 def test_embedded_tetrahedra_fill_the_bar() -> None:
-    """Cut the bar into positive tetrahedra without gaps."""
+    """The bar is divided into tetrahedra of positive volume without gaps."""
     grid = Grid(size=(0.5, 0.05, 0.05), cells=(3, 2, 1))
     corners = grid.points()[tetrahedra(grid)]
     volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
@@ -174,21 +174,21 @@ def test_embedded_tetrahedra_fill_the_bar() -> None:
 
 
 def test_mujoco_has_no_ogden_law() -> None:
-    """Refuse a scene whose material MuJoCo does not have."""
+    """A scene with an Ogden material is refused for MuJoCo."""
     case = CASES[CaseName.TWIST90]
     with pytest.raises(ValueError, match="OgdenSeries"):
         write_model(case, case.grid(), Drive.HEAVY, timestep=0.2)
 
 
 class Values:
-    """A field with nothing but values."""
+    """A field that has only values."""
 
     def __init__(self, values: np.ndarray) -> None:
         self.values = values
 
 
 def test_condensed_cell_fields_give_the_solution_of_the_full_system() -> None:
-    """Eliminate pressure and volume ratio without changing the step of any field."""
+    """Condensation of pressure and volume ratio leaves the step of each field unchanged."""
     grid, rng = Grid(size=(1.0, 1.0, 1.0), cells=(2, 1, 1)), np.random.default_rng(2)
     n_u, n_p = 3 * len(grid.points()), 4 * grid.n_cells
     stiffness = rng.normal(size=(n_u, n_u))
@@ -210,6 +210,6 @@ def test_condensed_cell_fields_give_the_solution_of_the_full_system() -> None:
 
 
 def test_blocks_are_inverted_one_by_one() -> None:
-    """Invert a matrix of 4x4 blocks."""
+    """A matrix of 4x4 blocks is inverted block by block."""
     matrix = scipy.sparse.block_diag(np.random.default_rng(4).normal(size=(3, 4, 4)), format="csr")
     np.testing.assert_allclose((invert_blocks(matrix) @ matrix).toarray(), np.eye(12), atol=1e-12)

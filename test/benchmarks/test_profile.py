@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a step's time goes: phases add up, and operations are counted right."""
+"""The profile of a step: phases add up, and operations are counted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.solver.descent import quasi_newton
 
 @pytest.mark.parametrize(("scene", "steps"), [("bend5", 5), ("tendon_finger", 3)])
 def test_phases_add_up(scene: str, steps: int) -> None:
-    """Play a few steps: phases without time are those that the scene does not have; the functions are as before."""
+    """The calls of each phase fit the scene, no time is negative, and the profiled functions are restored."""
     plain = quasi_newton.advance
     simulation = Simulation(load_scene(scene))
     phases = Phases.played(simulation, steps)
@@ -27,7 +27,7 @@ def test_phases_add_up(scene: str, steps: int) -> None:
 
 
 def test_numbers_count_what_is_done_with_them() -> None:
-    """Compute a x - y / z with numbers that count: three operations, and the right value."""
+    """The value a x - y / z with counting numbers gives three operations and the right value."""
     a, x, y, z = (Counted(value) for value in (2.0, 3.0, 1.0, 4.0))
     Counted.done = 0
     assert a * x - y / z == 5.75
@@ -35,7 +35,7 @@ def test_numbers_count_what_is_done_with_them() -> None:
 
 
 def test_the_simplest_law_takes_the_fewest_operations() -> None:
-    """Count all laws: neo-Hookean, which needs no rotation, is the least, and its kernel is below a thousand."""
+    """Of all laws, neo-Hookean needs the fewest operations, and its kernel fewer than a thousand."""
     found = counts()
     assert found.keys() == LAWS.keys()
     assert min(found, key=found.__getitem__) == "neo-Hookean"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reference solutions are read back as written, and the error metric is the one that is published."""
+"""Reference solutions are read back as written, and the error metric is the published one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from benchmarks.references import (
 
 
 def test_the_metric_is_the_ratio_of_means_and_of_maxima() -> None:
-    """Divide the mean distance by the mean motion and the largest distance by the largest motion."""
+    """The error is the mean distance over the mean displacement, and the largest distance over the largest one."""
     reference = np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
     moved = reference + np.array([[0.0, 0.0, 0.3], [0.1, 0.0, 0.0]])
     error = measure_error(moved, reference)
@@ -30,13 +30,13 @@ def test_the_metric_is_the_ratio_of_means_and_of_maxima() -> None:
 
 
 def test_a_perfect_solution_has_no_error() -> None:
-    """Return zero for the reference itself."""
+    """The reference itself has no error."""
     reference = load_reference(CaseName.BEND5).displacement
     assert measure_error(reference.copy(), reference) == Error(0.0, 0.0)
 
 
 def test_the_error_does_not_depend_on_units_or_frame() -> None:
-    """Keep the error when everything is scaled and turned."""
+    """Scaling and rotating everything leaves the error unchanged."""
     rng = np.random.default_rng(5)
     reference, other = rng.normal(size=(2, 40, 3))
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
@@ -53,14 +53,14 @@ def test_the_error_does_not_depend_on_units_or_frame() -> None:
     ],
 )
 def test_meaningless_comparisons_are_refused(displacement, reference, text: str) -> None:
-    """Refuse other shapes, values that are not finite and an undeformed reference."""
+    """Arrays of another shape, values that are not finite and an undeformed reference are refused."""
     with pytest.raises(ValueError, match=text):
         measure_error(displacement, reference)
 
 
 @pytest.mark.parametrize("name", list(CaseName))
 def test_references_are_sampled_on_the_papers_mesh(name: CaseName) -> None:
-    """Hold the scene's own vertices in the scene's own order, with the handle where the scene puts it."""
+    """A reference has the scene's vertices in the scene's order, with the handle at its commanded position."""
     reference, grid = load_reference(name), CASES[name].grid()
     np.testing.assert_allclose(reference.vertices, grid.points(), atol=1e-12)
     np.testing.assert_array_equal(reference.displacement[grid.face(right=False)], 0.0)
@@ -75,14 +75,14 @@ def test_references_are_sampled_on_the_papers_mesh(name: CaseName) -> None:
     [(CaseName.BEND5, 0.127, 0.189), (CaseName.TWIST90, 0.278, 0.382), (CaseName.TENSILE, 1.21, 2.10)],
 )
 def test_a_standard_fem_has_the_published_error(name: CaseName, mean: float, maximum: float) -> None:
-    """Measure on the same-mesh solutions the percentages that their makers state."""
+    """The same-mesh solutions have the errors that their authors state."""
     same = load_reference(name, ReferenceKind.SAME_MESH)
     error = measure_error(same.displacement, load_reference(name).displacement)
     assert (100 * error.mean, 100 * error.maximum) == pytest.approx((mean, maximum), rel=0.01)
 
 
 def test_a_reference_survives_being_saved(tmp_path: Path) -> None:
-    """Read back every array and the meta data that were written."""
+    """All arrays and metadata of a reference are read back as written."""
     made = Reference(
         vertices=np.arange(6.0).reshape(2, 3),
         displacement=np.ones((2, 3)),
@@ -98,13 +98,13 @@ def test_a_reference_survives_being_saved(tmp_path: Path) -> None:
 
 
 def test_a_missing_reference_names_the_file_and_the_remedy(tmp_path: Path) -> None:
-    """Say which file is missing and which command makes it."""
+    """A missing reference is an error with the file and the command that makes it."""
     with pytest.raises(FileNotFoundError, match=r"tensile_fine\.npz.*fine_reference tensile"):
         load_reference(CaseName.TENSILE, directory=tmp_path)
 
 
 def test_a_damaged_reference_is_refused(tmp_path: Path) -> None:
-    """Refuse displacements that do not fit the vertices."""
+    """Displacements that do not fit the vertices are refused."""
     broken = Reference(
         vertices=np.zeros((3, 3)), displacement=np.zeros((2, 3)), reaction=np.zeros(6), energy=0.0, meta={}
     )

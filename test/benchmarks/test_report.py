@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of measurements: where they are from, that they are whole, and what makes them stale."""
+"""Files of measurements: their origin, their completeness, and when they are stale."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MADE = Provenance("5eecb34", "2026-11-23", "AMD EPYC, 2 cores, Python 3.11.7, nu
 
 @pytest.fixture
 def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Give a checkout with a solver and a page, each in a commit of its own."""
+    """Return a git checkout with a solver and a page, each in its own commit."""
     monkeypatch.setattr(provenance, "ROOT", tmp_path)
     solver_commit.cache_clear()
     monkeypatch.setattr("benchmarks.provenance.solver_commit", solver_commit.__wrapped__)
@@ -33,12 +33,12 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def git(folder: Path, *words: str) -> str:
-    """Run git in a folder; return what it prints."""
+    """Run git in a folder; return its output."""
     return subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def test_the_commit_is_that_of_the_solver(checkout: Path) -> None:
-    """Commit a page after the solver: the solver's commit counts, and is marked once a file of it has changed."""
+    """The commit of a measurement is the solver's, not a later page's, and is marked if a solver file has changed."""
     first = git(checkout, "rev-list", "--max-parents=0", "HEAD")[:7]
     assert provenance.solver_commit() == first
     (checkout / "docs" / "file").write_text("other")
@@ -50,7 +50,7 @@ def test_the_commit_is_that_of_the_solver(checkout: Path) -> None:
 
 
 def test_words_do_not_make_another_solver(checkout: Path) -> None:
-    """Commit code, then another docstring, then other code: the docstring alone leaves a table current."""
+    """A new docstring leaves a measurement current, new code does not."""
     codes = ['"""Old."""\nX = 1\n', '"""New."""\nX = 1  # one\n', '"""New."""\nX = 2\n']
     made = []
     for code in codes:
@@ -66,14 +66,14 @@ def test_words_do_not_make_another_solver(checkout: Path) -> None:
 
 
 def test_no_checkout_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ask for the commit where there is none: an error says where, why, and what to do."""
+    """Outside of a checkout, the commit is an error that says where, why, and what to do."""
     monkeypatch.setattr(provenance, "ROOT", tmp_path)
     with pytest.raises(ProvenanceError, match=rf"{re.escape(str(tmp_path))}.*measure in a git checkout"):
         provenance.solver_commit.__wrapped__()
 
 
 def test_the_stamp_is_of_today_and_of_this_machine() -> None:
-    """Stamp: a commit, a day, a processor, cores and versions, in one line."""
+    """The stamp is one line with a commit, a day, a processor, cores and versions."""
     made = stamp()
     assert re.fullmatch(r"[0-9a-f]{7}\+?", made.commit)
     assert made.date == date.today().isoformat()
@@ -83,7 +83,7 @@ def test_the_stamp_is_of_today_and_of_this_machine() -> None:
 
 
 def test_a_report_survives_its_file(tmp_path: Path) -> None:
-    """Write data and probe, and read them back; nothing else is left in the folder."""
+    """Data and probe of a report are read back as written, and no other file is left."""
     path = tmp_path / "new" / "rows.json"
     write_report(path, [{"a": 1.5}], {"iterations": 7, "kind": "Fronts"})
     found = read_report(path)
@@ -92,7 +92,7 @@ def test_a_report_survives_its_file(tmp_path: Path) -> None:
 
 
 def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> None:
-    """Write what is no JSON over a report: an error, and the old one is still there."""
+    """Data that are no JSON raise an error, and the old report stays."""
     path = tmp_path / "rows.json"
     write_report(path, [1], {"a": 1})
     with pytest.raises(TypeError, match="cannot hold"):
@@ -101,7 +101,7 @@ def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> N
 
 
 def test_another_form_is_refused(tmp_path: Path) -> None:
-    """Read bare rows: the error names the file and the remedy."""
+    """A file with bare rows is refused with its name and a remedy."""
     path = tmp_path / "robots.json"
     path.write_text("[]")
     with pytest.raises(ValueError, match=r"robots.json .* make measure ONLY=robots"):
@@ -121,11 +121,11 @@ def test_another_form_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_what_differs_by_more_than_a_tenth_is_stale(now: dict[str, float | str], stale: list[str]) -> None:
-    """Compare probes: figures by a tenth, texts as they are; none may be missing on either side."""
+    """A probe is stale if a figure differs by more than a tenth, a text differs, or one is missing."""
     report = Report([], MADE, {"iterations": 100, "kind": "Fronts"})
     assert [text.partition(":")[0] for text in report.stale(now)] == stale
 
 
 def test_a_report_without_a_probe_is_stale() -> None:
-    """Compare with a report of before there were probes."""
+    """A report without a probe is stale."""
     assert Report([], MADE).stale({"iterations": 1}) == ["measured before probes were kept"]

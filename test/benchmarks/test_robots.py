@@ -12,13 +12,13 @@ from gdfe_ros import load_scene
 
 
 def test_every_robot_has_a_program_that_reaches_its_moment() -> None:
-    """Load each scene: the picture's moment lies within the program."""
+    """The moment of each robot's picture lies within its scene's program."""
     for robot in ROBOTS:
         assert 0.0 < robot.moment <= load_scene(robot.scene).program.duration
 
 
 def test_kept_rates_are_of_these_robots() -> None:
-    """Find each robot at the mesh that its scene has now: rates of others would be shown for it."""
+    """Each kept rate is that of a robot with its scene's present number of cells."""
     report = read_report(KEPT / "robots.json").data
     assert [item["scene"] for item in report] == [robot.scene for robot in ROBOTS]
     for item in report:
@@ -26,7 +26,7 @@ def test_kept_rates_are_of_these_robots() -> None:
 
 
 def test_a_robot_is_measured_and_drawn(tmp_path: Path) -> None:
-    """Play the bar of two materials: a row of the table, and a picture that is one."""
+    """A measured robot gives a row of the table and a PNG picture."""
     found = measure(Robot("two_material_bar", "stretches", 0.2))
     assert found["converged"]
     assert "| `two_material_bar` | stretches | 384 |" in robot_table([found])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark of skipped work: what it counts, and that the two states it compares are the same."""
+"""The benchmark of skipped work: its counts, and equal results with and without it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gdfe_ros.mesh.quality import check_mesh
 
 @pytest.mark.parametrize(("rows", "length"), [((4, 2), 20), ((20, 5), 40)])
 def test_a_brush_is_a_sound_body(rows: tuple[int, int], length: int) -> None:
-    """Make it small and large: cubes in one piece, every tip a handle of nine vertices."""
+    """A small and a large brush each have one piece of cubes, and a handle of nine vertices at every tip."""
     brush = Brush(rows=rows, length=length)
     scene = brush.scene(brush.bristles)
     assert not check_mesh(scene.mesh).defects
@@ -21,7 +21,7 @@ def test_a_brush_is_a_sound_body(rows: tuple[int, int], length: int) -> None:
 
 
 def test_small_savings_change_nothing() -> None:
-    """Drive the bar with and without each small skip: all are counted, and no state leaves the tolerance."""
+    """Each small skip is counted, and changes the bar's states by less than the tolerance."""
     rows = small_savings()
     assert [row.left for row in rows] == [625, 1250, 1250]
     assert all(row.error < 1e-3 for row in rows)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The comparison with and without the kept tangent, on its smallest stream."""
+"""The comparison with and without the stored tangent, on its smallest stream."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from benchmarks.torture.honesty import STREAMS
 
 
 def test_a_truss_needs_far_fewer_iterations_with_the_kept_tangent() -> None:
-    """Make the row of the truss: within the tolerance, and a tenth of the iterations for no larger an error."""
+    """With the stored tangent, the truss takes a tenth of the iterations, for an error within the tolerance."""
     found = dict(
         zip(
             [*HEADINGS[:4], "tolerance", "error", "iterations", "ms", "ratio"],

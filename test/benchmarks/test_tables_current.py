@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No table in the pages is of a solver that does otherwise than this one."""
+"""Each table in the pages agrees with the present solver."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from docs.scripts import generate
 from gdfe_ros.solver.equilibrium import slender
 
 OLDER: dict[str, str] = {}
-"""Tables whose pages say that an older solver made them, and why. One that is measured must leave this list."""
+"""Dict from table name to reason, for tables made by an older solver as their pages say; remove remeasured ones."""
 
 
 def _current(table: Table) -> object:
@@ -25,7 +25,7 @@ def _current(table: Table) -> object:
 
 @pytest.mark.parametrize("table", [_current(table) for table in TABLES])
 def test_a_table_is_of_a_solver_like_this_one(table: Table) -> None:
-    """Replay a small part of a table: no figure is off by more than a tenth (remedy: make measure, make docs)."""
+    """A replay of a small part of a table differs from it by at most a tenth (remedy: make measure, make docs)."""
     if absent := table.missing():
         pytest.skip(f"not installed: {', '.join(absent)}")
     stale = read_report(table.file).stale(table.replay())
@@ -33,14 +33,14 @@ def test_a_table_is_of_a_solver_like_this_one(table: Table) -> None:
 
 
 def test_every_printed_table_is_measured_by_the_one_command() -> None:
-    """Compare the files in test/data with those that are printed, and with those that are measured."""
+    """The files in test/data are those of all printed tables, and of all measured ones."""
     kept = sorted(path.stem for path in KEPT.glob("*.json"))
     assert sorted(NAMES) == kept
     assert sorted(generate.TABLES) == kept
 
 
 def test_a_solver_that_does_otherwise_is_seen() -> None:
-    """Replay slender streams without the kept tangent: what they take together is stale, and nothing with it."""
+    """Without the stored tangent for slender bodies, a probe's total of iterations is stale."""
     kept = Report([], stamp(), second_level.probe())
     assert kept.stale(second_level.probe()) == []
     with patch.object(slender, "SLENDER", 0.0):

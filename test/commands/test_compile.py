@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe compile``: what it has compiled, nobody compiles again."""
+"""``gdfe compile``: after it, no other process compiles the same kernels."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def _compiled_to_play(name: str) -> int:
 
 
 def test_nothing_is_left_to_compile() -> None:
-    """Compile a scene with contact, motion and a tangent; another process plays it as it comes from the cache."""
+    """After a scene with contact, motion and a tangent is compiled, another process plays it from the cache."""
     command._compile("finger_press", {})
     assert _compiled_to_play("finger_press") == 0
 
 
 def test_the_first_scene_comes_before_all_others() -> None:
-    """Every shipped scene is compiled once, after what all of them have in common."""
+    """Every shipped scene is compiled, after one that has what most scenes need."""
     names = [name for name, _ in command.work()]
     assert names[0] == command.FIRST
     assert set(names) == set(command.scene_names())
 
 
 def test_what_surfaces_need_is_compiled() -> None:
-    """Fill, line and measure a small surface, as no shipped scene does."""
+    """The kernels for surfaces, which no shipped scene uses, are compiled."""
     assert command._compile_surfaces() == "surfaces"

@@ -11,7 +11,7 @@ from gdfe_ros.commands.convergence import MOST_LINES, convergence, print_failure
 
 
 def test_steps_that_did_not_converge_are_named(capsys: pytest.CaptureFixture[str]) -> None:
-    """Tell of five failures among ten steps: how many, and of the first ones which, when and why."""
+    """Of five failures in ten steps, their number is printed, and step, time and reason of the first ones."""
     steps = [SimpleNamespace(converged=k % 2 == 0, time=0.1 * k, message=f"[reason {k}]") for k in range(10)]
     assert convergence(steps) == "no: 5 of 10 steps"
     print_failures(steps, first=0)
@@ -21,7 +21,7 @@ def test_steps_that_did_not_converge_are_named(capsys: pytest.CaptureFixture[str
 
 
 def test_nothing_is_said_of_steps_that_converged(capsys: pytest.CaptureFixture[str]) -> None:
-    """Tell of steps that all converged."""
+    """Nothing is printed if all steps converged."""
     steps = [SimpleNamespace(converged=True, time=0.0, message="")]
     assert convergence(steps) == "yes"
     print_failures(steps)

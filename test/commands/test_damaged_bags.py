@@ -41,7 +41,7 @@ def _without(key: str) -> Callable[[str], str]:
 
 
 def _damage_schema(bag: Path) -> None:
-    """Damage the definition that the index of the file repeats."""
+    """Damage a message definition that the file's index repeats."""
     (file,) = bag.glob("*.mcap")
     content = bytearray(file.read_bytes())
     content[content.rindex(b"MSG: std_msgs/Header") + 5] ^= 0x80
@@ -49,7 +49,7 @@ def _damage_schema(bag: Path) -> None:
 
 
 def _damage_scene(bag: Path) -> None:
-    """Change a number in the scene: nothing but its checksum tells."""
+    """Change a digit in the scene, which only its checksum detects."""
     (file,) = bag.glob("*.mcap")
     content = bytearray(file.read_bytes())
     place = content.index(b"young: ") + 7
@@ -72,7 +72,7 @@ DAMAGES = {
 
 @pytest.fixture
 def bag(tmp_path: Path, kept_bags: dict[Path, float]) -> Path:
-    """Give a copy of a recorded bag."""
+    """Return a copy of a recorded bag."""
     source = next(path for path in kept_bags if path.name == "bend5")
     return shutil.copytree(source, tmp_path / "bend5")
 
@@ -80,7 +80,7 @@ def bag(tmp_path: Path, kept_bags: dict[Path, float]) -> Path:
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_bag_is_refused_in_one_line(bag: Path, command: str, damage: str, capsys: Any) -> None:
-    """Damage metadata.yaml, a schema or the scene: exit status 2, one line with the file and the remedy."""
+    """A damaged metadata.yaml, schema or scene gives exit status 2 and one line with file and remedy."""
     DAMAGES[damage](bag)
     assert main(COMMANDS[command](str(bag))) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
@@ -93,7 +93,7 @@ def test_a_damaged_bag_is_refused_in_one_line(bag: Path, command: str, damage: s
 
 
 def test_no_flipped_byte_of_the_metadata_ends_in_a_traceback(bag: Path) -> None:
-    """Change every 149th byte of metadata.yaml: the bag is read, or refused by name."""
+    """With every 149th byte of metadata.yaml changed, the bag is read or refused by name."""
     file = bag / "metadata.yaml"
     sound, refusals = file.read_bytes(), []
     for place in range(0, len(sound), 149):

@@ -35,7 +35,7 @@ program:
 
 
 def test_a_program_of_loads_alone_is_played(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Let the weight of a hinged beam grow over ~/actuation: the node ends where a simulation does; a replay too."""
+    """A program of loads alone is played through ~/actuation to a simulation's end positions, and its bag replays."""
     path = tmp_path / "bridge.yaml"
     path.write_text(SCENE)
     assert demo.run(argparse.Namespace(scene=str(path), out=tmp_path / "run", dt=0.01)) == 0
@@ -52,7 +52,7 @@ def test_a_program_of_loads_alone_is_played(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_a_demo_beside_a_simulation_says_at_once_who_is_there(tmp_path: Path) -> None:
-    """Start a demo where a node of its name steps already: an error with the remedy, not minutes of waiting."""
+    """A demo beside a running node of the same name ends at once with an error and a remedy."""
     path = tmp_path / "bridge.yaml"
     path.write_text(SCENE.replace("duration: 0.1", "duration: 60.0"))  # a busy machine finds nodes late
     with NodeProcess({"scene": str(path)}) as other:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe new`` writes scenes that load, from surfaces, meshes and STEP files; what does not fit is refused."""
+"""``gdfe new`` writes scenes that load, from surfaces, meshes and STEP files, and refuses input that does not fit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_cavity_from_a_second_surface_becomes_a_chamber(tmp_path: Path) -> None:
-    """Join body and air, both in millimetres; the scene has a chamber of the air's volume and a program."""
+    """A body and an inner surface, both in millimetres, give a scene with a chamber of that size and a program."""
     ball = trimesh.creation.icosphere(subdivisions=2, radius=12.0)
     trimesh.creation.box((100, 60, 40)).export(tmp_path / "hand.stl")
     ball.export(tmp_path / "inner.stl")
@@ -37,7 +37,7 @@ def test_a_cavity_from_a_second_surface_becomes_a_chamber(tmp_path: Path) -> Non
 
 
 def test_a_mesh_file_becomes_a_scene(tmp_path: Path) -> None:
-    """Hold a mesh of tetrahedra at the low end of its longest side."""
+    """A mesh of tetrahedra becomes a scene that holds it at the low end of its longest side."""
     mesh = divided(bar([0.1, 0.02, 0.02], [3, 1, 1]))
     meshio.Mesh(mesh.vertices, [("tetra10", mesh.cells)]).write(tmp_path / "bar.vtu")
     assert main(["new", str(tmp_path / "bar.yaml"), "--from", str(tmp_path / "bar.vtu")]) == 0
@@ -47,7 +47,7 @@ def test_a_mesh_file_becomes_a_scene(tmp_path: Path) -> None:
 
 
 def test_what_does_not_fit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Refuse to overwrite a scene, and air that lies outside of the body."""
+    """An existing scene file, and a cavity outside of the body, are refused."""
     (tmp_path / "there.yaml").write_text("name: mine")
     trimesh.creation.box((0.1, 0.06, 0.04)).export(tmp_path / "hand.stl")
     trimesh.creation.box((0.01, 0.01, 0.01)).apply_translation((1.0, 0, 0)).export(tmp_path / "far.stl")

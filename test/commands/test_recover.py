@@ -30,7 +30,7 @@ def _cut_bag(path: Path) -> Path:
 
 
 def test_a_cut_bag_is_recovered(tmp_path: Path, capsys: Any) -> None:
-    """Recover: exit status 0, a whole bag beside the old one, and what was lost is reported."""
+    """A cut bag is recovered into a second bag with exit status 0, and the loss is reported."""
     bag = _cut_bag(tmp_path / "run")
     assert main(["recover", str(bag)]) == 0
     shown = capsys.readouterr().out
@@ -41,6 +41,6 @@ def test_a_cut_bag_is_recovered(tmp_path: Path, capsys: Any) -> None:
 
 
 def test_nothing_to_recover(tmp_path: Path, capsys: Any) -> None:
-    """Name an empty directory: exit status 2 and one clear line."""
+    """An empty directory gives exit status 2 and one clear line."""
     assert main(["recover", str(tmp_path)]) == 2
     assert "there is no MCAP file" in capsys.readouterr().err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe pub``, ``gdfe echo`` and ``gdfe call`` beside a real node, and messages as text."""
+"""``gdfe pub``, ``gdfe echo`` and ``gdfe call`` with a real node, and messages as text."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def node() -> Iterator[NodeProcess]:
 
 @pytest.mark.usefixtures("node")
 def test_a_tip_is_lifted_from_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    """Publish a target, echo the wrench and the pose, call a service: as README has it."""
+    """README's commands publish a target, print the wrench and the pose, and call a service."""
     assert main(["echo", "gdfe_sim/step_record"]) == 0  # the node is there
     assert main(["pub", "/gdfe_sim/handles/tip/target", "{pose: {position: {z: 0.1}, orientation: {w: 1.0}}}"]) == 0
     capsys.readouterr()
@@ -40,7 +40,7 @@ def test_a_tip_is_lifted_from_the_terminal(capsys: pytest.CaptureFixture[str]) -
 
 @pytest.mark.usefixtures("node")
 def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    """Misspell a topic, a service and a field: each error names what is meant and what there is."""
+    """A misspelt topic, service or field is an error with the intended name and the existing ones."""
     assert main(["echo", "/gdfe_sim/step_record"]) == 0
     assert main(["pub", "/gdfe_sim/handles/tip/tarket", "{}"]) == BAD_INPUT
     assert "did you mean '/gdfe_sim/handles/tip/target'?" in capsys.readouterr().err
@@ -51,7 +51,7 @@ def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_messages_are_filled_and_shown() -> None:
-    """Fill nested fields and lists, with numbers as YAML reads them, and show them again."""
+    """Nested fields and lists are filled with numbers as YAML reads them, and printed again."""
     message = fill(JointState(), parse("{header: {frame_id: arm}, name: [a, b], effort: [1, 2e5]}"))
     assert (message.header.frame_id, message.name, list(message.effort)) == ("arm", ["a", "b"], [1.0, 2e5])
     assert yaml.safe_load(show(message))["effort"] == [1.0, 2e5]
@@ -72,12 +72,12 @@ def test_messages_are_filled_and_shown() -> None:
     ],
 )
 def test_a_value_of_another_type_is_refused(text: str, expected: str) -> None:
-    """Give values that do not fit: the error says which field takes what."""
+    """A value of the wrong type is refused with the field and its type."""
     with pytest.raises(GdfeError, match=expected):
         fill(JointState(), parse(text))
 
 
 def test_nested_messages_keep_what_is_not_named() -> None:
-    """Fill one number of a pose and of a wrench: the rest is as a new message has it."""
+    """Fields that are not named in a nested message keep the defaults of a new message."""
     assert fill(PoseStamped(), parse("{pose: {position: {z: 1}}}")).pose.orientation.w == 1.0
     assert fill(WrenchStamped(), parse("{wrench: {force: {x: 2}}}")).wrench.force.y == 0.0

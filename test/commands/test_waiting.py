@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The line at the terminal while a command prepares something."""
+"""The line in the terminal while a command prepares its work."""
 
 from io import StringIO
 from threading import Event
@@ -11,7 +11,7 @@ from gdfe_ros.commands.waiting import waiting
 
 
 class Screen(StringIO):
-    """A terminal that sets ``seen`` as soon as it shows the text."""
+    """A terminal that sets ``seen`` when it shows the text."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -25,14 +25,14 @@ class Screen(StringIO):
 
 
 def test_a_long_wait_is_shown() -> None:
-    """Show the text while the work lasts."""
+    """The text is shown during long work."""
     screen = Screen()
     with waiting("loading hand", console=Console(file=screen, force_terminal=True), silent=0.0):
         assert screen.seen.wait(60.0)
 
 
 def test_a_short_wait_and_a_file_show_nothing() -> None:
-    """Stay silent before the time is over, and where the output is no terminal; errors pass."""
+    """Short work, and an output that is no terminal, show nothing; errors pass."""
     screen = Screen()
     with pytest.raises(ValueError, match="broken"), waiting("loading hand", console=Console(file=screen)):
         raise ValueError("broken")

@@ -15,18 +15,18 @@ SQUARE = np.array([[0.0, 1.0, 1.0], [0.0, -1.0, 1.0], [0.0, -1.0, -1.0], [0.0, 1
 
 
 def test_rest_moves_nothing() -> None:
-    """Apply the pose of rest: the same points, bit by bit."""
+    """The rest pose leaves points unchanged bit by bit."""
     np.testing.assert_array_equal(Pose().apply(SQUARE, [5.0, 6.0, 7.0]), SQUARE)
 
 
 def test_translation_moves_every_point() -> None:
-    """Translate: the centre does not matter."""
+    """A translation moves every point by it, whatever the centre is."""
     moved = Pose(translation=(1.0, 2.0, 3.0)).apply(SQUARE, [9.0, 9.0, 9.0])
     np.testing.assert_array_equal(moved, SQUARE + np.array([1.0, 2.0, 3.0]))
 
 
 def test_rotation_is_about_the_centre_of_the_handle() -> None:
-    """Turn a square off the origin by a right angle: its centre stays, y becomes z (right-handed)."""
+    """A rotation by 90 degrees keeps the handle's centre, and turns y to z (right-handed)."""
     centre = np.array([10.0, 20.0, 30.0])
     moved = Pose(rotation=(math.pi / 2.0, 0.0, 0.0)).apply(SQUARE + centre, centre)
     np.testing.assert_allclose(moved.mean(axis=0), centre, atol=1e-12)
@@ -34,7 +34,7 @@ def test_rotation_is_about_the_centre_of_the_handle() -> None:
 
 
 def test_rotation_comes_before_translation() -> None:
-    """Turn and translate: the centre goes where the translation says."""
+    """A pose rotates about the centre first, and translates then."""
     centre = np.array([10.0, 20.0, 30.0])
     moved = Pose(translation=(1.0, 2.0, 3.0), rotation=(0.3, -0.2, 1.0)).apply(SQUARE + centre, centre)
     np.testing.assert_allclose(moved.mean(axis=0), centre + np.array([1.0, 2.0, 3.0]), atol=1e-12)
@@ -43,14 +43,14 @@ def test_rotation_comes_before_translation() -> None:
 
 
 def test_a_full_turn_is_not_rest() -> None:
-    """Turn by 360 degrees: the points are back, the pose remembers the turn."""
+    """A rotation by 360 degrees leaves the points and is kept in the pose."""
     turn = Pose(rotation=(2.0 * math.pi, 0.0, 0.0))
     np.testing.assert_allclose(turn.apply(SQUARE, np.zeros(3)), SQUARE, atol=1e-14)
     assert turn != Pose()
 
 
 def test_blend_passes_through_more_than_half_a_turn() -> None:
-    """Blend from rest to 540 degrees: halfway is 270 degrees, not the shorter rotation."""
+    """The blend halfway to 540 degrees is 270 degrees, not the shorter rotation."""
     end = Pose(translation=(2.0, 0.0, 0.0), rotation=(3.0 * math.pi, 0.0, 0.0))
     assert Pose().blend(end, 0.5) == Pose(translation=(1.0, 0.0, 0.0), rotation=(1.5 * math.pi, 0.0, 0.0))
     assert Pose().blend(end, 0.0) == Pose()
@@ -58,7 +58,7 @@ def test_blend_passes_through_more_than_half_a_turn() -> None:
 
 
 def test_poses_are_values_of_plain_floats() -> None:
-    """Give arrays and integers: a hashable pose of floats comes out."""
+    """Arrays and integers give a hashable pose of floats."""
     pose = Pose(translation=np.array([1, 2, 3]), rotation=[0, 0, 1])
     assert pose == Pose(translation=(1.0, 2.0, 3.0), rotation=(0.0, 0.0, 1.0))
     assert hash(pose) == hash(Pose(translation=(1.0, 2.0, 3.0), rotation=(0.0, 0.0, 1.0)))
@@ -68,13 +68,13 @@ def test_poses_are_values_of_plain_floats() -> None:
 @pytest.mark.parametrize("name", ["translation", "rotation"])
 @pytest.mark.parametrize("bad", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0), (0, 0, 0, 1), 1.0, "abc", np.eye(3)])
 def test_poses_are_checked(name: str, bad: object) -> None:
-    """Refuse what is not three finite numbers; name the field and the value."""
+    """Anything but three finite numbers is refused with the field and the value."""
     with pytest.raises(ValueError, match=f"{name} must be three finite numbers, got"):
         Pose(**{name: bad})
 
 
 def test_a_quaternion_is_told_how_to_become_a_rotation_vector() -> None:
-    """Give one, and follow the remedy that the refusal names: a pose."""
+    """A quaternion is refused with a remedy that makes it a rotation vector."""
     quaternion = (0.0, 0.0, math.sin(0.3), math.cos(0.3))
     with pytest.raises(
         ValueError, match=r"a rotation vector, axis times angle in rad; remedy for a quaternion"

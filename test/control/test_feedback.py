@@ -21,17 +21,17 @@ TIP = Target(probe="tip", axes=(0, 2))
 @pytest.mark.parametrize("modulus", [0.7, 1.3])
 @pytest.mark.parametrize("circle", CIRCLES, ids=lambda circle: circle.scene)
 def test_a_wrong_modulus_is_made_up_for(circle: object, modulus: float) -> None:
-    """Follow a circle with a plant of 70 and 130 % of the modulus: the mean error is below 2 % of the radius.
+    """A plant with 70 or 130 % of the modulus follows a circle with a mean error below 2 % of the radius.
 
-    The finger makes two rounds, as in docs/control.md: of eleven roundings, the mean over both is from 1.29 to
-    1.42 %, because the approach teaches each another Jacobian.
+    The finger makes two rounds, as in docs/control.md. Over eleven roundings, the mean error of both rounds is from
+    1.29 to 1.42 %, because each approach leads to another learned Jacobian.
     """
     rounds = 2.0 if circle is FINGER else 0.25  # a step of the others takes much longer
     assert closed_loop(circle, modulus, moves=100, rounds=rounds).error < 0.02
 
 
 def test_goals_out_of_reach_leave_nothing_behind() -> None:
-    """Ask for a point far ahead: the tip comes to rest at the nearest one; then for one within reach: it is reached."""
+    """For a point out of reach the tip stops at the nearest point; a reachable goal is reached afterwards."""
     model, plant = robot(FINGER), robot(FINGER, 1.3)
     control, start = FeedbackControl(model, ["tip"]), measured(FINGER, plant)
     far, distances = start + np.array([0.2, 0.0, 0.0]), []
@@ -51,7 +51,7 @@ def test_goals_out_of_reach_leave_nothing_behind() -> None:
 
 
 def test_commands_keep_to_rates() -> None:
-    """Limit a tendon's rate: each command is within it of the one before, whenever the measurement was."""
+    """Each command differs from the last one by at most its rate times the step, without a new measurement."""
     simulation = Simulation(load_scene("tendon_finger", overrides={"actuators.flexor.cable.rate": 10.0}))
     simulation.step(Command(actuators={"flexor": 1.0}), dt=1.0)
     control = FeedbackControl(simulation, [TIP], actuators=["flexor"])
@@ -61,7 +61,7 @@ def test_commands_keep_to_rates() -> None:
 
 
 def test_a_slew_time_limits_every_command() -> None:
-    """Let commands take two seconds over their ranges: one of 20 ms changes by a hundredth of the range at most."""
+    """With a slew time of two seconds, a command of 20 ms changes by at most a hundredth of its range."""
     simulation = robot(FINGER)
     control = FeedbackControl(simulation, [TIP], slew=2.0)
     found = control.command(measured(FINGER, simulation) + np.array([0.0, 0.0, 0.02]), 0.02).commands
@@ -72,7 +72,7 @@ def test_a_slew_time_limits_every_command() -> None:
 
 
 def test_motions_within_the_tolerance_teach_nothing() -> None:
-    """Tell noise of a tenth of the tolerance: the Jacobian is the model's, to the bit."""
+    """Measurement noise of a tenth of the tolerance leaves the Jacobian unchanged to the bit."""
     simulation, random = robot(FINGER), np.random.default_rng(0)
     control = FeedbackControl(simulation, [TIP], tolerance=1e-4)
     before, middle = control._rows.copy(), measured(FINGER, simulation)
@@ -82,7 +82,7 @@ def test_motions_within_the_tolerance_teach_nothing() -> None:
 
 
 def test_wrong_measurements_are_refused() -> None:
-    """Tell NaN, too few numbers, not all commands: an error each, and the next command is as without them."""
+    """NaN, too few numbers and missing commands are refused, and the next command is as without them."""
     simulation = robot(FINGER)
     control, goals = FeedbackControl(simulation, [TIP]), measured(FINGER, simulation) + 1e-4
     for values, commands, said in (
@@ -103,7 +103,7 @@ def test_wrong_measurements_are_refused() -> None:
 
 
 def test_a_command_waits_for_no_solve() -> None:
-    """Hold the model's step back: commands are given all the same, from the last equilibrium."""
+    """While the model's step is delayed, commands are given from the last equilibrium."""
     model, held, begun = robot(FINGER), threading.Event(), threading.Event()
     step, goals = model.step, measured(FINGER, model)
 
@@ -125,7 +125,7 @@ def test_a_command_waits_for_no_solve() -> None:
 
 
 def test_a_step_that_fails_is_told_and_taken_back() -> None:
-    """Let the model's step fail: the control says why, and goes on from the last equilibrium."""
+    """If the model's step fails, the control gives the reason and continues from the last equilibrium."""
     model = robot(FINGER)
     goals = measured(FINGER, model) + 1e-4
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands from wanted positions: circles, bounds, rates, priorities, goals out of reach."""
+"""Commands for given positions: circles, bounds, rates, weights, goals out of reach."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gdfe_ros.errors import CommandError, DependencyError, GdfeError
 TIP = Target(probe="tip", axes=(0, 2))
 MIDDLE = {"flexor": 5.0, "extensor": 15.0}
 RADIUS = 5e-4
-"""Of a circle [m] that both tendons reach: pulling both, the tip moves across its path by 0.1 mm a newton."""
+"""Radius [m] of a circle that both tendons reach; across its path the tip moves by only 0.1 mm per newton."""
 
 
 def finger() -> Simulation:
@@ -28,7 +28,7 @@ def finger() -> Simulation:
 
 
 def test_a_fingertip_follows_a_circle() -> None:
-    """Find tensions for a circle; a model of its own, given these alone, is off by less than 1 % of the radius."""
+    """Tensions found for a circle, applied in a simulation, lead the tip within 1 % of the radius."""
     control, model = InverseControl(finger(), [TIP]), finger()
     middle, errors = model.probe_positions()["tip"], []
     for angle in np.linspace(0.0, 2.0 * np.pi, 13):
@@ -41,7 +41,7 @@ def test_a_fingertip_follows_a_circle() -> None:
 
 
 def test_goals_out_of_reach_end_at_the_nearest_point() -> None:
-    """Ask for a point far ahead of the finger: no command within the ranges comes nearer, and the message says so."""
+    """For a point out of reach, no other command comes nearer, and the message says so."""
     simulation, goal = finger(), np.array([0.2, 0.0, 0.0])
     found = InverseControl(simulation, [TIP]).reach([goal])
     assert not found.reached
@@ -56,7 +56,7 @@ def test_goals_out_of_reach_end_at_the_nearest_point() -> None:
 
 
 def test_a_move_keeps_to_rates() -> None:
-    """Limit a tendon's rate: one move of 10 ms changes its tension by no more, towards the goal."""
+    """With a rate limit, one move of 10 ms changes a tension by at most the limit, toward the goal."""
     scene = load_scene("tendon_finger", overrides={"actuators.flexor.cable.rate": 10.0})
     simulation = Simulation(scene)
     simulation.step(Command(actuators={"flexor": 1.0}), dt=1.0)
@@ -69,7 +69,7 @@ def test_a_move_keeps_to_rates() -> None:
 
 
 def test_reaching_takes_the_time_that_rates_want() -> None:
-    """Limit both tendons' rates: the goal is reached all the same, in the simulation time that its commands take."""
+    """With rate limits, the goal is reached in at least the simulation time that the changes of command need."""
     rates = {f"actuators.{name}.cable.rate": 10.0 for name in MIDDLE}
     simulation = Simulation(load_scene("tendon_finger", overrides=rates))
     simulation.step(Command(actuators=MIDDLE), dt=10.0)
@@ -80,7 +80,7 @@ def test_reaching_takes_the_time_that_rates_want() -> None:
 
 
 def test_priorities_decide_between_targets() -> None:
-    """Ask for two places of one tip: it goes to their mean by the weights."""
+    """Two targets for one tip lead to their mean, weighted by their weights."""
     middle, away = finger().probe_positions()["tip"], np.array([3e-4, 0.0, 0.0])
     for weight, share in ((1.0, 0.5), (3.0, 0.25)):
         simulation = finger()
@@ -91,7 +91,7 @@ def test_priorities_decide_between_targets() -> None:
 
 
 def test_the_programme_is_solved_exactly() -> None:
-    """Compare bounded least squares of all sizes and units with scipy's."""
+    """Bounded least squares of all sizes and units equal scipy's."""
     random = np.random.default_rng(0)
     for size in (1, 2, 5, 12):
         rows = random.standard_normal((6, size)) * 10.0 ** random.uniform(-8, 0, size)
@@ -108,7 +108,7 @@ def test_the_programme_is_solved_exactly() -> None:
 
 
 def test_a_move_takes_exact_columns_and_no_further_solve() -> None:
-    """Count the solver's iterations in a move: they are those of its one step; its columns are those of differences."""
+    """A move needs exact derivatives and the iterations of its one step only; the derivatives equal differences."""
     simulation = Simulation(load_scene("tendon_finger", overrides={"solver.tolerance": 1e-8}))
     assert simulation.step(Command(actuators=MIDDLE)).converged
     control, seen = InverseControl(simulation, [TIP]), []
@@ -127,7 +127,7 @@ def test_a_move_takes_exact_columns_and_no_further_solve() -> None:
 
 
 def test_the_jacobian_is_kept_between_moves() -> None:
-    """Go an eighth of a circle in small moves: exact columns are taken at the start, and the tip keeps up with them."""
+    """In small moves on a circle, derivatives are computed at the start only, and the tip follows."""
     simulation = finger()
     control, taken = InverseControl(simulation, [TIP]), []
     exact = control._exact
@@ -146,7 +146,7 @@ def test_the_jacobian_is_kept_between_moves() -> None:
 
 
 def test_a_state_without_derivative_ends_nothing_halfway() -> None:
-    """Ask a body that cannot converge: the error names the reason, and commands and shape are those before."""
+    """A body without a converged state raises an error with the reason, and its commands and shape stay."""
     simulation = finger()
     control, goal = InverseControl(simulation, [TIP]), simulation.probe_positions()["tip"] + np.array([0, 0, 1e-3])
     stuck = Simulation(load_scene("tendon_finger", overrides={"solver.max_iterations": 2}))
@@ -164,7 +164,7 @@ def test_a_state_without_derivative_ends_nothing_halfway() -> None:
 
 
 def test_wrong_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Name what is not there, goals that are none, a scene in motion, and a solver that is not installed."""
+    """Unknown names, invalid goals, a scene in motion and a solver that is not installed are refused."""
     simulation = Simulation(load_scene("tendon_finger"))
     with pytest.raises(CommandError, match="no probe 'nail'; probes: tip"):
         InverseControl(simulation, ["nail"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The quadratic programme of one change of the commands, against its conditions of optimality."""
+"""The quadratic programme for one change of the commands, against its optimality conditions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gdfe_ros.control.programme import least_squares
 
 
 def test_a_solution_is_at_a_bound_to_the_last_bit_or_has_no_slope() -> None:
-    """Solve random programmes of many scales: each component has no slope, or is exactly at the bound it leans on."""
+    """In a solution, each component has zero gradient or is exactly at its bound."""
     random, leaning = np.random.default_rng(0), 0
     for _ in range(400):
         count = int(random.integers(1, 5))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets that are no positions: orientations of probes and contact forces, alone and beside positions."""
+"""Targets other than positions: orientations of probes and contact forces, alone and with positions."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ PRESSED = ForceTarget(contact="plate", axes=(2,), tolerance=0.02)
 
 
 def finger(commands: dict[str, float], **overrides: object) -> Simulation:
-    """Return the tendon finger at commands, solved to 1e-8 where nothing else is asked for."""
+    """Return the tendon finger at commands, solved to 1e-8 unless overridden."""
     simulation = Simulation(load_scene("tendon_finger", overrides={"solver.tolerance": 1e-8} | overrides))
     assert simulation.step(Command(actuators=commands)).converged
     return simulation
 
 
 def slopes(simulation: Simulation, stack: Stack, name: str, step: float) -> np.ndarray:
-    """Return central differences of the values (t, 3) of a stack along a command."""
+    """Return central differences of a stack's values (t, 3) with respect to a command."""
     before, sides = simulation.snapshot(), []
     for sign in (step, -step):
         simulation.step(Command(actuators={name: simulation.commands[name] + sign}))
@@ -35,7 +35,7 @@ def slopes(simulation: Simulation, stack: Stack, name: str, step: float) -> np.n
 
 
 def test_turns_are_those_of_differences() -> None:
-    """Compare the exact columns of an orientation with differences of equilibria: 1e-4."""
+    """The exact derivatives of an orientation equal differences of equilibria to 1e-4."""
     simulation = finger({"flexor": 4.0, "extensor": 1.0})
     stack = Stack(simulation, [OrientationTarget(probe="tip", tolerance=1.0)], 1e-5)
     exact, differences = stack.jacobian(["flexor"])[:, 0], slopes(simulation, stack, "flexor", 2e-3)[0]
@@ -44,7 +44,7 @@ def test_turns_are_those_of_differences() -> None:
 
 
 def test_an_orientation_is_reached() -> None:
-    """Ask for a pitch of the tip and a distance from the base: the probe's pose, as the node publishes it, is there."""
+    """A pitch of the tip with a distance from the base is reached, measured by the probe's published pose."""
     simulation = finger({"flexor": 3.0, "extensor": 8.0})
     start = simulation.probe_positions()["tip"]
     control = InverseControl(simulation, [PITCH, Target(probe="tip", axes=(0,), weight=1e-4)])
@@ -59,7 +59,7 @@ def test_an_orientation_is_reached() -> None:
 
 
 def test_a_contact_force_is_reached() -> None:
-    """Ask a finger that slides on a plate for 0.9 N: a model of its own, given the commands alone, presses so hard."""
+    """A contact force of 0.9 N on a plate is reached, and a simulation with the found commands has it too."""
     simulation = finger({"flexor": 4.0}, **PLATE)
     assert 0.0 < simulation.result.reactions["plate"][2] < 0.8
     found = InverseControl(simulation, [PRESSED], actuators=["flexor"]).reach([[0.0, 0.0, 0.9]])
@@ -68,7 +68,7 @@ def test_a_contact_force_is_reached() -> None:
 
 
 def test_a_force_without_contact_is_out_of_reach() -> None:
-    """Ask a finger in the air for a force: it stays where it is, and the message says what to do."""
+    """A contact force on a finger in the air leaves the finger, and the message gives a remedy."""
     simulation = finger({"extensor": 20.0}, **PLATE)
     before = simulation.positions.copy()
     found = InverseControl(simulation, [PRESSED]).reach([[0.0, 0.0, 0.3]])
@@ -78,7 +78,7 @@ def test_a_force_without_contact_is_out_of_reach() -> None:
 
 
 def test_targets_of_nothing_are_refused() -> None:
-    """Name probes and contacts that a scene lacks, and tolerances that are none."""
+    """Unknown probes and contacts, and invalid tolerances, are refused."""
     simulation = Simulation(load_scene("tendon_finger"))
     with pytest.raises(CommandError, match="no probe 'nail'; probes: tip"):
         InverseControl(simulation, [OrientationTarget(probe="nail")])

@@ -24,7 +24,7 @@ def _force(state: PublishedState) -> float:
 
 
 def test_the_finger_presses_with_the_force_it_is_told() -> None:
-    """Close until the tip feels 0.3 N, then draw the plate back: the force is found, lost and found again."""
+    """The finger presses with 0.3 N, and does so again after the plate is drawn back."""
     closer = ForceCloser(GOAL, 0.5, low=0.0, high=20.0)
     with Simulator("tendon_finger", overrides=PRESS) as simulator:
 
@@ -45,7 +45,7 @@ def test_the_finger_presses_with_the_force_it_is_told() -> None:
 
 @pytest.mark.parametrize("stiffness", [0.1, 10.0, -10.0])
 def test_any_stiffness_is_found(stiffness: float) -> None:
-    """Grasp a spring that begins anywhere, closing in either direction: it comes to the goal, never far beyond."""
+    """A spring of any stiffness and either direction is gripped with the goal force, with limited overshoot."""
     closer, command, forces = ForceCloser(1.0, np.copysign(0.05, stiffness)), 0.0, []
     for _ in range(500):
         forces.append(max(0.0, stiffness * command - 1.0))
@@ -55,7 +55,7 @@ def test_any_stiffness_is_found(stiffness: float) -> None:
 
 
 def test_what_cannot_be_reached_ends_at_the_limit() -> None:
-    """Close on nothing: the command stops at its limit; what makes no sense is refused."""
+    """Without contact the command stops at its limit; a goal of zero is refused."""
     closer, command = ForceCloser(1.0, 0.3, high=1.0), 0.0
     for _ in range(10):
         command = closer.command(0.0, command)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The examples as nodes: a controller in the loop, and two robots in one process."""
+"""The example nodes: a controller in the loop, and two robots in one process."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from gdfe_ros.examples.tip_tracking import TipTracking
 from gdfe_ros.testing import Simulator
 
 PATIENT = 300.0
-"""Longer than any step or Jacobian takes on a busy machine [s]: nothing is asked for twice but what was lost."""
+"""Patience [s], longer than any step or Jacobian takes: only lost messages are requested again."""
 
 
 class Forgetful(TipTracking):
-    """Loses poses and commands on purpose; its patience then ends at once.
+    """A controller that drops some poses and commands; its patience then ends at once.
 
-    Poses and commands are counted apart: which are lost does not depend on when they come.
+    Poses and commands are counted separately, so that their timing does not decide which of them are dropped.
     """
 
     lost = 0
@@ -56,7 +56,7 @@ class Forgetful(TipTracking):
 
 @pytest.mark.parametrize("name", ["two_robots", "tip_tracking", "tip_follower", "carrying_arm"])
 def test_help_says_what_a_node_is_for(name: str) -> None:
-    """Ask each node for help, and give it an argument that it does not know: no node is started."""
+    """Each node prints help and refuses unknown arguments, without starting a node."""
     run = partial(subprocess.run, capture_output=True, text=True, timeout=60, check=False)
     done = run([sys.executable, "-m", f"gdfe_ros.examples.{name}", "--help"])
     assert (done.returncode, done.stdout.splitlines()[0]) == (0, f"usage: {name} [--help] [--ros-args ...]")
@@ -65,7 +65,7 @@ def test_help_says_what_a_node_is_for(name: str) -> None:
 
 
 def test_the_controller_node_leads_the_tip_round() -> None:
-    """Spin the node for 40 steps of a circle of 100: it stays within 5 % of the radius."""
+    """Over 40 of 100 steps per round, the node keeps the tip within 5 % of the radius."""
     overrides = {"solver.tolerance": 1e-6}
     with Simulator("three_chamber_arm", overrides=overrides, inputs=[]) as simulator:
         parameters = {"simulation": simulator.name, "period": 1.0, "radius": 0.005, "patience": PATIENT}
@@ -80,9 +80,9 @@ def test_the_controller_node_leads_the_tip_round() -> None:
 
 
 def test_the_controller_keeps_up_with_the_wall_clock() -> None:
-    """Let the simulation run on by itself, with its own tolerance: a late command costs little and is made up for.
+    """With the wall clock and the default tolerance, the tip stays near its goal over 80 commands in a row.
 
-    While another process has the processor, no command comes at all: some 80 commands in a row must keep up.
+    While another process has the processor, no command arrives at all. The test waits for 80 good commands in a row.
     """
     parameters = {"clock": "wall", "publish_clock": True}
     with Simulator("three_chamber_arm", parameters=parameters, inputs=[]) as simulator:
@@ -100,12 +100,12 @@ def test_the_controller_keeps_up_with_the_wall_clock() -> None:
 
 
 def _keeps_up(errors: list[float]) -> bool:
-    """Tell whether the tip stayed near the goal, by the radius of its circle."""
+    """Return whether the tip stayed near the goal, relative to the radius of its circle."""
     return np.median(errors) < 0.05 * 0.005 and max(errors) < 0.3 * 0.005
 
 
 def test_the_controller_bears_lost_messages() -> None:
-    """Drop every third pose and every fifth command: it asks again where nothing comes, and stays near the goal."""
+    """With every third pose and every fifth command lost, the node asks again, and the tip stays near the goal."""
     with Simulator("three_chamber_arm", inputs=[]) as simulator:
         own = {"simulation": simulator.name, "period": 2.0, "radius": 0.005, "patience": PATIENT}
         node = Forgetful(
@@ -120,7 +120,7 @@ def test_the_controller_bears_lost_messages() -> None:
 
 
 class LateScene(TipTracking):
-    """Hears of the scene only after the first state."""
+    """A controller that gets the scene only after the first state."""
 
     def _take_scene(self, message: String) -> None:
         if any(len(parts) == 2 for parts in self._parts.values()):
@@ -130,7 +130,7 @@ class LateScene(TipTracking):
 
 
 def test_the_controller_starts_with_messages_in_any_order() -> None:
-    """Hold the scene back until a state came, which in lockstep never comes again by itself: the node still starts."""
+    """A node that gets the scene after a state, which lockstep does not repeat, still starts."""
     with Simulator("three_chamber_arm", inputs=[]) as simulator:
         own = {"simulation": simulator.name, "radius": 0.005, "patience": PATIENT}
         node = LateScene(
@@ -143,7 +143,7 @@ def test_the_controller_starts_with_messages_in_any_order() -> None:
 
 
 def test_two_robots_publish_from_one_process(ros: Any) -> None:
-    """Start the composition example: both meshes arrive, and SIGINT ends it with status 0."""
+    """Both robots of the composition example publish their meshes, and SIGINT ends it with status 0."""
     node, seen = ros.node("watcher"), set()
     for name in ("left", "right"):
         node.create_subscription(PointCloud2, f"/{name}/gdfe_sim/mesh", lambda _, name=name: seen.add(name), 10)

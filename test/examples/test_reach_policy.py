@@ -24,7 +24,7 @@ probes: {tip: [0.1, 0, 0]}
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_policy_reaches_the_goal(seed: int, tmp_path: Path) -> None:
-    """Play an episode with two tendons: it ends within a twentieth of the distance from the goal."""
+    """An episode with two tendons ends within a twentieth of the initial distance to the goal."""
     path = tmp_path / "bar.yaml"
     path.write_text(BAR, encoding="utf-8")
     start, end = reach(path, seed=seed, steps=25)

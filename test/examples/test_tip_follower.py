@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node from goals to commands, on the topics of a real simulation node."""
+"""The node that turns goals into commands, on the topics of a real simulation node."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def goal_at(place: np.ndarray, frame: str = "") -> PoseStamped:
 
 
 def test_a_goal_becomes_commands() -> None:
-    """Send a goal, one in a wrong frame, and one out of reach: the tip goes there; the others are reported, and why."""
+    """The tip goes to a sent goal; a goal in a wrong frame and one out of reach are reported with reasons."""
     with Simulator("tendon_finger", inputs=["actuation"]) as simulator:
         tip = np.array(simulator.state.probes["tip"].translation)
         parameters = [Parameter("simulation", value=simulator.name)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The swinging arm is brought to a height by the real node: with the derivative term, and not without it."""
+"""A real node brings the swinging arm to a height: with the derivative term, and not without it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from gdfe_ros.simulation import Command
 from gdfe_ros.testing import PublishedState, Simulator, tracking_error
 
 GOAL, SETTLED = -0.015, 0.8
-"""Height [m], and from when on the arm is there [s]."""
+"""Goal height [m], and the time [s] by which the arm is there."""
 STEPS = 100
-"""Of 10 ms."""
+"""Number of steps of 10 ms."""
 
 
 def swing(gains: Gains) -> list[PublishedState]:
-    """Release the arm under its weight with a controller in the loop."""
+    """Release the arm under its weight with a controller in the loop; return the states."""
     controller = TipHeight(GOAL, gains=gains)
 
     def control(state: PublishedState) -> Command:
@@ -28,7 +28,7 @@ def swing(gains: Gains) -> list[PublishedState]:
 
 @pytest.mark.parametrize(("derivative", "near", "far"), [(Gains.derivative, 0.0, 0.005), (0.0, 0.015, 0.1)])
 def test_the_derivative_term_takes_the_swing_out(derivative: float, near: float, far: float) -> None:
-    """Hold the arm at a height: it is there after a second with the derivative term, and swings on without it."""
+    """With the derivative term the arm is at the height after a second; without it the arm still swings."""
     states = swing(Gains(derivative=derivative))
     assert all(state.record.converged for state in states)
     late = [(0.0, 0.0, state.probes["tip"].translation[2]) for state in states if state.time > SETTLED]
@@ -36,7 +36,7 @@ def test_the_derivative_term_takes_the_swing_out(derivative: float, near: float,
 
 
 def test_the_integral_stands_still_at_a_limit() -> None:
-    """Hold a tip too low for long: the pressure comes back at once where the tip rises, and never leaves its range."""
+    """With a tip that stays too low, the pressure stays in its range, and falls as soon as the tip is high."""
     controller = TipHeight(0.01, gains=Gains(proportional=0.0, derivative=0.0), most=2e3)
     pressures = [controller.command(0.01 * step, -0.01) for step in range(200)]
     assert max(each["left"] for each in pressures) <= 2e3
@@ -45,7 +45,7 @@ def test_the_integral_stands_still_at_a_limit() -> None:
 
 
 def test_the_other_side_lowers() -> None:
-    """Ask for a height below: the chamber above gets the pressure, and a clock that is set back begins anew."""
+    """For a lower goal the chamber above gets the pressure, and a clock set back restarts the controller."""
     controller = TipHeight(-0.01)
     first = controller.command(1.0, 0.0)
     assert first == {"left": 0.0, "right": 0.0, "upper": pytest.approx(1e3)}

@@ -12,14 +12,14 @@ from gdfe_ros.testing import Simulator, tracking_error
 
 RADIUS = 0.005
 STEPS = 100
-"""Of one round."""
+"""Number of steps per round."""
 AHEAD, WRONG = 50, 8
-"""Steps that the controller makes, and then with its sign flipped."""
+"""Number of steps with the right sign of the gain, then with the wrong sign."""
 
 
 @pytest.fixture(scope="module")
 def paths() -> tuple[np.ndarray, np.ndarray]:
-    """Give tips and goals (steps, 3) on a circle around the point a radius above the resting tip."""
+    """Return tips and goals (steps, 3) [m] on a circle about a point one radius above the resting tip."""
     tips, goals = [], []
     with Simulator("three_chamber_arm", overrides={"solver.tolerance": 1e-5}) as simulator:
         actuators = simulator.scene.actuators
@@ -43,18 +43,18 @@ def paths() -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_tip_follows_a_circle_within_two_percent_of_its_radius(paths: tuple[np.ndarray, np.ndarray]) -> None:
-    """Go half round in 50 steps: the largest distance to the goal is under 2 % of the radius."""
+    """Over half a round in 50 steps, the largest distance to the goal is below 2 % of the radius."""
     error = tracking_error(*(path[:AHEAD] for path in paths))
     assert error.largest < 0.02 * RADIUS, error
 
 
 def test_the_wrong_sign_is_found_out(paths: tuple[np.ndarray, np.ndarray]) -> None:
-    """Flip the controller's sign: the same measure fails by far."""
+    """With the wrong sign of the gain, the same distance is far larger."""
     assert tracking_error(*(path[AHEAD:] for path in paths)).largest > 0.2 * RADIUS
 
 
 def test_broyden_learns_a_wrong_jacobian() -> None:
-    """Control a linear plant with a Jacobian that is off by half: after some steps the error is gone."""
+    """With a Jacobian 1.5 times too large, the error on a linear plant vanishes after some steps."""
     plant = np.array([[2.0, 1.0], [0.5, 1.5]])
     tracker = TipTracker(1.5 * plant, [0.0, 0.0], low=[-9, -9], high=[9, 9], axes=(0, 1))
     tip = np.zeros(3)
@@ -65,7 +65,7 @@ def test_broyden_learns_a_wrong_jacobian() -> None:
 
 
 def test_commands_stay_in_range() -> None:
-    """Ask for more than the actuators give: the command stops at its limit."""
+    """A command beyond the range stops at the limit."""
     tracker = TipTracker([[1.0]], [0.0], low=[0.0], high=[0.5], axes=(0,))
     assert tracker.command([0.0, 0, 0], [3.0, 0, 0]) == pytest.approx([0.5], abs=1e-9)
     assert tracker.command([0.5, 0, 0], [-3.0, 0, 0]) == pytest.approx([0.0], abs=1e-9)

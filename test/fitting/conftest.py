@@ -29,7 +29,7 @@ SWINGING = PULLED.replace("name: pulled", "name: swinging") + "dynamics: {step: 
 
 @pytest.fixture
 def write_scene(tmp_path: Path) -> Callable[..., str]:
-    """Give a function that writes a scene's text as a file and returns its path."""
+    """Give a function that writes a scene file and returns its path."""
 
     def write(text: str = PULLED, name: str = "scene") -> str:
         path = tmp_path / f"{name}.yaml"
@@ -41,7 +41,7 @@ def write_scene(tmp_path: Path) -> Callable[..., str]:
 
 @pytest.fixture
 def write_table(tmp_path: Path) -> Callable[..., Path]:
-    """Give a function that simulates and writes a CSV file: factors of the load, positions of the tip in mm."""
+    """Give a function that simulates and writes a CSV file of load factors and tip positions [mm]."""
 
     def write(
         text: str = PULLED,
@@ -76,7 +76,7 @@ def write_table(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def record_bag(tmp_path: Path) -> Callable[..., Path]:
-    """Give a function that records a run as the node does, with noise in the positions of the simulation itself."""
+    """Give a function that records a run as the node does, with noise added to the simulated positions."""
 
     def record(text: str = PULLED, name: str = "bag", *, count: int = 30, noise: float = 0.01, seed: int = 2) -> Path:
         scene = scene_from_text(text, overrides={"solver.tolerance": 1e-8})
@@ -110,11 +110,11 @@ def record_bag(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def swinging_text() -> str:
-    """Give the text of the bar in motion."""
+    """Return the scene text of the bar in motion."""
     return SWINGING
 
 
 @pytest.fixture
 def pulled_text() -> str:
-    """Give the text of the bar that a dead load bends."""
+    """Return the scene text of the bar with a dead load."""
     return PULLED

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits that cannot be: one clear message each, exit status 2, and nothing is written."""
+"""Impossible fits: one clear message each, exit status 2, and nothing is written."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VARY = ("--vary", f"{YOUNG}=5e4..8e5")
 
 @pytest.fixture
 def refused(tmp_path: Path, capsys: Any) -> Callable[..., str]:
-    """Give a function that runs a fit that must be refused, and returns what it says."""
+    """Give a function that runs a fit that must be refused, and returns its message."""
 
     def run(*given: object) -> str:
         out = tmp_path / "out"
@@ -37,13 +37,13 @@ def _match(tmp_path: Path, text: str) -> tuple[str, Path]:
 def test_columns_that_do_not_exist(
     write_scene: Callable, write_table: Callable, refused: Callable, tmp_path: Path
 ) -> None:
-    """Name a column that is misspelt: the one that was meant is proposed, and all are listed."""
+    """A misspelt column is refused with the likely name and all columns."""
     match = _match(tmp_path, "compare: {tip: {probe: tip, columns: {z: tip.zz}}}\n")
     assert "no column 'tip.zz'; did you mean 'tip.z'?" in refused(write_scene(), write_table(), *VARY, *match)
 
 
 def test_columns_of_one_name(write_scene: Callable, refused: Callable, tmp_path: Path) -> None:
-    """Give a table with two columns of one name: neither is preferred."""
+    """A table with two columns of one name is refused."""
     table = tmp_path / "twice.csv"
     table.write_text("time,tip.z,tip.z\n0,0,1\n1,1,2\n")
     assert "two columns are named tip.z; remedy: rename or remove one" in refused(write_scene(), table, *VARY)
@@ -52,7 +52,7 @@ def test_columns_of_one_name(write_scene: Callable, refused: Callable, tmp_path:
 def test_topics_that_do_not_exist(
     write_scene: Callable, record_bag: Callable, refused: Callable, tmp_path: Path
 ) -> None:
-    """Name a topic that is misspelt: the one that was meant is proposed."""
+    """A misspelt topic is refused with the likely name."""
     match = _match(tmp_path, "compare: {tip: {probe: tip, topic: /gdfe_sim/probe/top}}\n")
     said = refused(write_scene(), record_bag(count=3), *VARY, *match)
     assert "no message on topic '/gdfe_sim/probe/top'; did you mean '/gdfe_sim/probe/tip'?" in said
@@ -73,7 +73,7 @@ def test_topics_that_do_not_exist(
 def test_match_files_that_do_not_fit(
     text: str, message: str, write_scene: Callable, write_table: Callable, refused: Callable, tmp_path: Path
 ) -> None:
-    """Write match files with one defect each: it is reported by its key."""
+    """A match file with a defect is refused with its key."""
     assert message in refused(write_scene(), write_table(), *VARY, *_match(tmp_path, text))
 
 
@@ -90,30 +90,30 @@ def test_match_files_that_do_not_fit(
 def test_parameters_that_cannot_be(
     vary: str, message: str, write_scene: Callable, write_table: Callable, refused: Callable
 ) -> None:
-    """Vary what is no interval, no number, no key, and what changes nothing."""
+    """A parameter that is no interval, no number or no key, or that has no effect, is refused."""
     assert message in refused(write_scene(), write_table(), "--vary", vary)
 
 
 def test_a_modulus_with_the_wrong_unit(write_scene: Callable, write_table: Callable, refused: Callable) -> None:
-    """Seek a modulus of rubber between 3 and 20 kPa: what the data ask for is reported."""
+    """An interval of 3 to 20 kPa for the modulus of rubber is refused with the value that the data suggest."""
     said = refused(write_scene(), write_table(), "--vary", f"{YOUNG}=3e3..2e4")
     assert "ends at its bound 20000, but the data are fitted best by about 2e+05" in said
 
 
 def test_positions_with_the_wrong_unit(write_scene: Callable, write_table: Callable, refused: Callable) -> None:
-    """Give millimetres as metres: the body is a thousand times smaller, and the remedy is named."""
+    """Positions in millimetres given as metres are refused with the remedy."""
     assert "remedy: `unit: mm`" in refused(write_scene(), write_table(unit="m"), *VARY)
 
 
 def test_data_that_do_not_move(write_scene: Callable, write_table: Callable, refused: Callable, tmp_path: Path) -> None:
-    """Compare with a column that never changes."""
+    """A column that never changes is refused."""
     data = write_table(count=5)
     data.write_text("\n".join(["tip.z [mm]", *["-3.0"] * 5]) + "\n")
     assert "the data do not move: every value is -0.003" in refused(write_scene(), data, *VARY)
 
 
 def test_recordings_that_are_not_there(write_scene: Callable, write_table: Callable, refused: Callable) -> None:
-    """Give no recording, one that does not exist, and hold out one of another name, or all of them."""
+    """No recording, a missing file, an unknown holdout, and holding out all recordings are refused."""
     assert "give a scene and recordings" in refused(write_scene(), *VARY)
     assert "does not exist" in refused(write_scene(), "none.csv", *VARY)
     assert "no such recording; recordings: run" in refused(write_scene(), write_table(), *VARY, "--holdout", "walk")

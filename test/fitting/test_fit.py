@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes fitted to recordings of themselves: what was put in comes out, what the data do not determine is reported."""
+"""Scenes fitted to recordings of themselves: known parameters are found, undetermined ones reported."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _values(out: Path) -> dict[str, Any]:
 def test_a_modulus_comes_back_from_a_table(
     write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
 ) -> None:
-    """Fit equilibria with 1 % noise from a wrong start: within 1 %, inside of the interval, with all files."""
+    """The modulus of equilibria with 1 % noise is found within 1 %, inside its interval, and all files are written."""
     out = tmp_path / "out"
     assert _fit(write_scene(), write_table(), "--vary", f"{YOUNG}=3e4..4e4..2e6", "--out", out) == 0
     found = _values(out)[YOUNG]
@@ -43,7 +43,7 @@ def test_a_modulus_comes_back_from_a_table(
 
 
 def test_a_modulus_comes_back_from_our_own_bag(write_scene: Callable, record_bag: Callable, tmp_path: Path) -> None:
-    """Fit a bag of the node with 1 % noise in its positions, whose commands are replayed: within 1 %."""
+    """The modulus of a node's bag with 1 % noise is found within 1 %, with its commands replayed."""
     out = tmp_path / "out"
     assert _fit(write_scene(), record_bag(), "--vary", f"{YOUNG}=5e4..8e5", "--out", out) == 0
     assert _values(out)[YOUNG]["value"] == pytest.approx(2e5, rel=0.01)
@@ -52,7 +52,10 @@ def test_a_modulus_comes_back_from_our_own_bag(write_scene: Callable, record_bag
 def test_modulus_and_damping_come_back_from_a_swing(
     swinging_text: str, write_scene: Callable, write_table: Callable, tmp_path: Path
 ) -> None:
-    """Fit a swing with 1 % noise from a modulus that swings 1.6 times too fast: both within 1 % and 5 %."""
+    """In a swing with 1 % noise, the modulus is found within 1 % and the viscosity within 5 %.
+
+    The fit starts from a modulus that swings 1.6 times too fast.
+    """
     out, data = tmp_path / "out", write_table(swinging_text, count=100)
     given = ("--vary", f"{YOUNG}=5e4..5e5..1e6", "--vary", f"{VISCOSITY}=20..100..5e3", "--out", out)
     assert _fit(write_scene(swinging_text), data, *given) == 0
@@ -63,7 +66,7 @@ def test_modulus_and_damping_come_back_from_a_swing(
 def test_time_shift_and_frame_come_back(
     swinging_text: str, write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
 ) -> None:
-    """Record by a clock 23 ms ahead in a frame turned by 90 degrees and moved: it is found, and the modulus."""
+    """A clock 23 ms ahead, a frame rotated by 90 degrees and shifted, and the modulus are found."""
     table = np.genfromtxt(write_table(swinging_text, count=100, noise=0.001), delimiter=",", skip_header=1)
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     rows = np.column_stack([table[:, 0] + 0.023, 1e-3 * table[:, 2:] @ turn.T + [0.3, -0.2, 0.1]])
@@ -83,7 +86,7 @@ def test_time_shift_and_frame_come_back(
 def test_a_held_out_recording_is_predicted(
     write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
 ) -> None:
-    """Hold out a softer body: it is predicted badly, and a warning says so; the fit does not see it."""
+    """A held-out recording of a softer body is predicted and reported, and does not affect the fit."""
     good = write_table(name="good")
     soft = write_table(Path(write_scene()).read_text().replace("2.0e5", "1.2e5"), name="soft", seed=3)
     out = tmp_path / "out"
@@ -96,7 +99,7 @@ def test_a_held_out_recording_is_predicted(
 
 
 def test_structure_is_told(write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any) -> None:
-    """Fit a linear law to a body that is neo-Hookean under large loads: residuals are structured, and it is said."""
+    """A linear law fitted to a neo-Hookean body under large loads gives structured residuals and a warning."""
     other = Path(write_scene()).read_text().replace("neo_hookean", "linear").replace("[0, 0, -0.05]", "[0.3, 0, -0.05]")
     data = write_table(other.replace("linear", "neo_hookean"), noise=1e-4, most=20.0)
     assert _fit(write_scene(other), data, "--vary", f"{YOUNG}=5e4..8e5", "--out", tmp_path / "out") == 0
@@ -106,7 +109,7 @@ def test_structure_is_told(write_scene: Callable, write_table: Callable, tmp_pat
 def test_what_the_data_do_not_tell_apart_is_told(
     write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
 ) -> None:
-    """Fit modulus and load to displacements, which tell their ratio alone: it is said by name."""
+    """Modulus and load, of which displacements determine only the ratio, are reported by name."""
     text = Path(write_scene()).read_text()
     given = ("--vary", f"{YOUNG}=5e4..8e5", "--vary", "loads.pull.point.force.2=-0.2..-0.01")
     _fit(write_scene(text), write_table(), *given, "--out", tmp_path / "out")
@@ -116,7 +119,7 @@ def test_what_the_data_do_not_tell_apart_is_told(
 
 
 def test_a_robust_loss_forgives_outliers(write_scene: Callable, write_table: Callable, tmp_path: Path) -> None:
-    """Spoil every seventh row: squares are led astray, a robust loss is not."""
+    """With every seventh row wrong, a robust loss finds the modulus, and least squares does not."""
     data = write_table(noise=0.002)
     lines = data.read_text().splitlines()
     for row in range(3, len(lines), 7):

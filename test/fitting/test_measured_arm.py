@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measured pneumatic arm: its recordings without a model, its mesh."""
+"""The measured pneumatic arm: its recordings checked without a simulation, and its mesh."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchmarks.measured_arm.section import LENGTH, OUTER, Section
 
 
 def test_the_arm_is_an_arc_of_constant_length_in_a_turned_frame() -> None:
-    """Compare path lengths and tilts with arcs: equal within 4 % beyond 50 mbar on average, 17 to 21 degrees turned."""
+    """Beyond 50 mbar the measured paths are arcs within 4 % on average, in a frame turned by 17 to 21 degrees."""
     data = recorded()
     ratios, angles = turned(data["axial"], data["lateral"], data["tilt"], LENGTH)
     assert abs(np.mean(ratios[1:]) - 1.0) < 0.04
@@ -24,7 +24,7 @@ def test_the_arm_is_an_arc_of_constant_length_in_a_turned_frame() -> None:
 
 
 def test_the_mesh_has_the_published_dimensions(tmp_path: Path) -> None:
-    """Measure the meshed arm: its radius and its length, and the closed chamber that the actuator fills."""
+    """The meshed arm has the published radius and length, and a closed chamber that the actuator uses."""
     scene = arm_scene(tmp_path, Section(), MATERIAL)
     rest = scene.mesh.vertices
     np.testing.assert_allclose(np.hypot(rest[:, 0], rest[:, 1]).max(), OUTER, rtol=1e-6)
@@ -33,7 +33,7 @@ def test_the_mesh_has_the_published_dimensions(tmp_path: Path) -> None:
 
 
 def test_a_modulus_comes_back_from_its_own_curve() -> None:
-    """Take the recording itself as the curve of a model twice as soft: the fit finds the factor, and predicts all."""
+    """With the recording of a model twice as soft as its curve, the fit finds the factor 2 and predicts all values."""
     data = recorded()
     start = np.array([[0.0, 0.0, 0.0]])
     curve = np.vstack([start, np.column_stack([0.5 * data["pressure"], data["total"], data["tilt"]])])

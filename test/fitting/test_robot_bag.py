@@ -23,9 +23,9 @@ from gdfe_ros.simulation import Command, Simulation
 STORE = get_typestore(Stores.ROS2_JAZZY)
 YOUNG = "materials.rubber.young"
 TIMES = np.arange(1, 21)
-"""Of the messages [s]."""
+"""Times of the messages [s]."""
 START = 1_700_000_000
-"""Of the robot's clock [s]."""
+"""Start time of the robot's clock [s]."""
 TOPICS = {
     "/cmd": "sensor_msgs/msg/JointState",
     "/pose": "geometry_msgs/msg/PoseStamped",
@@ -54,7 +54,7 @@ def _straight() -> Any:
 
 
 def _messages(second: float, force: float, tip: np.ndarray, cloud: np.ndarray) -> dict[str, Any]:
-    """Return a message of each topic; beside what is meant stand a frame and a marker that are not."""
+    """Return a message of each topic; frames and markers also contain one that is not to be used."""
     head, pose = _header(second), _type("geometry_msgs/msg/Pose")
     transform, placed = _type("geometry_msgs/msg/Transform"), _type("geometry_msgs/msg/TransformStamped")
     frames = [
@@ -88,7 +88,7 @@ def _messages(second: float, force: float, tip: np.ndarray, cloud: np.ndarray) -
 
 @pytest.fixture
 def robot_bag(pulled_text: str, tmp_path: Path) -> Path:
-    """Record a robot: the bar under loads that rise, seen by four systems on one clock."""
+    """Record a robot: the bar under rising loads, observed by four systems on one clock."""
     simulation, rng = Simulation(scene_from_text(pulled_text)), np.random.default_rng(4)
     infos = []
     for name, kind in TOPICS.items():
@@ -116,7 +116,7 @@ def robot_bag(pulled_text: str, tmp_path: Path) -> Path:
     ],
 )
 def test_a_robot_is_fitted(entry: str, robot_bag: Path, write_scene: Callable, tmp_path: Path) -> None:
-    """Fit a modulus to each kind of topic, commands from a JointState in millinewtons: within 1 %."""
+    """With each kind of topic, and commands from a JointState in millinewtons, the modulus is found within 1 %."""
     match, out = tmp_path / "match.yaml", tmp_path / "out"
     command = "{topic: /cmd, joint: motor, unit: mN}"
     text = Path(write_scene()).read_text().replace("force: [0, 0, -0.05]", "force: [0, 0, -1.0]")
@@ -144,7 +144,7 @@ def test_a_robot_is_fitted(entry: str, robot_bag: Path, write_scene: Callable, t
 def test_what_a_topic_does_not_have(
     compare: str, command: str, message: str, robot_bag: Path, write_scene: Callable, tmp_path: Path, capsys: Any
 ) -> None:
-    """Name a frame, a joint, a field and kinds that a topic does not have: refused with what it has."""
+    """A frame, joint, field or kind that a topic lacks is refused with what the topic has."""
     match = tmp_path / "match.yaml"
     match.write_text(f"compare: {{seen: {compare}}}\ncommands: {{pull: {command}}}\n")
     given = ["--match", str(match), "--vary", f"{YOUNG}=5e4..8e5", "--workers", "1"]
@@ -154,7 +154,7 @@ def test_what_a_topic_does_not_have(
 
 @pytest.mark.exact("the processes that it starts shift nothing")
 def test_workers_find_what_one_process_finds(robot_bag: Path, pulled_text: str, tmp_path: Path) -> None:
-    """Simulate in two processes and in this one: the same trajectories to the last bit."""
+    """Two worker processes give the same trajectories to the last bit as one process."""
     match = tmp_path / "match.yaml"
     match.write_text("compare: {seen: {probe: tip, topic: /pose}}\ncommands: {pull: {topic: /cmd, joint: motor}}\n")
     recordings = read_recordings([robot_bag], match, scene_from_text(pulled_text))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws from tensile tests: what is put in comes out, what is unstable is refused."""
+"""Laws from tensile tests: known laws are found again, unstable ones are refused."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _write(path: Path, strain: np.ndarray, stress: np.ndarray) -> Path:
 
 
 def test_table_one_comes_back() -> None:
-    """Fit Ogden's law to the curve of Table 1's NinjaFlex: its six constants, within their last printed digit."""
+    """Ogden's law fitted to NinjaFlex (Table 1) has the six constants within their last printed digit."""
     stress = preset("ninjaflex", law=Law.OGDEN, poisson=0.495).stress_at(STRAIN)
     found = fit_tensile(STRAIN, stress, law=Law.OGDEN, terms=3)
     order = np.argsort(LIBRARY["ninjaflex"].alpha)
@@ -42,14 +42,14 @@ def test_table_one_comes_back() -> None:
 
 @pytest.mark.parametrize("name", ["ninjaflex", "cheetah"])
 def test_polynomials_of_section_five_come_back(name: str) -> None:
-    """Fit polynomials of the sixth degree to the printed ones: their coefficients, within the last printed digit."""
+    """Polynomials of degree six fitted to the printed ones have their coefficients within the last printed digit."""
     material = preset(name, law=Law.CURVE, poisson=0.495)
     found = fit_tensile(STRAIN, material.stress_at(STRAIN), law=Law.CURVE)
     np.testing.assert_allclose(found.entry["coefficients"], material.data.coefficients, rtol=0, atol=0.005e6)
 
 
 def test_an_unstable_law_is_refused_by_name() -> None:
-    """Fit three terms to Table 1's Cheetah, whose constants are unstable: refused, with law, deformation and remedy."""
+    """Cheetah's three terms (Table 1), which are unstable, are refused with law, deformation and remedy."""
     stress = preset("cheetah", law=Law.OGDEN, poisson=0.495).stress_at(STRAIN)
     with pytest.raises(GdfeError, match=r"ogden with 3 terms.*unstable in uniaxial compression.*remedy: --terms 1"):
         fit_tensile(STRAIN, stress, law=Law.OGDEN, terms=3)
@@ -60,7 +60,7 @@ def test_an_unstable_law_is_refused_by_name() -> None:
 
 @pytest.mark.parametrize("name", [name for name, recipe in LIBRARY.items() if recipe.misfit is not None])
 def test_the_library_is_what_its_data_say(name: str) -> None:
-    """Fit one term to each silicone's points: the library's constants, and the misfit that it tells, is stable."""
+    """One term fitted to each silicone's points gives the library's constants and misfit, and is stable."""
     recipe = LIBRARY[name]
     found = fit_tensile(recipe.curve.strain, recipe.curve.stress, law=Law.OGDEN, terms=1)
     assert found.entry["mu"] == pytest.approx(list(recipe.mu), rel=1e-4)
@@ -71,7 +71,7 @@ def test_the_library_is_what_its_data_say(name: str) -> None:
 
 @pytest.mark.parametrize("law", [Law.LINEAR, Law.NEO_HOOKEAN])
 def test_a_modulus_comes_back_through_noise(law: Law) -> None:
-    """Fit a modulus to its own curve with 1 % noise: within 0.5 %."""
+    """The modulus of a curve with 1 % noise is found within 0.5 %."""
     noise = 1.0 + 0.01 * np.random.default_rng(1).standard_normal(STRAIN.size)
     stress = {Law.LINEAR: 2e5 * STRAIN, Law.NEO_HOOKEAN: 2e5 / 3.0 * ((1 + STRAIN) - (1 + STRAIN) ** -2.0)}[law]
     assert fit_tensile(STRAIN, stress * noise, law=law).entry["young"] == pytest.approx(2e5, rel=0.005)
@@ -88,13 +88,13 @@ def test_a_modulus_comes_back_through_noise(law: Law) -> None:
     ],
 )
 def test_what_cannot_be_a_test_is_refused(strain: np.ndarray, stress: np.ndarray, message: str) -> None:
-    """Give kilopascals, percent, a flat line, columns of two lengths, a wrong sign: each is refused with its remedy."""
+    """Kilopascals, percent, a flat line, columns of two lengths and a wrong sign are refused with a remedy."""
     with pytest.raises(GdfeError, match=message):
         fit_tensile(strain, stress, law=Law.LINEAR)
 
 
 def test_the_command_makes_a_material(tmp_path: Path, capsys: Any) -> None:
-    """Fit a csv file on the command line: the entry that it writes is one of a scene, with its picture."""
+    """From a csv file the command writes a material entry that a scene accepts, and a picture."""
     curve = _write(tmp_path / "skin.csv", STRAIN, preset("ninjaflex", law=Law.OGDEN, poisson=0.4).stress_at(STRAIN))
     out = tmp_path / "out"
     given = ["fit", "--tensile", str(curve), "--law", "ogden", "--terms", "3", "--density", "1190", "--out", str(out)]
@@ -109,7 +109,7 @@ def test_the_command_makes_a_material(tmp_path: Path, capsys: Any) -> None:
 
 
 def test_the_command_refuses_and_writes_nothing(tmp_path: Path, capsys: Any) -> None:
-    """Ask for three terms where they are unstable, and for a file that is not there: exit status 2, no directory."""
+    """Unstable terms and a missing file give exit status 2 and no directory."""
     curve = _write(tmp_path / "c.csv", STRAIN, preset("cheetah", law=Law.OGDEN, poisson=0.4).stress_at(STRAIN))
     out = tmp_path / "out"
     given = ["fit", "--law", "ogden", "--terms", "3", "--out", str(out)]

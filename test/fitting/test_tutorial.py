@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page "Fit a model to your robot": its files and its commands, as they stand there."""
+"""The page "Fit a model to your robot": its files and commands work as printed."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ PAGE = (ROOT / "docs" / "fitting.md").read_text(encoding="utf-8")
 
 
 def _commands(word: str) -> list[list[str]]:
-    """Return the commands of the page in which a word stands, without their program."""
+    """Return the page's commands that contain a word, each as arguments without the program."""
     code = "\n".join(re.findall(r"^```sh\n(.*?)^```", PAGE, flags=re.S | re.M))
     return [shlex.split(line)[1:] for line in code.replace("\\\n", " ").splitlines() if word in line]
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Write the files of the page where the commands run."""
+    """Write the page's files into the working folder."""
     files = dict(re.findall(r"`(\w+\.(?:csv|yaml))`:\n\n```\w+\n(.*?)^```", PAGE, flags=re.S | re.M))
     assert set(files) == {"skin.csv", "beam.yaml", "hung.csv", "match.yaml", "swing.yaml"}
     for name, text in files.items():
@@ -34,7 +34,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_material_is_made(folder: Path) -> None:
-    """Run the tensile test of the page: entry and picture are there."""
+    """The page's tensile test writes an entry and a picture."""
     (command,) = _commands("--tensile skin.csv")
     assert main(command) == 0
     assert "mu: [42327" in (folder / "skin" / "material.yaml").read_text()
@@ -42,7 +42,7 @@ def test_a_material_is_made(folder: Path) -> None:
 
 
 def test_the_sagging_beam_is_fitted(folder: Path) -> None:
-    """Run the fit of equilibria of the page: the modulus that it tells, and every file."""
+    """The page's fit of equilibria gives the printed modulus and every listed file."""
     (command,) = _commands("beam.yaml hung.csv")
     assert main([*command, "--workers", "1"]) == 0
     found = json.loads((folder / "beam_fit" / "fit.json").read_text())["parameters"]["materials.silicone.young"]
@@ -54,7 +54,7 @@ def test_the_sagging_beam_is_fitted(folder: Path) -> None:
 
 
 def test_the_workspace_is_found(folder: Path) -> None:
-    """Run the workspace of the page with fewer commands: table and picture."""
+    """The page's workspace, with fewer commands, has a table and a picture."""
     (command,) = _commands("workspace tendon_finger")
     assert main([*command, "--count", "4", "--workers", "1"]) == 0
     assert {path.name for path in (folder / "reach").iterdir()} == {"workspace.csv", "workspace.png"}
@@ -62,7 +62,7 @@ def test_the_workspace_is_found(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_the_measured_beam_is_fitted_and_predicted(folder: Path) -> None:
-    """Fit the swing without load, predict those with 52 and 101 g: the issue's beam, and the picture of the page."""
+    """The page's fit to the swing without load predicts the swings with 52 and 101 g."""
     (command,) = _commands("fit silicone_beam")
     command = [str(ROOT / word) if word.startswith("test/") else word for word in command]
     assert main(command) == 0

@@ -19,12 +19,12 @@ CONFIG = Path(__file__).parents[2] / "config"
 
 @pytest.fixture
 def scene() -> Scene:
-    """Give the scene that the files describe."""
+    """Return the scene that the files describe."""
     return load_scene("arm_grasp")
 
 
 def test_the_urdf_of_ros2_control_is_the_arm_with_the_tendons(scene: Scene) -> None:
-    """Compare joints, interfaces, limits and topics of the URDF with the scene; our own reader takes it, too."""
+    """The URDF has the joints, interfaces, limits and topics of the scene, and our own reader accepts it."""
     text = (CONFIG / "ros2_control" / "arm_grasp.urdf").read_text(encoding="utf-8")
     robot, root = parse_urdf(text), ElementTree.fromstring(text)
     joints = {joint.name: joint for joint in scene.arms[0].joints}
@@ -47,7 +47,7 @@ def test_the_urdf_of_ros2_control_is_the_arm_with_the_tendons(scene: Scene) -> N
 
 
 def test_controllers_drive_all_joints(scene: Scene) -> None:
-    """Compare the controllers' joints and interfaces with the scene."""
+    """The controllers drive all joints, with the interfaces of the scene."""
     given = yaml.safe_load((CONFIG / "ros2_control" / "arm_controllers.yaml").read_text(encoding="utf-8"))
     arm = given["arm_controller"]["ros__parameters"]
     assert (arm["joints"], arm["command_interfaces"]) == ([j.name for j in scene.arms[0].joints], ["position"])
@@ -57,7 +57,7 @@ def test_controllers_drive_all_joints(scene: Scene) -> None:
 
 
 def test_moveit_plans_for_the_arm_and_sends_to_the_node(scene: Scene) -> None:
-    """Compare groups, limits and the controller's action with the scene and the node."""
+    """MoveIt's groups, limits and controller action agree with the scene and the node."""
     folder, joints = CONFIG / "moveit", scene.arms[0].joints
     root = ElementTree.fromstring((folder / "arm_grasp.srdf").read_text(encoding="utf-8"))
     links = scene.arms[0].dynamics.description.links
@@ -77,7 +77,7 @@ def test_moveit_plans_for_the_arm_and_sends_to_the_node(scene: Scene) -> None:
 
 
 def test_rviz_shows_the_arm() -> None:
-    """Find the URDF's topic in the configuration."""
+    """The RViz configuration shows the URDF's topic."""
     manager = yaml.safe_load((CONFIG / "rviz" / "arm.rviz").read_text(encoding="utf-8"))["Visualization Manager"]
     (arm,) = (each for each in manager["Displays"] if each["Class"].endswith("RobotModel"))
     expected = ROBOT_DESCRIPTION.name.replace("~", "/gdfe_sim").format(arm="arm")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Launch files name what the package has: executables, parameters, files.
+"""Launch files use the package's executables, parameters and files.
 
-The launch packages of ROS are no wheels. Where they are not installed, stand-ins with the same names take their place:
-the files run, and what they describe is checked; that launch itself accepts them is then left to a machine with ROS.
+ROS's launch packages are not available as wheels. Where they are not installed, stand-ins with the same names take
+their place: the files run, and their description is checked. Only a machine with ROS tests them with launch itself.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ INSTALLED = find_spec("launch_ros") is not None
 
 
 def _record(kind: str) -> type:
-    """Make a class that keeps what it was made with."""
+    """Return a class whose instances keep their constructor arguments."""
 
     def make(self: Any, *given: Any, **named: Any) -> None:
         self.given, self.named = given, named
@@ -43,7 +43,7 @@ def _record(kind: str) -> type:
 
 @pytest.fixture
 def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Put stand-ins where launch is not installed."""
+    """Install stand-ins for the launch packages where these are missing."""
     if not INSTALLED:
         names = {
             "launch": ("LaunchDescription", "LaunchContext"),
@@ -72,21 +72,21 @@ def _module(path: Path) -> Any:
 
 
 def _entry_points() -> dict[str, str]:
-    """Read the console scripts out of setup.py."""
+    """Return the console scripts in setup.py."""
     tree = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
     strings = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
     return dict(text.split(" = ") for text in strings if text.count(" = ") == 1 and ":" in text)
 
 
 def test_there_are_launch_files() -> None:
-    """Find every launch file."""
+    """The package has launch files."""
     names = ["control_loop", "gripper_on_arm", "robots", "ros2_control", "sim"]
     assert [path.name for path in FILES] == [f"{name}.launch.py" for name in names]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_a_launch_file_names_what_there_is(path: Path, stand_ins: None) -> None:
-    """Run the file: its nodes are executables of this package, its parameters theirs, its arguments explained."""
+    """Each launch file has executables of this package with known parameters, and a description of every argument."""
     description = _module(path).generate_launch_description()
     if INSTALLED:
         assert description.entities
@@ -104,7 +104,7 @@ def test_a_launch_file_names_what_there_is(path: Path, stand_ins: None) -> None:
 
 
 def _nodes(module: Any, **given: str) -> list[Any]:
-    """Have sim.launch.py describe its nodes with arguments."""
+    """Return the nodes that sim.launch.py describes for the given arguments."""
     (entities,) = module.generate_launch_description().given
     declared = _of_kind(entities, "DeclareLaunchArgument")
     return module.make_nodes({e.given[0]: e.named["default_value"] for e in declared} | given)
@@ -112,14 +112,14 @@ def _nodes(module: Any, **given: str) -> list[Any]:
 
 @pytest.fixture
 def sim(stand_ins: None) -> Any:
-    """Give the module sim.launch.py, read with stand-ins."""
+    """Return the module sim.launch.py, loaded with stand-ins."""
     if INSTALLED:
         pytest.skip("launch is installed: it reads the file itself")
     return _module(ROOT / "launch" / "sim.launch.py")
 
 
 def test_only_what_is_given_is_put_over_the_parameter_file(sim: Any, tmp_path: Path) -> None:
-    """Launch without arguments: the file alone decides; with some, these win and nothing else does."""
+    """Without arguments the parameter file alone decides; given arguments override only their own parameters."""
     (node,) = _nodes(sim)
     assert node.named["parameters"] == [str(ROOT / "config" / "sim.yaml")]
     own = tmp_path / "own.yaml"
@@ -134,7 +134,7 @@ def test_only_what_is_given_is_put_over_the_parameter_file(sim: Any, tmp_path: P
 
 
 def test_rviz_is_given_the_topics_of_the_node(sim: Any) -> None:
-    """Ask for RViz beside a node in a namespace: its displays are remapped, its fixed frame follows."""
+    """With a node in a namespace, RViz's displays are remapped to it, and its fixed frame is the node's."""
     _, rviz = _nodes(sim, rviz="true", namespace="left", frame_id="left/base")
     assert (rviz.named["package"], rviz.named["executable"]) == ("rviz2", "rviz2")
     assert ("/gdfe_sim/mesh", "/left/gdfe_sim/mesh") in rviz.named["remappings"]
@@ -160,7 +160,7 @@ def test_rviz_is_given_the_topics_of_the_node(sim: Any) -> None:
 def test_a_parameter_file_for_other_nodes_is_refused(
     sim: Any, tmp_path: Path, text: str, full: str, fits: bool
 ) -> None:
-    """Give a file of which ROS would take nothing for this node: refused with its names and the remedy."""
+    """A parameter file without an entry for this node is refused with its names and a remedy."""
     path = tmp_path / "own.yaml"
     path.write_text(text)
     if fits:
@@ -199,14 +199,14 @@ def _parameters(executable: str) -> set[str]:
 
 
 def test_the_parameter_file_names_parameters_of_the_node() -> None:
-    """Read config/sim.yaml: every entry is a parameter, with the type of its default."""
+    """Every entry of config/sim.yaml is a parameter of the node, with the type of its default."""
     entries = yaml.safe_load((ROOT / "config" / "sim.yaml").read_text(encoding="utf-8"))["/**"]["ros__parameters"]
     kinds = {spec.name: type(spec.default) for spec in PARAMETERS}
     assert {name: type(value) for name, value in entries.items()}.items() <= kinds.items()
 
 
 def test_the_gripper_follows_the_arm_that_is_started_beside_it(stand_ins: None) -> None:
-    """Read gripper_on_arm.launch.py: what is followed is a topic of the arm's node, of a handle of the scene."""
+    """gripper_on_arm.launch.py lets a handle of the scene follow a topic of the arm's node."""
     module = _module(ROOT / "launch" / "gripper_on_arm.launch.py")
     name = module.FOLLOW.partition("=")[0]
     scene = load_scene("gripper", overrides=dict([module.WEIGHT.split("=", 1)]))
@@ -215,7 +215,7 @@ def test_the_gripper_follows_the_arm_that_is_started_beside_it(stand_ins: None) 
 
 
 def test_the_controllers_that_are_spawned_have_parameters(stand_ins: None) -> None:
-    """Read ros2_control.launch.py: its files are there, and every controller that it spawns has a type."""
+    """The files of ros2_control.launch.py exist, and every spawned controller has a type."""
     module = _module(ROOT / "launch" / "ros2_control.launch.py")
     default = {name: value for name, (value, _) in module.ARGUMENTS.items()}
     manager = yaml.safe_load(Path(default["controllers"]).read_text())["controller_manager"]["ros__parameters"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter files and the command line, as a real node takes them."""
+"""Parameter files and the command line, read by a real node."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"], "c
 
 
 class Node:
-    """A ``sim_node`` of another name in a namespace, and calls of its parameter services."""
+    """A ``sim_node`` with another name in a namespace, and its parameter services."""
 
     def __init__(self, ros: Any, place: str, log: Path, words: list[str]) -> None:
         self._ros, self._client, self._name = ros, ros.node(f"asker_{place}"), f"/{place}/arm"
@@ -39,7 +39,7 @@ class Node:
         return future.result()
 
     def names(self) -> list[str]:
-        """List the parameters, once the scene is configured."""
+        """Return the parameter names, once the scene is configured."""
         listed: list[str] = []
 
         def configured() -> bool:
@@ -50,12 +50,12 @@ class Node:
         return listed
 
     def values(self, *names: str) -> list[Any]:
-        """Get parameters."""
+        """Return the values of parameters."""
         answer = self.call(GetParameters, "get_parameters", GetParameters.Request(names=list(names)))
         return [parameter_value_to_python(value) for value in answer.values]
 
     def set(self, name: str, value: Any) -> Any:
-        """Set a parameter."""
+        """Set a parameter; return the result."""
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
         return self.call(SetParameters, "set_parameters", request).results[0]
 
@@ -69,7 +69,7 @@ class Node:
 
 @pytest.fixture
 def start(ros: Any, tmp_path: Path) -> Iterator[Callable[..., Node]]:
-    """Give a function that starts the node with words of the command line; it is ended after the test."""
+    """Give a function that starts the node with command-line arguments; the node is ended after the test."""
     started: list[Node] = []
 
     def make(*words: str) -> Node:
@@ -89,7 +89,7 @@ def _file(path: Path, **values: Any) -> str:
 
 
 def test_moduli_come_from_a_file_and_from_the_command_line(start: Callable[..., Node], tmp_path: Path) -> None:
-    """Give moduli by file and command line, as integers too: the command line wins, and the running scene has them."""
+    """Moduli come from a file and the command line, also as integers; the command line has priority."""
     path = _file(tmp_path / "own.yaml", **COARSE, **{"materials.e20.young": 41000, "materials.e40.young": 43e3})
     node = start("--params-file", path, "-p", "materials.e40.young:=44000")
     node.names()
@@ -101,7 +101,7 @@ def test_moduli_come_from_a_file_and_from_the_command_line(start: Callable[..., 
 
 
 def test_a_dump_restores(start: Callable[..., Node], tmp_path: Path) -> None:
-    """Change parameters, dump them all, start anew with the dump: every value is as before."""
+    """A node started with another node's parameter dump has the same values."""
     node = start(
         "--params-file", str(ROOT / "config" / "sim.yaml"), "--params-file", _file(tmp_path / "a.yaml", **COARSE)
     )

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The URDF and the controllers for ros2_control: they fit the scene, and the messages of its hardware fit the node.
+"""The URDF and controllers for ros2_control fit the scene, and its hardware interface works with the node.
 
-ros2_control is no wheel. What ``joint_state_topic_hardware_interface/JointStateTopicSystem`` sends and expects is made
-here from the URDF as it does: one ``JointState`` at depth 1 with all joints by name and an array for each kind of
-command, states over sensor QoS with arrays as long as the names.
+ros2_control is not available as a wheel. From the URDF, the test imitates
+``joint_state_topic_hardware_interface/JointStateTopicSystem``: it sends one ``JointState`` at depth 1 with all joints
+by name and an array for each kind of command, and expects states over sensor QoS with arrays as long as the names.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ FOLDER = Path(__file__).parents[2] / "config" / "ros2_control"
 
 @pytest.fixture
 def scene() -> Scene:
-    """Give the scene that the URDF describes."""
+    """Return the scene that the URDF describes."""
     return load_scene("tendon_finger")
 
 
 @pytest.fixture
 def urdf() -> ElementTree.Element:
-    """Give the root of the URDF."""
+    """Return the root element of the URDF."""
     return ElementTree.parse(FOLDER / "tendon_finger.urdf").getroot()
 
 
@@ -45,13 +45,13 @@ def _parameters(urdf: ElementTree.Element) -> dict[str, str]:
 
 
 def _commands(urdf: ElementTree.Element) -> dict[str, str]:
-    """Name the kind of command of each joint."""
+    """Return a dict from joint name to its kind of command."""
     joints = urdf.findall("ros2_control/joint")
     return {joint.get("name"): joint.find("command_interface").get("name") for joint in joints}
 
 
 def test_the_urdf_has_the_actuators_and_limits_of_the_scene(scene: Scene, urdf: ElementTree.Element) -> None:
-    """Compare joints, interfaces and limits with the scene's actuators."""
+    """The URDF has the joints, interfaces and limits of the scene's actuators."""
     joints = {joint.get("name"): joint for joint in urdf.findall("joint")}
     controls = {joint.get("name"): joint for joint in urdf.findall("ros2_control/joint")}
     assert list(joints) == list(controls) == [actuator.name for actuator in scene.actuators]
@@ -66,7 +66,7 @@ def test_the_urdf_has_the_actuators_and_limits_of_the_scene(scene: Scene, urdf: 
 
 
 def test_the_controllers_drive_what_the_urdf_offers(urdf: ElementTree.Element) -> None:
-    """Compare the joints and interfaces of the controllers with the URDF, and its topics with the node's."""
+    """The controllers use the URDF's joints and interfaces, and the URDF has the node's topics."""
     controllers = yaml.safe_load((FOLDER / "controllers.yaml").read_text(encoding="utf-8"))
     kinds = controllers.pop("controller_manager")["ros__parameters"]
     assert set(controllers) <= set(kinds)
@@ -81,7 +81,7 @@ def test_the_controllers_drive_what_the_urdf_offers(urdf: ElementTree.Element) -
 
 
 def test_a_node_understands_the_hardware_and_is_understood(ros: Any, urdf: ElementTree.Element) -> None:
-    """Send what the hardware sends, in lockstep: each message makes a step, whose state has all that it reads."""
+    """In lockstep each message of the hardware makes a step, whose state has the data that the hardware reads."""
     topics, commands = _parameters(urdf), _commands(urdf)
     node, states = ros.node("hardware"), []
     node.create_subscription(JointState, topics["joint_states_topic"], states.append, qos_profile_sensor_data)
@@ -102,7 +102,7 @@ def test_a_node_understands_the_hardware_and_is_understood(ros: Any, urdf: Eleme
         for flexor in (1.0, 2.0, 2.0):
 
             def answer(flexor: float = flexor) -> JointState | None:
-                """Send, as the hardware does all the time: states over sensor QoS may be lost."""
+                """Send the command again and return the new state, or None: states over sensor QoS may be lost."""
                 message = JointState(name=list(commands), effort=[flexor, 0.5])
                 message.header.stamp = node.get_clock().now().to_msg()
                 publisher.publish(message)

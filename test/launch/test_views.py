@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The configurations for RViz and Foxglove show topics and fields that the node publishes."""
+"""The RViz and Foxglove configurations show topics and fields that the node publishes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COLUMNS = {"mesh": ("x", "y", "z", "ux", "uy", "uz"), "strain": ("x", "y", "z", 
 
 
 def _spec(topic: str) -> Any:
-    """Give the node's output that a topic's name fits."""
+    """Return the node's output whose name pattern matches a topic."""
     for spec in OUTPUTS:
         name = spec.name.replace("~", f"/{NODE_NAME}")
         if re.fullmatch(re.sub(r"\{\w+\}", "[^/]+", name), topic):
@@ -36,7 +36,7 @@ def _spec(topic: str) -> Any:
 
 
 def test_rviz_shows_topics_of_the_node() -> None:
-    """Compare each display's topic, type, column and durability with the node's own table."""
+    """Each RViz display has the topic, type, field and durability of the node's own table."""
     manager = yaml.safe_load((CONFIG / "rviz" / "sim.rviz").read_text(encoding="utf-8"))["Visualization Manager"]
     displays = [display for display in manager["Displays"] if "Topic" in display]
     assert len(displays) == 4
@@ -51,7 +51,7 @@ def test_rviz_shows_topics_of_the_node() -> None:
 
 
 def test_foxglove_plots_topics_and_fields_of_the_node() -> None:
-    """Compare every topic, column and path of a field in the layout with the node's table and its message types."""
+    """Each topic, field and message path in the Foxglove layout exists in the node's table and message types."""
     layout = json.loads((CONFIG / "foxglove" / "sim.json").read_text(encoding="utf-8"))
     panels, store = layout["configById"], get_typestore(Stores.ROS2_JAZZY)
     assert set(_leaves(layout["layout"])) == set(panels)
@@ -73,7 +73,7 @@ def test_foxglove_plots_topics_and_fields_of_the_node() -> None:
 
 
 def _leaves(node: Any) -> Iterator[str]:
-    """Give the panels of a layout."""
+    """Yield the panels of a layout."""
     if isinstance(node, str):
         yield node
     else:

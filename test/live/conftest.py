@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live pages in this process, and viewers that look at them."""
+"""Live pages in this process, and viewers of them."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ program:
     lower: [{time: 1.0, value: 1.0}]
     left: [{time: 0.5, value: 0.0}, {time: 1.0, value: 1.0}]
 """
-"""A bar with all that can be commanded."""
+"""A bar with every kind of command."""
 
 
 class Live:
     """A page with its session, closed at the end of the test.
 
     Attributes:
-        page: as it is.
-        session: as it is.
-        viewers: made by ``look``.
+        page: the page.
+        session: the session.
+        viewers: viewers made by ``look``.
     """
 
     def __init__(self, scene: Scene, **options: Any) -> None:
@@ -54,14 +54,14 @@ class Live:
         self.viewers: list[Viewer] = []
 
     def look(self) -> Viewer:
-        """Let a viewer look, until it has seen all that the page has."""
+        """Connect a viewer, and wait until it has received the whole page."""
         viewer = Viewer(self.page.port)
         self.viewers.append(viewer)
         viewer.wait(lambda: viewer.frames and "converged" in viewer.text(), "the page")
         return viewer
 
     def close(self) -> None:
-        """End all."""
+        """Close the viewers, the session and the page."""
         for viewer in self.viewers:
             viewer.__exit__(None, None, None)
         self.session.stop()
@@ -70,13 +70,13 @@ class Live:
 
 @pytest.fixture
 def bar() -> str:
-    """Give the bar's scene."""
+    """Return the bar's scene text."""
     return BAR
 
 
 @pytest.fixture
 def live() -> Iterator[Callable[..., Live]]:
-    """Give a function that makes a live page of the bar, with further lines of its scene."""
+    """Give a function that makes a live page of the bar, with additional lines of its scene."""
     made: list[Live] = []
 
     def make(*, motion: str = "", **options: Any) -> Live:

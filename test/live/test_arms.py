@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm on the page: its links are drawn where they are, its joints have sliders, a bag of it replays."""
+"""An arm on the page: links are drawn at their poses, joints have sliders, and its bag replays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from test.live.conftest import Live
 
 
 def test_a_slider_moves_a_joint_and_its_links(tmp_path: Path) -> None:
-    """Lift an arm by a slider: the drawn link turns with its joint, and the soft body goes along."""
+    """Moving a joint's slider turns the drawn link, and the soft body follows."""
     (tmp_path / "two.urdf").write_text(TWO_LINKS)
     path = tmp_path / "held_block.yaml"
     path.write_text(SCENE.format(urdf="two.urdf") + "dynamics: {step: 0.01}\n")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live page in a real Chromium, driven as a user would."""
+"""The live page in a real Chromium, operated as by a user."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gdfe_ros.live.surface import DrawnSurface
 
 
 def test_a_user_moves_a_slider_and_resets(live: Callable[..., Any]) -> None:
-    """Nudge a slider, reset: the simulation follows, and the console is silent."""
+    """After a slider is moved and the page reset, the simulation has followed, and the console has no message."""
     page = live()
     session = page.session
     with Browser(DrawnSurface(session.scene.mesh), size=(900, 650)) as browser:
@@ -28,7 +28,7 @@ def test_a_user_moves_a_slider_and_resets(live: Callable[..., Any]) -> None:
 
 
 def test_a_user_drags_a_handle(live: Callable[..., Any]) -> None:
-    """Drag the tip's upward arrow with the mouse: the body's surface in the browser goes up with it."""
+    """Dragging the tip's upward arrow with the mouse moves the drawn surface up."""
     page = live()
     session, mesh = page.session, page.session.scene.mesh
     with Browser(DrawnSurface(mesh), size=(900, 650)) as browser:

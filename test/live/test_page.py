@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live page as viewers have it: what they see, and what they command."""
+"""The live page from a viewer's side: displays and commands."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from gdfe_ros.simulation import Command, Simulation
 
 
 def test_a_slider_moves_the_body(live: Callable[..., Any]) -> None:
-    """Pull a tendon by its slider: the surface that the viewer is sent bends, and the state says converged."""
+    """Pulling a tendon by its slider bends the displayed surface, and the state says converged."""
     page = live()
     viewer = page.look()
     rest = viewer.surface().copy()
@@ -46,7 +46,7 @@ def test_a_slider_moves_the_body(live: Callable[..., Any]) -> None:
 
 
 def test_a_dragged_handle_leads_the_body(live: Callable[..., Any]) -> None:
-    """Drag the tip's control up and turn it: the handle goes there, in metres and radians."""
+    """Dragging and turning the tip's control moves the handle, in metres and radians."""
     page = live()
     viewer = page.look()
     half = np.deg2rad(15.0)
@@ -60,7 +60,7 @@ def test_a_dragged_handle_leads_the_body(live: Callable[..., Any]) -> None:
 
 
 def test_a_drag_out_of_reach_is_refused(live: Callable[..., Any]) -> None:
-    """Drag a handle a hundred body lengths away: it stays, and the viewer reads what is allowed."""
+    """Dragging a handle a hundred body lengths away is refused with a note of the allowed range."""
     page = live()
     viewer = page.look()
     viewer.drag("tip", [300.0, 0.0, 0.0])
@@ -70,7 +70,7 @@ def test_a_drag_out_of_reach_is_refused(live: Callable[..., Any]) -> None:
 
 
 def test_buttons_play_pause_step_and_reset(live: Callable[..., Any]) -> None:
-    """Play the program, hold it, make one step, reset: times say that each did what it is called."""
+    """The buttons play the program, pause it, make one step and reset, as the simulated times show."""
     page = live()
     viewer, session = page.look(), page.session
     viewer.press("play the program")
@@ -90,7 +90,7 @@ def test_buttons_play_pause_step_and_reset(live: Callable[..., Any]) -> None:
 
 
 def test_the_program_is_played_to_its_end_before_a_viewer(live: Callable[..., Any]) -> None:
-    """Play the program while somebody looks: sliders and controls show its commands, and give none of their own."""
+    """During the program, sliders and controls show its commands, and send none of their own."""
     page = live()
     viewer, session = page.look(), page.session
     viewer.press("play the program")
@@ -103,7 +103,7 @@ def test_the_program_is_played_to_its_end_before_a_viewer(live: Callable[..., An
 
 
 def test_a_slider_widens_to_what_others_command(live: Callable[..., Any]) -> None:
-    """Let somebody else put three times the weight on the bar: the slider, which ended at twice, shows it."""
+    """A command by another source above a slider's maximum widens the slider and is shown."""
     page = live()
     viewer, session = page.look(), page.session
     uuid = viewer.controls["weight, factor [1]"]["uuid"]
@@ -115,7 +115,7 @@ def test_a_slider_widens_to_what_others_command(live: Callable[..., Any]) -> Non
 
 
 def test_what_a_viewer_commands_leaves_the_program(live: Callable[..., Any]) -> None:
-    """Move a slider while the program plays: the slider holds, the program goes on with the other actuator."""
+    """A slider moved during the program keeps its actuator, and the program continues with the other one."""
     page = live()
     viewer, session = page.look(), page.session
     viewer.press("play the program")
@@ -127,7 +127,7 @@ def test_what_a_viewer_commands_leaves_the_program(live: Callable[..., Any]) -> 
 
 
 def test_a_bag_begun_in_the_middle_replays(live: Callable[..., Any], tmp_path: Path, monkeypatch: Any) -> None:
-    """Record from the middle of a program on, by the button: the bag replays to the last bit."""
+    """A bag recorded by the button from the middle of a program replays to the last bit."""
     monkeypatch.chdir(tmp_path)
     page = live()
     viewer, session = page.look(), page.session
@@ -149,7 +149,7 @@ TOUCHING = "obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.0101]}}\nsensors
 
 @pytest.mark.parametrize("motion", ["", "dynamics: {step: 0.01}", TOUCHING])
 def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_path: Path, motion: str) -> None:
-    """Record a scene at rest, in motion, in touch: every topic of its state, as rclpy reads it, typed as in ROS."""
+    """A bag of a scene at rest, in motion or in contact has every topic of the node, readable by rclpy."""
     from rclpy.serialization import deserialize_message
 
     from gdfe_ros.node.qos import interface_class
@@ -172,7 +172,7 @@ def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_pa
 
 
 def test_a_dragged_rigid_body_is_put_and_falls_on(live: Callable[..., Any], tmp_path: Path) -> None:
-    """Drag a falling cube up again: it is put there, falls from there, its control goes along; the bag replays."""
+    """A falling cube dragged up is put there and falls again, its control follows, and the bag replays."""
     cube = "{box: {size: [0.01, 0.01, 0.01]}, density: 500, at: [0.2, 0, 0.2]}"
     page = live(motion=f"dynamics: {{step: 0.01}}\nbodies: {{cube: {cube}}}\n{TOUCHING}")
     viewer, session = page.look(), page.session
@@ -190,7 +190,7 @@ def test_a_dragged_rigid_body_is_put_and_falls_on(live: Callable[..., Any], tmp_
 
 @pytest.mark.parametrize("place", [[np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0]])
 def test_what_is_no_number_is_refused(live: Callable[..., Any], place: list[float]) -> None:
-    """Drag a handle and move a slider to what is no number: a note for each, and the run goes on where it was."""
+    """A drag or slider value that is no number gives a note and changes nothing."""
     page = live()
     viewer, session = page.look(), page.session
     viewer.drag("tip", place)
@@ -206,7 +206,7 @@ def test_what_is_no_number_is_refused(live: Callable[..., Any], place: list[floa
 
 
 def test_obstacles_and_bodies_are_where_they_are(live: Callable[..., Any]) -> None:
-    """Drag a ball, let a cube fall: the ball's shape goes along, the cube's pose is the simulation's."""
+    """A dragged ball's shape follows it, and a falling cube is drawn at the simulated pose."""
     things = "obstacles: {ball: {sphere: {radius: 0.01}, at: [0.05, 0, 0.05]}}\nbodies: {cube: {box: {size: [0.01, "
     things += "0.01, 0.01]}, density: 500, at: [0.2, 0, 0.2], rotation_deg: [0, 0, 30]}}\ndynamics: {step: 0.01}"
     page = live(motion=things)
@@ -228,7 +228,7 @@ def test_obstacles_and_bodies_are_where_they_are(live: Callable[..., Any]) -> No
 
 
 def test_an_obstacle_of_triangles_is_shown(live: Callable[..., Any], tmp_path: Path) -> None:
-    """Put an icosahedron of a file beside the bar: its twenty triangles are sent, in the units of the picture."""
+    """An obstacle from a file is displayed with its triangles, in the picture's units."""
     file = tmp_path / "tool.stl"
     trimesh.creation.icosahedron().apply_scale(0.01).export(file)
     motion = f"obstacles: {{tool: {{mesh: {{file: {file}}}, at: [0.05, 0, 0.05]}}}}"
@@ -239,7 +239,7 @@ def test_an_obstacle_of_triangles_is_shown(live: Callable[..., Any], tmp_path: P
 
 
 def test_contact_forces_push_from_without(live: Callable[..., Any]) -> None:
-    """Press a floor against the bar: arrows from below end at what touches; together they are the reaction."""
+    """With a floor pressed against the bar, the force arrows end at the contact points and sum to the reaction."""
     page = live(motion=TOUCHING.replace("-0.0101]", "-0.0101], friction: 1.0"))
     viewer, session = page.look(), page.session
     viewer.move("weight, factor [1]", 0.0)
@@ -262,7 +262,7 @@ def test_contact_forces_push_from_without(live: Callable[..., Any]) -> None:
 
 
 def test_groups_can_be_hidden_where_the_scene_has_them(live: Callable[..., Any]) -> None:
-    """Hide the contact forces; a scene where nothing touches has no such box."""
+    """The contact forces can be hidden; a scene without contact has no such checkbox."""
     viewer = live(motion=TOUCHING).look()
     viewer.move("contact forces", False)
     viewer.wait(lambda: viewer.nodes["/contact_forces"].get("visible") is False, "the hidden group")
@@ -272,7 +272,7 @@ def test_groups_can_be_hidden_where_the_scene_has_them(live: Callable[..., Any])
 
 
 def test_moduli_change_while_it_runs(live: Callable[..., Any], tmp_path: Path) -> None:
-    """Halve a modulus: the force at the tip falls under the same command; while a bag is written it is refused."""
+    """Halving a modulus reduces the force at the tip; while a bag is written the change is refused."""
     page = live()
     viewer, session = page.look(), page.session
     viewer.wait(lambda: session.simulation.settled, "rest under its weight")
@@ -292,7 +292,7 @@ def test_moduli_change_while_it_runs(live: Callable[..., Any], tmp_path: Path) -
 
 
 def test_the_colour_and_its_range(live: Callable[..., Any]) -> None:
-    """Choose displacement, and hold its range: the legend has the field's unit, and keeps its numbers."""
+    """With the displacement as colour, the legend has its unit, and a held range keeps its limits."""
     page = live()
     viewer = page.look()
     viewer.move("colour", "displacement [m]")
@@ -308,7 +308,7 @@ def test_the_colour_and_its_range(live: Callable[..., Any]) -> None:
 
 
 def test_viewers_come_and_go_without_a_trace(live: Callable[..., Any]) -> None:
-    """Let ten viewers look at once, and thirty one after the other: no thread more, and nobody is counted any more."""
+    """After ten viewers at once and thirty in turn, no thread is left, and the count of viewers is right."""
     page = live()
     first = page.look()
     threads = threading.active_count()
@@ -327,7 +327,7 @@ def test_viewers_come_and_go_without_a_trace(live: Callable[..., Any]) -> None:
 
 
 def test_garbage_on_the_socket_is_told_in_a_line(live: Callable[..., Any], caplog: Any) -> None:
-    """Send what is no HTTP, and to a viewer's socket what is no message: no traceback, and the page goes on."""
+    """Invalid HTTP and invalid messages on a viewer's socket give no traceback, and the page continues."""
     page = live()
     for garbage in (b"\x00\xff" * 100, b"GET / HTTP/1.1\r\nConnection: Upgrade\r\n\r\n", b"\r\n\r\n"):
         with socket.create_connection(("127.0.0.1", page.page.port)) as stranger:
@@ -344,7 +344,7 @@ def test_garbage_on_the_socket_is_told_in_a_line(live: Callable[..., Any], caplo
 
 
 def test_a_viewer_that_hangs_holds_nobody_up(live: Callable[..., Any]) -> None:
-    """Let a viewer take nothing while the program plays: the steps go on, and another viewer is sent each frame."""
+    """A viewer that receives nothing delays neither the steps nor the frames of another viewer."""
     page = live()
     viewer = page.look()
     _hanging(page)
@@ -356,7 +356,7 @@ def test_a_viewer_that_hangs_holds_nobody_up(live: Callable[..., Any]) -> None:
 
 
 def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
-    """Look at a page without a run yet: it shows the undeformed body and that the run is built; so does a drag."""
+    """A page without a run shows the undeformed body and that the run is being built; a drag gives that note."""
     scene = scene_from_text(bar, origin="of a test")
     page = Page(host="127.0.0.1", port=8600, frames=30.0)
     session = None
@@ -384,7 +384,7 @@ def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
 
 
 def test_a_frame_is_sent_at_once(live: Callable[..., Any]) -> None:
-    """Have viser gather messages for ten minutes before it sends them: a moved body is sent and shown all the same."""
+    """A frame is sent at once, even if viser collects other messages for ten minutes."""
     page = live()
     viewer = page.look()
     page.page._server._websock_server._broadcast_buffer.window_duration_sec = 600.0
@@ -395,7 +395,7 @@ def test_a_frame_is_sent_at_once(live: Callable[..., Any]) -> None:
 
 
 def test_a_port_that_is_taken_is_passed_over() -> None:
-    """Listen where the page would: the next port is used."""
+    """If the port is in use, the page takes the next one."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         page = Page(host="127.0.0.1", port=port, frames=30.0)
@@ -421,13 +421,13 @@ def test_a_port_that_is_taken_is_passed_over() -> None:
     ],
 )
 def test_bad_arguments_are_told(arguments: list[str], text: str, capsys: Any) -> None:
-    """Give arguments that cannot be: status 2, and one message with what is allowed."""
+    """Invalid arguments give status 2 and one message with the allowed values."""
     assert main(["live", *arguments]) == 2
     assert text in capsys.readouterr().err
 
 
 def test_the_command_shows_a_scene_until_it_is_interrupted() -> None:
-    """Run the command, look, interrupt it: the address, status 0, and not a word on stderr."""
+    """The command shows its address, and ends after an interrupt with status 0 and an empty stderr."""
     command = [sys.executable, "-m", "gdfe_ros.cli", "live", "bend5", "--port", "8670"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
@@ -443,7 +443,7 @@ def test_the_command_shows_a_scene_until_it_is_interrupted() -> None:
 
 
 def test_without_viser_one_line_says_how_to_install_it(capsys: Any, monkeypatch: Any) -> None:
-    """Take viser away: the message is one line with the extra's name."""
+    """Without viser the message is one line with the name of the extra."""
     monkeypatch.setattr("gdfe_ros.commands.live.find_spec", lambda name: None)
     assert main(["live", "bend5"]) == 2
     error = capsys.readouterr().err
@@ -459,7 +459,7 @@ def _hanging(page: Any) -> Viewer:
 
 
 def _arrows(viewer: Viewer) -> Any:
-    """Give begin and end of the arrows of contact (k, 2, 3), in the units of the picture."""
+    """Return the ends of the contact arrows (k, 2, 3), in the picture's units."""
     nodes = [viewer.nodes[f"/contact_forces/{kind}"] for kind in ("sticks", "slips")]
     seen = [node["points"].reshape(-1, 2, 3) for node in nodes if node["visible"]]
     return np.concatenate([np.zeros((0, 2, 3)), *seen])
@@ -477,7 +477,7 @@ def _moduli(page: Any) -> dict[str, float]:
 
 
 def test_a_dragged_probe_is_followed_by_the_actuators(live: Callable[..., Any]) -> None:
-    """Drag a probe to where tendons of 1 N hold it: it goes there; the page says if it is out of reach."""
+    """A probe is dragged to where tendons of 1 N hold it and goes there; the page says if it is out of reach."""
     page = live()
     viewer, simulation = page.look(), page.session.simulation
     other = Simulation(simulation.scene)

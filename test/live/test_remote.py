@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live page of a node in another process: what viewers see of it, and what they command."""
+"""The live page of a node in another process: displays and commands."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ OTHER = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
 
 
 class Shown:
-    """A node in a process of its own, its page in this one, and a viewer."""
+    """A node in its own process, its page in this process, and a viewer."""
 
     def __init__(self, parameters: dict[str, Any]) -> None:
         self.parameters, self.process = parameters, NodeProcess(parameters)
@@ -47,7 +47,7 @@ class Shown:
         self.viewer.wait(lambda: self.viewer.frames and "converged" in self.viewer.text(), "the page")
 
     def close(self) -> None:
-        """End all."""
+        """Close the viewer, the session, the page and the node."""
         self.viewer.__exit__(None, None, None)
         self.session.stop()
         self.page.close()
@@ -56,7 +56,7 @@ class Shown:
 
 @pytest.fixture
 def shown(bar: str, tmp_path: Path) -> Iterator[Callable[..., Shown]]:
-    """Give a function that shows a node of the bar above a floor."""
+    """Give a function that shows a node with the bar above a floor."""
     scene = tmp_path / "pulled.yaml"
     scene.write_text(bar + FLOOR)
     made: list[Shown] = []
@@ -71,7 +71,7 @@ def shown(bar: str, tmp_path: Path) -> Iterator[Callable[..., Shown]]:
 
 
 def test_a_node_is_seen_and_commanded(shown: Callable[..., Shown]) -> None:
-    """Move a slider, drag the tip, press the floor on it: the node follows, and the viewer sees all of it."""
+    """The node follows a slider, a dragged tip and a pressed floor, and the viewer sees all of it."""
     page = shown()
     viewer, session = page.viewer, page.session
     rest = viewer.surface().copy()
@@ -89,7 +89,7 @@ def test_a_node_is_seen_and_commanded(shown: Callable[..., Shown]) -> None:
 
 
 def test_a_body_in_motion_is_seen(shown: Callable[..., Shown], bar: str, tmp_path: Path) -> None:
-    """Let a cube fall beside a bar that swings: its shape goes along, and the speed colours the bar."""
+    """A cube that falls beside a swinging bar is drawn at its pose, and the speed colours the bar."""
     scene = tmp_path / "moving.yaml"
     cube = "{box: {size: [0.01, 0.01, 0.01]}, density: 500, at: [0.2, 0, 0.2]}"
     scene.write_text(
@@ -105,7 +105,7 @@ def test_a_body_in_motion_is_seen(shown: Callable[..., Shown], bar: str, tmp_pat
 
 
 def test_a_page_that_nobody_looks_at_hears_no_meshes(shown: Callable[..., Shown]) -> None:
-    """Let the only viewer leave, and another one come: the mesh is subscribed to while somebody looks."""
+    """The page subscribes to the node's mesh only while there is a viewer."""
     page = shown()
     rest = page.viewer.surface().copy()
     page.viewer.__exit__(None, None, None)
@@ -120,7 +120,7 @@ def test_a_page_that_nobody_looks_at_hears_no_meshes(shown: Callable[..., Shown]
 
 
 def test_what_others_command_is_shown(shown: Callable[..., Shown]) -> None:
-    """Let somebody else command the node: slider and control go there, and give no command of their own."""
+    """Commands of another client move the slider and the control, which send no command themselves."""
     page = shown()
     viewer = page.viewer
     uuid = viewer.controls["left, tension [N]"]["uuid"]
@@ -133,7 +133,7 @@ def test_what_others_command_is_shown(shown: Callable[..., Shown]) -> None:
 
 
 def test_buttons_call_services(shown: Callable[..., Shown], tmp_path: Path) -> None:
-    """Record, pause, step, reset over services: the node says that it did; a bag is there."""
+    """The buttons record, pause, step and reset through the node's services, and a bag is written."""
     page = shown(bag_path=str(tmp_path / "bag"), publish_clock=True)
     viewer, session = page.viewer, page.session
     viewer.press("record")
@@ -153,7 +153,7 @@ def test_buttons_call_services(shown: Callable[..., Shown], tmp_path: Path) -> N
 
 
 def test_the_program_is_played_to_a_node(shown: Callable[..., Shown]) -> None:
-    """Play the program to the node and move its tendon meanwhile: the tendon holds, all else follows the program."""
+    """During a program played to the node, a moved tendon keeps its command, and the rest follows the program."""
     page = shown()
     viewer, session = page.viewer, page.session
     viewer.press("play the program")
@@ -169,7 +169,7 @@ def test_the_program_is_played_to_a_node(shown: Callable[..., Shown]) -> None:
 
 
 def test_what_no_step_follows_is_commanded_again(bar: str) -> None:
-    """Play to a node that hears nothing: the program's beginning is sent again, but for what is led meanwhile."""
+    """If no step follows, the program's start is sent again, without the actuators that the viewer commands."""
     sent: list[str] = []
     player = Player(scene_from_text(bar), lambda name, order: sent.append(name))
     player.play()
@@ -185,7 +185,7 @@ def test_what_no_step_follows_is_commanded_again(bar: str) -> None:
 
 
 def test_nothing_is_commanded_that_was_left_to_the_viewer(bar: str) -> None:
-    """Leave a tendon while the program's order for it is in transit: it has arrived once the tendon is left."""
+    """An order of the program in transit arrives before its tendon is left to the viewer."""
     happened: list[str] = []
     viewers: list[threading.Thread] = []
 
@@ -207,7 +207,7 @@ def test_nothing_is_commanded_that_was_left_to_the_viewer(bar: str) -> None:
 
 
 def test_the_end_of_a_program_is_commanded_though_the_word_of_steps_is_lost(bar: str) -> None:
-    """Hear of no step between the middle and what is after the end: the end is commanded, once."""
+    """If the records of the last steps are lost, the program's end is still commanded once."""
     sent: list[tuple[str, Any]] = []
     player = Player(scene_from_text(bar), lambda name, order: sent.append((name, order)))
     player.play()
@@ -221,7 +221,7 @@ def test_the_end_of_a_program_is_commanded_though_the_word_of_steps_is_lost(bar:
 
 
 def test_a_program_that_leads_too_far_ends_with_a_note(shown: Callable[..., Shown], bar: str, tmp_path: Path) -> None:
-    """Play a program that leads the tip a hundred body sizes away: it ends where that begins, and the page goes on."""
+    """A program that moves the tip too far ends there with a note, and the page continues."""
     scene = tmp_path / "far.yaml"
     scene.write_text(bar.replace("translation: [0, 0, 0.02]", "translation: [0, 0, 10.0]"))
     page = shown(scene=str(scene))
@@ -234,7 +234,7 @@ def test_a_program_that_leads_too_far_ends_with_a_note(shown: Callable[..., Show
 
 
 def test_moduli_of_a_node_are_its_parameters(shown: Callable[..., Shown], tmp_path: Path) -> None:
-    """Change a modulus on the page and beside it: the force changes, the page goes on; while a bag is written, not."""
+    """A modulus changed on the page or by another client changes the force; it is refused while a bag is written."""
     page = shown(bag_path=str(tmp_path / "bag"))
     viewer, session = page.viewer, page.session
     weight = session.state.wrenches["tip"][2]
@@ -262,7 +262,7 @@ def test_moduli_of_a_node_are_its_parameters(shown: Callable[..., Shown], tmp_pa
 
 
 def test_a_node_that_is_killed_is_told_in_a_note(shown: Callable[..., Shown]) -> None:
-    """Kill the node: a note says that nothing is heard; start it again: another one."""
+    """After the node is killed, a note says that nothing is heard; after its restart another note follows."""
     page = shown()
     viewer = page.viewer
     page.process.kill()
@@ -272,7 +272,7 @@ def test_a_node_that_is_killed_is_told_in_a_note(shown: Callable[..., Shown]) ->
 
 
 def test_what_the_node_refuses_is_told(shown: Callable[..., Shown]) -> None:
-    """Ask for a step that the node does not make while it runs: the viewer gets the node's reason."""
+    """A step refused by the running node gives a note with the node's reason."""
     viewer = shown().viewer
     viewer.press("one step")
     viewer.wait(lambda: viewer.notes, "a note")
@@ -280,7 +280,7 @@ def test_what_the_node_refuses_is_told(shown: Callable[..., Shown]) -> None:
 
 
 def test_a_node_that_goes_is_told_of(shown: Callable[..., Shown]) -> None:
-    """End the node: state and buttons say that it is gone. Start it again: the page goes on; not with another scene."""
+    """If the node ends, the page says so; it continues with the restarted node, but not with another scene."""
     page = shown()
     viewer = page.viewer
     page.process.stop()
@@ -298,7 +298,7 @@ def test_a_node_that_goes_is_told_of(shown: Callable[..., Shown]) -> None:
 
 
 def test_no_such_node_is_told_with_those_there_are(capsys: Any) -> None:
-    """Ask for a node that is not there, beside one that is: status 2, its name, the domain, how to start one."""
+    """A missing node gives status 2, with its name, the domain, and how to start one."""
     with NodeProcess(OTHER, namespace="/left"):
         with NodeSession("left/gdfe_sim", patience=120.0) as session:
             assert session.scene.name == "bend5"
@@ -309,7 +309,7 @@ def test_no_such_node_is_told_with_those_there_are(capsys: Any) -> None:
 
 
 def test_a_node_that_is_not_configured_is_told() -> None:
-    """Start a node that stays unconfigured: it is said while it is waited for, and at the end, and what to do."""
+    """A node that stays unconfigured is reported while waiting and at the end, with a remedy."""
     there = "is not configured; remedy: ros2 lifecycle set /gdfe_sim configure"
     said: list[str] = []
     with (
@@ -323,7 +323,7 @@ def test_a_node_that_is_not_configured_is_told() -> None:
 
 
 def test_a_node_that_is_not_active_is_shown_at_rest() -> None:
-    """Configure a node only: the page has its undeformed body, and the state says that it is inactive."""
+    """For an inactive node the page shows the undeformed body and the state inactive."""
     with (
         NodeProcess({**OTHER, "autostart": False}) as process,
         NodeConnection(process, "/gdfe_sim", {}, patience=120.0) as link,
@@ -342,7 +342,7 @@ def test_a_node_that_is_not_active_is_shown_at_rest() -> None:
 
 
 def test_the_command_shows_the_next_scene_at_the_same_address(bar: str, tmp_path: Path) -> None:
-    """Run the command, replace the node by one of another scene: its page follows; a signal ends it with status 0."""
+    """If the node is replaced by one with another scene, the command's page follows; a signal ends it with status 0."""
     scene = tmp_path / "pulled.yaml"
     scene.write_text(bar)
     with NodeProcess({"scene": str(scene)}):
@@ -365,7 +365,7 @@ def test_the_command_shows_the_next_scene_at_the_same_address(bar: str, tmp_path
 
 
 def test_a_page_of_a_scene_needs_no_ros() -> None:
-    """Import the page and its session in a fresh process: rclpy is not touched, and by the page alone no compiler."""
+    """Importing the page and its session loads no rclpy, and importing the page alone loads no compiler."""
     code = (
         "import sys, gdfe_ros.live.page, gdfe_ros.commands.live\n"
         "assert not {'numba', 'gdfe_ros.simulation'} & set(sys.modules)\n"
@@ -383,7 +383,7 @@ def _await(done: Callable[[], bool]) -> None:
 
 
 def _next_page(port: int) -> Viewer:
-    """Look at a port until there is a page without the bar's sliders."""
+    """Connect to a port until its page has no sliders of the bar; return the viewer."""
     end = time.monotonic() + 120.0
     while time.monotonic() < end:
         with contextlib.suppress(OSError, WebSocketException):  # while one page goes and the next one comes

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a session does beside its page."""
+"""Behaviour of a session apart from its page."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gdfe_ros.simulation import Simulation
 
 
 def test_time_stands_while_there_is_nothing_to_do() -> None:
-    """Rest for an hour between two steps: the second covers one dt, while an overrun is still counted."""
+    """After an hour without work, the next step covers one dt, and a later overrun is still counted."""
     now = [0.0]
     pace = RestingPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: now[0])
     assert pace.begin() == 0.01
@@ -32,7 +32,7 @@ def test_time_stands_while_there_is_nothing_to_do() -> None:
 
 
 def test_a_rate_limit_holds_after_a_rest(bar: str) -> None:
-    """Pull a tendon whose rate is limited: the first step goes no farther than the limit lets it."""
+    """With a rate limit, the first step after a pause changes a tension by at most rate times dt."""
     text = bar.replace("left: {cable: {", "left: {cable: {rate: 1.0, ")
     simulation = Simulation(scene_from_text(text, origin="of a test"))
     steps: list[Any] = []
@@ -47,7 +47,7 @@ def test_a_rate_limit_holds_after_a_rest(bar: str) -> None:
 
 
 def test_the_surface_is_a_sound_gltf() -> None:
-    """Pack a bent body: trimesh reads vertices in the picture's units, colours from violet to yellow, and triangles."""
+    """A packed bent body is read by trimesh: vertices in the picture's units, colours and triangles."""
     mesh = load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}).mesh
     surface = DrawnSurface(mesh, scale=10.0)
     positions = np.add(mesh.vertices, [0.0, 0.0, 0.01])
@@ -62,7 +62,7 @@ def test_the_surface_is_a_sound_gltf() -> None:
 
 
 def test_fields_of_cells_are_averaged_at_the_vertices() -> None:
-    """Give every cell one value: so has every vertex; and the mean over faces is that of the cells beside a vertex."""
+    """A cell field's value at a vertex is the mean over the faces there; a constant field stays constant."""
     mesh = load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}).mesh
     surface = DrawnSurface(mesh)
     np.testing.assert_allclose(surface.at_vertices(np.full(mesh.n_cells, 3.0)), 3.0)

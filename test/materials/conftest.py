@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The laws under test and one cube of material, deformed at will."""
+"""The laws under test, and one cube of material under any deformation."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def law(request: pytest.FixtureRequest) -> Material:
 
 @pytest.fixture(params=["linear", "linear-0.49", "curve-polynomial", "curve-table"])
 def corotated_law(request: pytest.FixtureRequest) -> Material:
-    """Give each law that compares F with its rotation."""
+    """Give each law whose stress is computed with the rotation of F."""
     return LAWS[request.param]
 
 
 @dataclass(frozen=True)
 class Cube:
-    """A cube of one element and one material, 0.1 m long; it deforms as F says."""
+    """A cube of one element and one material, 0.1 m long, deformed by any F."""
 
     material: Material
     body: Body
@@ -79,7 +79,7 @@ class Cube:
 
 @pytest.fixture(scope="session")
 def cube() -> Callable[[Material], Cube]:
-    """Make a cube of a material."""
+    """Return a function that makes a cube of a material."""
     mesh = bar([0.1, 0.1, 0.1], [1, 1, 1])
 
     def make(material: Material) -> Cube:

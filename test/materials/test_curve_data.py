@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Uniaxial curves from coefficients and from measured tables, and how they go on beyond the data."""
+"""Uniaxial curves from coefficients and from measured tables, and their continuation beyond the data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NINJAFLEX = (8.67e6, -15.7e6, 15.02e6, -6.91e6, 1.53e6, -0.13e6)
 
 
 def test_polynomial_is_evaluated_from_the_first_power() -> None:
-    """Give coefficients of e, e^2, e^3: stress and slope are theirs."""
+    """A polynomial's stress and slope follow from its coefficients of e, e^2, e^3."""
     curve = CurveData.polynomial([5.0, -2.0, 1.0])
     e = np.array([0.0, 0.5, 1.5])
     np.testing.assert_allclose(curve.stress_at(e), 5.0 * e - 2.0 * e**2 + e**3)
@@ -25,7 +25,7 @@ def test_polynomial_is_evaluated_from_the_first_power() -> None:
 
 
 def test_polynomial_ends_where_its_tangent_turns_negative() -> None:
-    """Take e - e^2/4, whose tangent vanishes at e = 2: the data end just before."""
+    """The data of e - e^2/4, whose tangent vanishes at e = 2, end just before that strain."""
     curve = CurveData.polynomial([1.0, -0.25])
     assert 1.99 < curve.strain_max <= 2.0
     assert (curve.tangent_at(np.linspace(0.0, 10.0, 100)) > 0.0).all()
@@ -37,7 +37,7 @@ def test_polynomial_ends_where_its_tangent_turns_negative() -> None:
     ids=["polynomial", "table"],
 )
 def test_curve_goes_on_as_a_straight_line(curve: CurveData) -> None:
-    """Pass the end of the data: stress and slope are continuous, and the slope stays."""
+    """Beyond the end of the data the stress continues with the slope at the end."""
     end = curve.strain_max
     assert end == 2.0
     below, above = curve.stress_at(np.array([end - 1e-9, end + 1e-9]))
@@ -49,7 +49,7 @@ def test_curve_goes_on_as_a_straight_line(curve: CurveData) -> None:
 
 
 def test_falling_end_of_the_data_is_replaced_by_the_last_rising_slope() -> None:
-    """Measure past the peak: beyond it the curve goes on with a positive slope."""
+    """A curve measured past its peak continues beyond it with the last positive slope."""
     curve = CurveData.polynomial([1.0, -0.25], strain_max=3.0)
     assert curve.strain_max == 3.0
     assert curve.stress_at(np.array(2.0)) == pytest.approx(1.0, rel=1e-5)
@@ -58,24 +58,24 @@ def test_falling_end_of_the_data_is_replaced_by_the_last_rising_slope() -> None:
 
 
 def test_table_passes_through_its_points() -> None:
-    """Evaluate at the measured strains: the measured stresses."""
+    """At the measured strains a table has the measured stresses."""
     np.testing.assert_allclose(CurveData.table(STRAIN, STRESS).stress_at(STRAIN), STRESS, rtol=1e-12)
 
 
 def test_table_does_not_overshoot() -> None:
-    """Interpolate a table that rises: the stress rises between all points and stays within them."""
+    """Between the points of a rising table the stress rises and stays between the points' stresses."""
     stress = CurveData.table(STRAIN, STRESS).stress_at(np.linspace(0.0, 2.0, 2001))
     assert (np.diff(stress) >= 0.0).all()
     assert stress.max() <= STRESS[-1]
 
 
 def test_table_may_leave_out_the_origin() -> None:
-    """Start the measurement at the first loaded point: the origin is added."""
+    """A table that starts at the first loaded point gets the origin added."""
     assert CurveData.table(STRAIN[1:], STRESS[1:]) == CurveData.table(STRAIN, STRESS)
 
 
 def test_sampled_polynomial_is_the_polynomial() -> None:
-    """Write a polynomial as a table of 200 rows: the two curves agree."""
+    """A polynomial written as a table of 200 rows has the polynomial's curve."""
     exact = CurveData.polynomial(NINJAFLEX, strain_max=2.0)
     e = np.linspace(0.0, 2.0, 200)
     table = CurveData.table(e, exact.stress_at(e))
@@ -85,7 +85,7 @@ def test_sampled_polynomial_is_the_polynomial() -> None:
 
 
 def test_remarks_name_where_a_curve_softens() -> None:
-    """Report a falling tangent and a negative stress with their strains; stay silent on a sound curve."""
+    """A falling tangent and a negative stress are remarked with their strains; a sound curve has no remark."""
     assert CurveData.table(STRAIN, STRESS).remarks() == []
     falling = CurveData.polynomial([1.0, -0.25], strain_max=5.0).remarks()
     assert any("tangent modulus is negative from strain 2" in note for note in falling)
@@ -96,14 +96,14 @@ def test_remarks_name_where_a_curve_softens() -> None:
     "coefficients", [[], [0.0], [-1.0, 2.0], [math.nan], [1.0, math.inf]], ids=["none", "zero", "neg", "nan", "inf"]
 )
 def test_coefficients_are_checked(coefficients: list[float]) -> None:
-    """Refuse coefficients that are missing, not finite or without initial stiffness."""
+    """Coefficients that are missing, not finite or without initial stiffness are refused."""
     with pytest.raises(ValueError, match="coefficients must be finite and the first, the initial modulus, positive"):
         CurveData.polynomial(coefficients)
 
 
 @pytest.mark.parametrize("strain_max", [0.0, -1.0, 100.0, math.nan])
 def test_end_of_the_data_is_checked(strain_max: float) -> None:
-    """Refuse an end of the data that no test reaches."""
+    """An end of the data beyond the strains of any test is refused."""
     with pytest.raises(ValueError, match="strain_max must lie in 0 < strain_max <= 10"):
         CurveData.polynomial([1.0], strain_max=strain_max)
 
@@ -124,6 +124,6 @@ def test_end_of_the_data_is_checked(strain_max: float) -> None:
     ],
 )
 def test_tables_are_checked(strain: list[float], stress: list[float], message: str) -> None:
-    """Refuse columns that are no uniaxial test, and say why."""
+    """Columns that are no uniaxial test are refused with the reason."""
     with pytest.raises(ValueError, match=message):
         CurveData.table(strain, stress)

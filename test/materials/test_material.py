@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws as a user states them: moduli, uniaxial curves, refusals."""
+"""Laws with a user's parameters: moduli, uniaxial curves, refused values."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ POLYNOMIAL = CurveData.polynomial([1e5, -1e4])
 
 
 def test_moduli_belong_together(law: Material) -> None:
-    """Check E = 2 mu (1 + nu) and K = E / (3 (1 - 2 nu)) for every law."""
+    """E = 2 mu (1 + nu) and K = E / (3 (1 - 2 nu)) hold for every law."""
     assert law.young0 == pytest.approx(2.0 * law.shear0 * (1.0 + law.poisson), rel=1e-12)
     assert law.bulk == pytest.approx(law.young0 / (3.0 * (1.0 - 2.0 * law.poisson)), rel=1e-12)
 
 
 def test_moduli_at_rest_are_the_given_ones() -> None:
-    """Find the moduli where the user stated them: E, sum of mu, initial slope of the curve over three."""
+    """The initial modulus is the given one: E, the sum of mu, or a third of the curve's initial slope."""
     assert Linear(young=2e5, poisson=0.3).young0 == 2e5
     assert NeoHookean(young=2e5, poisson=0.3).shear0 == pytest.approx(2e5 / 2.6)
     assert Ogden(mu=(1e5, -2e4), alpha=(1.5, -3.0), poisson=0.4).shear0 == pytest.approx(8e4)
@@ -29,26 +29,26 @@ def test_moduli_at_rest_are_the_given_ones() -> None:
 
 
 def test_tangent_is_the_slope_of_the_stress(law: Material) -> None:
-    """Compare the tangent modulus with a difference of stresses."""
+    """The tangent modulus equals a difference of stresses."""
     strain, step = STRAINS[1:] + 1e-3, 1e-6
     slope = (law.stress_at(strain + step) - law.stress_at(strain - step)) / (2.0 * step)
     np.testing.assert_allclose(law.tangent_at(strain), slope, rtol=1e-6, atol=1e-9 * law.young0)
 
 
 def test_stress_starts_at_zero(law: Material) -> None:
-    """Pull nothing: no stress, and a positive modulus."""
+    """At zero strain the stress is zero and the modulus positive."""
     assert law.stress_at(np.zeros(1))[0] == pytest.approx(0.0, abs=1e-9 * law.young0)
     assert law.tangent_at(np.zeros(1))[0] > 0.0
 
 
 def test_ogden_with_exponent_two_is_neo_hookean() -> None:
-    """Reduce Ogden's law to one term of exponent 2: E/3 (l - l^-2)."""
+    """Ogden's law with one term of exponent 2 has the stress E/3 (l - l^-2)."""
     ogden = Ogden(mu=(1e5 / 3.0,), alpha=(2.0,), poisson=0.45)
     np.testing.assert_allclose(ogden.stress_at(STRAINS), NeoHookean(young=1e5, poisson=0.45).stress_at(STRAINS))
 
 
 def test_terms_of_ogden_add_up() -> None:
-    """Split a term in two halves: the curve stays."""
+    """Dividing an Ogden term into two halves leaves the curve unchanged."""
     whole = Ogden(mu=(1e5,), alpha=(3.0,), poisson=0.45)
     halves = Ogden(mu=(4e4, 6e4), alpha=(3.0, 3.0), poisson=0.45)
     np.testing.assert_allclose(halves.stress_at(STRAINS), whole.stress_at(STRAINS))
@@ -56,7 +56,7 @@ def test_terms_of_ogden_add_up() -> None:
 
 
 def test_laws_know_what_they_are() -> None:
-    """Name each law by its number in the kernels."""
+    """Each law has its number in the kernels."""
     kinds = {
         Law.LINEAR: Linear(young=1.0, poisson=0.0),
         Law.NEO_HOOKEAN: NeoHookean(young=1.0, poisson=0.0),
@@ -68,7 +68,7 @@ def test_laws_know_what_they_are() -> None:
 
 @pytest.mark.parametrize("poisson", [-1.0, 0.51, 0.7, math.nan, math.inf])
 def test_poissons_ratio_is_checked(poisson: float) -> None:
-    """Refuse ratios at which the bulk or shear modulus is not positive; 0.5 is incompressible."""
+    """Poisson's ratios without positive bulk and shear moduli are refused; 0.5 is incompressible."""
     assert Linear(young=1e5, poisson=0.5).bulk == math.inf
     with pytest.raises(ValueError, match=r"poisson must lie in -1 < poisson <= 0\.5, got .*incompressible"):
         Linear(young=1e5, poisson=poisson)
@@ -77,21 +77,21 @@ def test_poissons_ratio_is_checked(poisson: float) -> None:
 @pytest.mark.parametrize("young", [0.0, -1e5, math.nan, math.inf, 1e14])
 @pytest.mark.parametrize("kind", [Linear, NeoHookean])
 def test_youngs_modulus_is_checked(kind: type[Linear], young: float) -> None:
-    """Refuse a modulus that is not positive and finite."""
+    """A Young's modulus that is not positive and finite is refused."""
     with pytest.raises(ValueError, match=r"young must lie in .* in Pa"):
         kind(young=young, poisson=0.3)
 
 
 @pytest.mark.parametrize("density", [0.0, -1.0, math.nan, math.inf])
 def test_density_is_checked(density: float) -> None:
-    """Refuse a density that is not positive and finite."""
+    """A density that is not positive and finite is refused."""
     with pytest.raises(ValueError, match=r"density must lie in .* in kg/m\^3"):
         Linear(young=1e5, poisson=0.3, density=density)
 
 
 @pytest.mark.parametrize("omega", [0.0, -0.1, 1.1, math.nan])
 def test_given_shape_factor_is_checked(omega: float) -> None:
-    """Refuse a shape factor outside 0 < omega <= 1."""
+    """A shape factor outside 0 < omega <= 1 is refused."""
     with pytest.raises(ValueError, match="omega must lie in 0 < omega <= 1"):
         Linear(young=1e5, poisson=0.3, omega=omega)
 
@@ -110,13 +110,13 @@ def test_given_shape_factor_is_checked(omega: float) -> None:
     ],
 )
 def test_ogden_terms_are_checked(mu: tuple[float, ...], alpha: tuple[float, ...], message: str) -> None:
-    """Refuse terms that are missing, not finite or without initial stiffness."""
+    """Ogden terms that are missing, not finite or without initial stiffness are refused."""
     with pytest.raises(ValueError, match=message):
         Ogden(mu=mu, alpha=alpha, poisson=0.4)
 
 
 def test_materials_are_values() -> None:
-    """Compare and hash two equal materials: they are one."""
+    """Two equal materials are equal and have the same hash."""
     first, second = (Ogden(mu=(1e5,), alpha=(2.0,), poisson=0.4) for _ in range(2))
     assert first == second
     assert len({first, second}) == 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's filaments, as printed (Table 1 and Sec. 5), and silicones as they were measured."""
+"""The paper's filaments as printed (Table 1 and Sec. 5), and silicones as measured."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gdfe_ros.scene.solvable import remarks
 
 
 def test_table_one() -> None:
-    """Compare Ogden's constants with Table 1, in Pa."""
+    """Ogden's constants are those of Table 1, in Pa."""
     ninjaflex = preset("ninjaflex", law=Law.OGDEN, poisson=0.495)
     assert isinstance(ninjaflex, Ogden)
     np.testing.assert_allclose(ninjaflex.mu, (0.187297e6, 0.091893e6, 3.397167e6))
@@ -32,7 +32,7 @@ def test_table_one() -> None:
     ],
 )
 def test_polynomials_of_section_five(name: str, at_half: float, at_one: float, at_two: float) -> None:
-    """Compare stresses with the printed polynomials, in Pa."""
+    """The stresses are those of the printed polynomials, in Pa."""
     material = preset(name, law=Law.CURVE, poisson=0.495)
     assert isinstance(material, Curve)
     stress = material.stress_at(np.array([0.5, 1.0, 2.0]))
@@ -41,14 +41,14 @@ def test_polynomials_of_section_five(name: str, at_half: float, at_one: float, a
 
 
 def test_options_reach_the_material() -> None:
-    """Give density and shape factor: the material has them."""
+    """A preset takes a density and a shape factor."""
     material = preset("cheetah", law=Law.CURVE, poisson=0.4, density=1200.0, omega=0.9)
     assert (material.poisson, material.density, material.omega) == (0.4, 1200.0, 0.9)
 
 
 @pytest.mark.parametrize(("name", "law"), [("rubber", Law.OGDEN), ("cheetah", Law.LINEAR)])
 def test_unknown_presets_are_refused(name: str, law: Law) -> None:
-    """Name the presets and the laws that there are."""
+    """An unknown preset or law is refused with the known ones."""
     with pytest.raises(ValueError, match=r"presets: ninjaflex, cheetah, ecoflex_00_30, .*; laws: ogden, curve"):
         preset(name, law=law, poisson=0.4)
 
@@ -58,7 +58,7 @@ SILICONES = [name for name, recipe in LIBRARY.items() if recipe.misfit is not No
 
 
 def test_the_library_has_the_common_silicones() -> None:
-    """Name all of them; each tells its source."""
+    """All common silicones are presets, each with its source."""
     wanted = {"ecoflex_00_30", "ecoflex_00_50", "dragon_skin_10", "dragon_skin_20", "dragon_skin_30", "mold_star_16"}
     assert wanted == set(SILICONES)
     assert all("Marechal" in LIBRARY[name].source for name in wanted)
@@ -66,7 +66,7 @@ def test_the_library_has_the_common_silicones() -> None:
 
 @pytest.mark.parametrize("name", SILICONES)
 def test_a_curve_goes_through_its_points(name: str) -> None:
-    """Compare both laws with the measured points: the curve goes through each, Ogden's misses by what is stated."""
+    """The curve law goes through each measured point, and Ogden's law misses them by the stated misfit."""
     data = LIBRARY[name].curve
     strain, stress = np.array(data.strain[1:]), np.array(data.stress[1:])
     np.testing.assert_allclose(preset(name, law=Law.CURVE).stress_at(strain), stress, rtol=1e-12)
@@ -75,7 +75,7 @@ def test_a_curve_goes_through_its_points(name: str) -> None:
 
 
 def test_a_scene_takes_a_silicone_by_its_name() -> None:
-    """Name a preset alone: it has Poisson's ratio, its density if that was measured, and a remark about its source."""
+    """A preset's name alone gives Poisson's ratio, the density if measured, and a remark on its source."""
     scene = load_scene("bend5", overrides={"materials": {"skin": {"preset": "dragon_skin_10"}}, "regions": [SKIN]})
     material = scene.materials["skin"]
     assert (material.poisson, material.density) == (0.499, 1070.0)
@@ -83,7 +83,7 @@ def test_a_scene_takes_a_silicone_by_its_name() -> None:
 
 
 def test_a_scale_makes_a_preset_stiffer() -> None:
-    """Double a preset: every stress doubles, of both laws, and what it was measured with is no remark any more."""
+    """A scale of two doubles every stress of both laws, and the remark on the source is left out."""
     for law in (Law.OGDEN, Law.CURVE):
         once, twice = preset("ecoflex_00_30", law=law), preset("ecoflex_00_30", law=law, scale=2.0)
         strain = np.linspace(0.0, 6.0, 13)
@@ -92,7 +92,7 @@ def test_a_scale_makes_a_preset_stiffer() -> None:
 
 
 def test_a_filament_needs_a_ratio() -> None:
-    """Leave out Poisson's ratio of a filament, which the paper does not tell: refused with its key."""
+    """A filament without Poisson's ratio, which the paper does not give, is refused with the key."""
     with pytest.raises(ValueError, match="give `poisson`"):
         preset("ninjaflex", law=Law.OGDEN)
     with pytest.raises(SceneError, match=r"materials.cheetah.*give `poisson`"):

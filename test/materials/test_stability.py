@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drucker's check: which laws are reported as unstable, where, and that they are."""
+"""Drucker's stability check: which laws are reported as unstable, in which mode, and from which stretch."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from gdfe_ros.solver.settings import Policy
 
 
 def _stress(material: Ogden, stretches: tuple[float, ...]) -> np.ndarray:
-    """Return the principal Kirchhoff stresses of tau_i = sum 2 mu/alpha l_i^alpha, less the third."""
+    """Return the principal Kirchhoff stresses tau_i = sum 2 mu/alpha l_i^alpha, minus the third of them."""
     tau = [sum(2 * m / a * s**a for m, a in zip(material.mu, material.alpha, strict=True)) for s in stretches]
     return np.array(tau[:2]) - tau[2]
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.495])
 def test_sound_laws_pass(poisson: float) -> None:
-    """Say nothing about neo-Hookean, Mooney-Rivlin and NinjaFlex as Ogden laws."""
+    """Neo-Hookean, Mooney-Rivlin and NinjaFlex as Ogden laws give no remark."""
     assert Ogden(mu=(1e5,), alpha=(2.0,), poisson=poisson).remarks() == []
     assert Ogden(mu=(1e5, 2e4), alpha=(2.0, -2.0), poisson=poisson).remarks() == []
     assert preset("ninjaflex", law=Law.OGDEN, poisson=poisson).remarks() == []
 
 
 def test_cheetah_is_told_unstable_where_its_stress_falls() -> None:
-    """Find the stretch in equibiaxial tension at which the constants of Table 1 lose stability, from stresses alone."""
+    """Cheetah (Table 1) is unstable from the equibiaxial stretch at which its stress, computed here, falls."""
     material = preset("cheetah", law=Law.OGDEN, poisson=0.49)
     told = next(text for text in material.remarks() if "equibiaxial tension" in text)
     limit = float(told.split("stretch ")[1].split(" ")[0])
@@ -51,20 +51,20 @@ def test_cheetah_is_told_unstable_where_its_stress_falls() -> None:
 
 
 def test_every_mode_is_volume_preserving() -> None:
-    """Try stretches of product one only."""
+    """Every mode of the check has stretches with product one."""
     for mode in MODES.values():
         np.testing.assert_allclose(np.prod(mode(np.array([0.5, 2.0])), axis=0), 1.0, rtol=1e-14)
 
 
 def test_a_law_that_loses_all_stiffness_is_unstable_everywhere() -> None:
-    """Feed a negative stiffness: six remarks, from stretch 1 on."""
+    """A law with negative stiffness gives six remarks, from stretch 1 on."""
     notes = drucker_remarks(lambda stretch: -np.ones_like(stretch))
     assert len(notes) == 6
     assert all("from stretch 1 on" in note for note in notes)
 
 
 def test_simulation_collects_remarks() -> None:
-    """Name the material; and the contrast beyond the calibration under ``relative`` alone."""
+    """A simulation's remarks name the material, and under ``relative`` a contrast beyond the calibration."""
     materials = [preset("cheetah", law=Law.OGDEN, poisson=0.49), Linear(young=1.0, poisson=0.3)]
     cells = (BAR.centroids[:, 0] > 0.2).astype(np.int32)
     energy, relative = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each law against its formula, written out again from the docstrings and docs/theory/energy.md, on one cube."""
+"""Each law on one cube against its formula, written again from the docstrings and docs/theory/energy.md."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def energy_density(material: Material, stretches: NDArray[np.float64]) -> float:
 
 
 def deviatoric_tension(material: Material, stretch: ArrayLike) -> NDArray[np.float64]:
-    """Return the nominal stress [Pa] of uniaxial tension at J = 1, the lateral stress removed by a pressure."""
+    """Return the nominal stress [Pa] of uniaxial tension at J = 1 without lateral stress, which a pressure removes."""
     stretch = np.asarray(stretch)
     lateral = stretch**-0.5
     if isinstance(material, NeoHookean):
@@ -65,7 +65,7 @@ def uniaxial(stretch: float) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("stretch", STRETCHES)
 def test_uniaxial_tension_follows_the_curve(law: Material, cube: MakeCube, stretch: float) -> None:
-    """Pull the cube at constant volume: the stress, lateral traction removed, is the law's uniaxial curve."""
+    """At constant volume, the stress minus lateral traction is the law's uniaxial curve."""
     stress = cube(law).stress(uniaxial(stretch))
     nominal = stress[0, 0] - stress[1, 1] * stretch**-1.5
     assert nominal == pytest.approx(float(deviatoric_tension(law, stretch)), rel=2e-6, abs=1e-7 * law.shear0)
@@ -73,13 +73,13 @@ def test_uniaxial_tension_follows_the_curve(law: Material, cube: MakeCube, stret
 
 @pytest.mark.parametrize("stretch", STRETCHES)
 def test_uniaxial_energy_is_the_area_under_the_curve(law: Material, cube: MakeCube, stretch: float) -> None:
-    """Pull the cube at constant volume: the energy density is the work of the uniaxial stress."""
+    """At constant volume, the energy density is the work of the uniaxial stress."""
     work = area_under(lambda strain: deviatoric_tension(law, 1.0 + strain), stretch - 1.0)
     assert cube(law).density(uniaxial(stretch)) == pytest.approx(work, rel=2e-6, abs=1e-10 * law.shear0)
 
 
 def test_energy_is_the_formula_at_random_deformations(law: Material, cube: MakeCube) -> None:
-    """Deform the cube at random, with stretches from 0.5 to 3: the energy is the law's formula."""
+    """Under random deformations with stretches from 0.5 to 3, the energy is the law's formula."""
     random = np.random.default_rng(1)
     for _ in range(20):
         stretches = np.exp(random.uniform(np.log(0.5), np.log(3.0), 3))
@@ -89,7 +89,7 @@ def test_energy_is_the_formula_at_random_deformations(law: Material, cube: MakeC
 
 
 def test_inverted_energy_counts_the_smallest_stretch_negative(corotated_law: Material, cube: MakeCube) -> None:
-    """Turn the cube inside out: the law sees one negative stretch; walls at the corners add theirs."""
+    """For an inverted cube, the law has one negative stretch, and the fold barrier at the corners adds its energy."""
     u, v = Rotation.random(2, random_state=2).as_matrix()
     stretches = np.array([1.2, 1.0, -0.3])
     density = cube(corotated_law).density(u @ np.diag(stretches) @ v.T)
@@ -99,7 +99,7 @@ def test_inverted_energy_counts_the_smallest_stretch_negative(corotated_law: Mat
 
 
 def test_an_inverted_cube_costs_more_than_its_mirror_image(law: Material, cube: MakeCube) -> None:
-    """Compare equal stretches: the inverted cube has the higher energy, for every law."""
+    """At equal stretches an inverted cube has more energy than an upright one, for every law."""
     for squeeze in (0.05, 0.3, 1.0):
         upright, inverted = (cube(law).density(np.diag([1.2, 1.0, sign * squeeze])) for sign in (1.0, -1.0))
         assert inverted > upright
@@ -115,12 +115,12 @@ DEFORMED = {
     "inverted-needle": [1.5, 0.06, -0.03],
     "inverted-far": [1.3, 0.9, -0.85],
 }
-"""Signed principal stretches; where the last two nearly cancel, the rotation is all but undefined."""
+"""Signed principal stretches; in one set the last two nearly cancel, so that the rotation is hardly defined."""
 
 
 @pytest.mark.parametrize("stretches", DEFORMED.values(), ids=DEFORMED)
 def test_forces_are_the_derivative_of_the_energy(law: Material, cube: MakeCube, stretches: list[float]) -> None:
-    """Move each corner of a deformed cube to and fro: the energy changes by the force times the displacement."""
+    """The forces of a deformed cube equal differences of its energy."""
     random = np.random.default_rng(3)
     body = cube(law)
     for _ in range(3):
@@ -136,7 +136,7 @@ def test_forces_are_the_derivative_of_the_energy(law: Material, cube: MakeCube, 
 
 @pytest.mark.parametrize("stretch", [0.7, 0.95, 1.0, 1.05, 1.5])
 def test_hydrostatic_tension_is_the_bulk_law(law: Material, cube: MakeCube, stretch: float) -> None:
-    """Swell the cube equally: no shear, and the traction is the slope of the volume energy."""
+    """Under equal stretches there is no shear, and the traction is the derivative of the volume energy."""
     stress = cube(law).stress(stretch * np.eye(3))
     step = 1e-5
     swollen, shrunk = (energy_density(law, (stretch + s) * np.ones(3)) for s in (step, -step))
@@ -146,7 +146,7 @@ def test_hydrostatic_tension_is_the_bulk_law(law: Material, cube: MakeCube, stre
 
 @pytest.mark.parametrize("plane", [(0, 1), (1, 2), (2, 0), (1, 0)])
 def test_small_shear_has_the_shear_modulus(law: Material, cube: MakeCube, plane: tuple[int, int]) -> None:
-    """Shear the cube by 1e-5: the shear stress is mu0 times the shear, on both faces."""
+    """Under a shear of 1e-5 the shear stress is mu0 times the shear, on both faces."""
     shear = 1e-5
     gradient = np.eye(3)
     gradient[plane] += shear
@@ -156,7 +156,7 @@ def test_small_shear_has_the_shear_modulus(law: Material, cube: MakeCube, plane:
 
 
 def test_large_shear_of_the_neo_hookean_law_is_linear(cube: MakeCube) -> None:
-    """Shear a neo-Hookean cube by 2: its shear stress is mu times the shear (Rivlin)."""
+    """Under a shear of 2, a neo-Hookean cube has mu times the shear as shear stress (Rivlin)."""
     law = NeoHookean(young=1e5, poisson=0.3)
     gradient = np.eye(3)
     gradient[0, 1] = 2.0
@@ -164,7 +164,7 @@ def test_large_shear_of_the_neo_hookean_law_is_linear(cube: MakeCube) -> None:
 
 
 def test_small_tension_has_youngs_modulus_and_poissons_ratio(law: Material, cube: MakeCube) -> None:
-    """Stretch the cube by 1e-5 and let it thin by nu: the stress is E0 along x and none across."""
+    """Under a strain of 1e-5 with lateral strain -nu 1e-5, the stress is E0 times the strain, and zero across."""
     strain = 1e-5
     lateral = 1.0 - law.poisson * strain
     stress = cube(law).stress(np.diag([1.0 + strain, lateral, lateral]))
@@ -173,7 +173,7 @@ def test_small_tension_has_youngs_modulus_and_poissons_ratio(law: Material, cube
 
 
 def test_energy_and_stress_do_not_depend_on_the_frame(law: Material, cube: MakeCube) -> None:
-    """Turn the deformed cube: the energy stays, the stress turns along (objectivity)."""
+    """Rotating the deformed cube keeps the energy and rotates the stress (objectivity)."""
     gradient = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
     turn = Rotation.from_rotvec([1.0, -2.0, 0.5]).as_matrix()
     here, there = cube(law).stress(gradient), cube(law).stress(turn @ gradient)
@@ -182,14 +182,14 @@ def test_energy_and_stress_do_not_depend_on_the_frame(law: Material, cube: MakeC
 
 
 def test_material_has_no_direction(law: Material, cube: MakeCube) -> None:
-    """Turn the cube before it deforms: the energy stays (isotropy)."""
+    """Rotating the cube before its deformation keeps the energy (isotropy)."""
     gradient = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
     turn = Rotation.from_rotvec([1.0, -2.0, 0.5]).as_matrix()
     assert cube(law).density(gradient @ turn) == pytest.approx(cube(law).density(gradient), rel=1e-10)
 
 
 def test_rotation_costs_nothing(law: Material, cube: MakeCube) -> None:
-    """Turn the cube by any angle, half turns included: neither energy nor force."""
+    """A rotation by any angle, half turns included, causes neither energy nor force."""
     for vector in [(0, 0, 0), (0.1, 0.2, 0.3), (np.pi, 0, 0), (0, 2.0, -2.0), (1e-9, 0, 0)]:
         turn = Rotation.from_rotvec(vector).as_matrix()
         assert abs(cube(law).density(turn)) < 1e-12 * law.bulk
@@ -212,7 +212,7 @@ def test_rotation_costs_nothing(law: Material, cube: MakeCube) -> None:
     ids=["point", "flat", "needle", "mirrored", "inside-out", "almost-needle", "huge", "huge-mirrored", "thread"],
 )
 def test_no_deformation_overflows(law: Material, cube: MakeCube, gradient: NDArray[np.float64]) -> None:
-    """Collapse, invert and blow up the cube: energy and forces stay finite and the energy positive."""
+    """Under collapse, inversion and large expansion, energy and forces are finite, and the energy is positive."""
     assert np.isfinite(cube(law).density(gradient))
     assert cube(law).density(gradient) > 0.0
     assert np.isfinite(cube(law).stress(gradient)).all()
@@ -220,12 +220,12 @@ def test_no_deformation_overflows(law: Material, cube: MakeCube, gradient: NDArr
 
 @pytest.mark.parametrize("squeeze", [0.9, 0.5, 0.2, 0.05, 0.0, -0.3, -1.0, -3.0])
 def test_a_squeezed_cube_pushes_back(law: Material, cube: MakeCube, squeeze: float) -> None:
-    """Squeeze the cube to nothing and through itself: it always pushes towards the rest shape."""
+    """A cube squeezed to zero and beyond is always pushed towards its undeformed shape."""
     assert cube(law).stress(np.diag([1.0, 1.0, squeeze]))[2, 2] < 0.0
 
 
 def test_forces_scale_with_the_modulus(cube: MakeCube) -> None:
-    """Double the modulus: energy and stress double."""
+    """Doubling the modulus doubles energy and stress."""
     gradient = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
     for kind in (Linear, NeoHookean):
         soft, hard = cube(kind(young=1e5, poisson=0.4)), cube(kind(young=2e5, poisson=0.4))
@@ -234,7 +234,7 @@ def test_forces_scale_with_the_modulus(cube: MakeCube) -> None:
 
 
 def test_the_pressure_term_meets_the_plain_law_at_moderate_poisson(cube: MakeCube) -> None:
-    """Cross the ratio from which a pressure carries the volume: energy and stress do not jump."""
+    """At the Poisson's ratio from which a pressure carries the volume, energy and stress are continuous."""
     gradient = np.array([[1.1, 0.2, 0.0], [0.1, 0.9, 0.1], [0.0, 0.1, 1.05]])
     for kind in (Linear, NeoHookean):
         plain, carried = cube(kind(young=1e5, poisson=0.45)), cube(kind(young=1e5, poisson=0.45 + 1e-9))

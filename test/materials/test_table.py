@@ -16,7 +16,7 @@ MakeCube = Callable[[Material], Any]
 
 
 def test_rows_keep_the_order_of_the_scene() -> None:
-    """Pack three materials: row k is material k."""
+    """Row k of the table is material k of the scene."""
     materials = [Linear(young=1e5, poisson=0.3), Ogden(mu=(1e5,), alpha=(2.0,), poisson=0.3)]
     assert pack(materials).law.tolist() == [material.law for material in materials]
     assert pack(materials[::-1]).law.tolist() == [material.law for material in materials[::-1]]
@@ -25,13 +25,13 @@ def test_rows_keep_the_order_of_the_scene() -> None:
 
 @pytest.mark.parametrize(("poisson", "carried"), [(-0.5, False), (0.3, False), (0.45, False), (0.46, True)])
 def test_a_pressure_carries_the_volume_where_poissons_ratio_is_high(poisson: float, carried: bool) -> None:
-    """Use multipliers only where the bulk modulus would spoil the condition of the energy."""
+    """Pressure multipliers are used only for ratios at which the bulk modulus makes the energy ill-conditioned."""
     assert carries_pressure(Linear(young=1e5, poisson=poisson)) is carried
 
 
 @pytest.mark.parametrize("terms", [1, 2, 6])
 def test_up_to_six_ogden_terms_count(cube: MakeCube, terms: int) -> None:
-    """Spread one modulus over several equal terms: the energy stays."""
+    """A modulus divided among several equal Ogden terms, up to six, has the same energy."""
     gradient = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
     one = Ogden(mu=(6e4,), alpha=(-3.0,), poisson=0.4)
     several = Ogden(mu=(6e4 / terms,) * terms, alpha=(-3.0,) * terms, poisson=0.4)
@@ -39,7 +39,7 @@ def test_up_to_six_ogden_terms_count(cube: MakeCube, terms: int) -> None:
 
 
 def test_polynomials_are_tabulated_without_loss(cube: MakeCube) -> None:
-    """Pull to 600 strains: the kernel's stress is the polynomial's within 1e-8 of the initial modulus."""
+    """Up to 600 strains, the kernel's stress is the polynomial's within 1e-8 of the initial modulus."""
     curve = CurveData.polynomial([8.67e6, -15.7e6, 15.02e6, -6.91e6, 1.53e6, -0.13e6], strain_max=2.0)
     body = cube(Curve(data=curve, poisson=0.4))
     for stretch in np.concatenate([np.linspace(1.0, 1.05, 100), np.linspace(1.05, 2.9, 500)]):
@@ -49,7 +49,7 @@ def test_polynomials_are_tabulated_without_loss(cube: MakeCube) -> None:
 
 
 def test_curve_goes_on_beyond_the_tabulated_stretch(cube: MakeCube) -> None:
-    """Pull to 20 and 40 times the length: the stress keeps rising, without a jump at the table's end."""
+    """At 20 and 40 times the length the stress rises, without a jump at the end of the table."""
     body = cube(Curve(data=CurveData.polynomial([1e5]), poisson=0.4))
 
     def tension(stretch: float) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cells across a body are counted whatever the order of cells and corners."""
+"""The number of cells across a body is independent of the order of cells and corners."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from gdfe_ros.mesh.trilinear import CORNERS
 
 
 def test_a_bar_is_as_many_cells_across_as_it_has() -> None:
-    """Count in a block of 5 x 3 x 2."""
+    """A block of 5 x 3 x 2 cells has these counts along its axes."""
     mesh = bar([0.5, 0.3, 0.2], [5, 3, 2])
     across = cells_across(mesh.cells, np.zeros(mesh.n_cells, np.int32), np.ones(mesh.n_cells, bool))
     np.testing.assert_array_equal(across, np.tile([5, 3, 2], (30, 1)))
 
 
 def test_every_cell_may_have_axes_of_its_own() -> None:
-    """Turn each cell's axes and shuffle the cells: the same three counts in another order."""
+    """With each cell's axes permuted and the cells shuffled, the counts are the same three in another order."""
     random = np.random.default_rng(3)
     mesh = bar([0.5, 0.3, 0.2], [5, 3, 2])
     turned = []
@@ -33,7 +33,7 @@ def test_every_cell_may_have_axes_of_its_own() -> None:
 
 
 def test_a_row_ends_where_the_material_does() -> None:
-    """Make the lowest of three layers another material: one cell and two."""
+    """Where the lowest of three layers has another material, the layers count as one and two cells."""
     mesh = bar([0.2, 0.2, 0.3], [2, 2, 3])
     low = mesh.vertices[mesh.cells].mean(axis=1)[:, 2] < mesh.vertices[:, 2].min() + 0.1
     across = cells_across(mesh.cells, low.astype(np.int32), np.ones(12, bool))
@@ -43,7 +43,7 @@ def test_a_row_ends_where_the_material_does() -> None:
 
 @pytest.mark.parametrize("around", [3, 8])
 def test_a_ring_counts_its_cells_once(around: int) -> None:
-    """Close a row of cells into a ring: it is that long, and one cell across."""
+    """In a ring of cells the count along the ring is its number of cells, and one across."""
     mesh = bar([1.0, 0.1, 0.1], [around, 1, 1])
     column = np.rint((mesh.vertices[:, 0] - mesh.vertices[:, 0].min()) * around).astype(int) % around
     places = np.column_stack([column, mesh.vertices[:, 1:]])
@@ -53,13 +53,13 @@ def test_a_ring_counts_its_cells_once(around: int) -> None:
 
 
 def test_one_cell_is_one_across() -> None:
-    """Count where no two cells share a face."""
+    """A cell without neighbours across its faces counts as one."""
     one = np.arange(8, dtype=np.int32)[None]
     np.testing.assert_array_equal(cells_across(one, np.zeros(1, np.int32), np.ones(1, bool)), [[1, 1, 1]])
 
 
 def test_rows_with_a_bent_cell_are_not_counted() -> None:
-    """Bend the first of 3 x 3 x 3 cells: the three rows through it count as one, those of other cells as before."""
+    """With the first of 3 x 3 x 3 cells bent, the three rows through it count as one, and other counts stay."""
     mesh, straight = bar([0.3, 0.3, 0.3], [3, 3, 3]), np.ones(27, bool)
     straight[0] = False
     across = cells_across(mesh.cells, np.zeros(27, np.int32), straight)

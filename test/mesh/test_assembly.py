@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several meshes become one; places are reported in the frame of one of them."""
+"""Several meshes are joined to one, and positions are given in the frame of one of them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TURN = Rotation.from_rotvec([0.3, -0.2, 0.9]).as_matrix()
 
 
 def pair(**changes: HexMesh) -> HexMesh:
-    """Return a bar that is turned and moved, and a block that is moved."""
+    """Return a bar that is rotated and moved, joined with a block that is moved."""
     meshes = {"bar": BAR, "block": BLOCK} | changes
     return assemble(
         {
@@ -34,7 +34,7 @@ def pair(**changes: HexMesh) -> HexMesh:
 
 
 def test_each_is_where_it_was_put() -> None:
-    """Turn one, move both: coordinates, cells, sets and pieces of one mesh, in the order of the parts."""
+    """The joined mesh has the parts' coordinates, cells, sets and pieces in the order of the parts."""
     mesh, report = pair(), check_mesh(pair())
     assert (report.parts, report.defects, report.volume) == (2, [], pytest.approx(12.0))
     np.testing.assert_allclose(mesh.vertices[: BAR.n_vertices], BAR.vertices @ TURN.T + [0.0, 5.0, 0.0])
@@ -45,13 +45,13 @@ def test_each_is_where_it_was_put() -> None:
 
 
 def test_vertices_at_one_place_stay_apart() -> None:
-    """Put two blocks face to face: no vertex is shared, and each keeps its own surface."""
+    """Two blocks face to face keep separate vertices and surfaces."""
     mesh = assemble({name: MeshPart(BLOCK, np.array([x, 0.0, 0.0]), np.eye(3)) for name, x in (("a", 0.0), ("b", 2.0))})
     assert (mesh.n_vertices, len(mesh.surface())) == (2 * BLOCK.n_vertices, 2 * len(BLOCK.surface()))
 
 
 def test_places_are_those_of_the_mesh_that_is_named() -> None:
-    """Select in the frame, by the ids and the sets of one mesh; by the world's without one."""
+    """Selections within a named mesh use its frame, ids and sets; others use the world's."""
     mesh, first = pair(), BAR.n_vertices
     for where in (
         Face(Side.X_LOW),
@@ -71,7 +71,7 @@ def test_places_are_those_of_the_mesh_that_is_named() -> None:
 
 
 def test_an_unknown_mesh_or_set_is_named() -> None:
-    """Ask for a mesh that is not there, for any in a single mesh, and for a set of another mesh."""
+    """An unknown mesh, a mesh name for a single mesh, and a set of another mesh are refused by name."""
     with pytest.raises(MeshError, match="mesh 'bra' does not exist; there are: bar, block"):
         select_vertices(pair(), Within("bra"))
     with pytest.raises(MeshError, match="mesh 'bar' does not exist; there is one mesh, which has no name"):
@@ -81,7 +81,7 @@ def test_an_unknown_mesh_or_set_is_named() -> None:
 
 
 def test_a_filling_stays_with_its_cells() -> None:
-    """Join a mesh whose cells are cut and one whose cells are whole."""
+    """The filling of cut cells is kept in a mesh joined with whole cells."""
     share = np.array([0.5, 1.0, 1.0, 0.25])
     cut = replace(BAR, filling=Filling(share, np.full((4, 3), 0.1), np.full((4, 3), 0.5)))
     filling = pair(bar=cut).filling
@@ -91,7 +91,7 @@ def test_a_filling_stays_with_its_cells() -> None:
 
 
 def test_a_skin_is_shown_beside_faces() -> None:
-    """Give one of two meshes a skin: it, and the faces of the other, are where the vertices carry them."""
+    """With a skin on one of two meshes, the skin and the other mesh's faces are drawn at their vertices."""
     points = np.array([[0.0, 0.0, 0.6], [4.0, 0.0, 0.6], [4.0, 0.4, 0.6]])
     skinned = replace(BAR, skin=carry_skin(BAR.vertices, BAR.cells, points, np.array([[0, 1, 2]])))
     mesh = pair(bar=skinned)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The compiled search for the cells that carry points."""
+"""The compiled search for the cells that contain points."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from gdfe_ros.mesh.trilinear import reference_coordinates, trilinear_weights
 
 
 def test_points_in_distorted_cells_get_their_coordinates() -> None:
-    """Recover cells and reference coordinates of points made by the trilinear map, to 1e-12."""
+    """Cells and reference coordinates of points from the trilinear map are found to 1e-12."""
     mesh, random = bar((0.3, 0.2, 0.1), (6, 4, 2)), np.random.default_rng(1)
     vertices = mesh.vertices + random.uniform(-0.008, 0.008, mesh.vertices.shape)
     owner = random.integers(0, mesh.n_cells, 500)
@@ -23,7 +23,7 @@ def test_points_in_distorted_cells_get_their_coordinates() -> None:
 
 
 def test_a_point_on_a_face_has_the_cell_with_the_lowest_number() -> None:
-    """Choose the same cell for points on faces, edges and corners between cells, however they are rounded."""
+    """Points on faces, edges and corners belong to the cell with the lowest number, however they are rounded."""
     mesh = bar((0.3, 0.2, 0.1), (3, 2, 1))
     points = np.repeat(mesh.vertices, 50, axis=0)
     points *= 1.0 + np.random.default_rng(2).uniform(-1e-13, 1e-13, points.shape)

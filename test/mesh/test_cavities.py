@@ -18,13 +18,13 @@ MIDDLE = BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, 0.3))
 
 
 def test_a_solid_body_has_no_cavity() -> None:
-    """Find nothing in a bar, nor in a bar with a channel through it."""
+    """A bar, and a bar with a channel through it, have no cavity."""
     assert find_cavities(CUBE) == []
     assert find_cavities(cut(CUBE, [BoxSelection(y=(-0.1, 0.1), z=(-0.1, 0.1))])) == []
 
 
 def test_a_cavity_has_its_volume_center_and_outward_quads() -> None:
-    """Find the box of 3 x 3 x 3 cells; its quads look out of it, its cells lie behind them."""
+    """A cavity of 3 x 3 x 3 cells has its volume and centre; its quads face outward to the cells behind them."""
     body = cut(CUBE, [MIDDLE])
     (cavity,) = find_cavities(body)
     assert cavity.quads.shape == (54, 4)
@@ -38,7 +38,7 @@ def test_a_cavity_has_its_volume_center_and_outward_quads() -> None:
 
 
 def test_several_cavities_come_largest_first() -> None:
-    """Sort a large and a small one by volume."""
+    """Cavities are sorted by decreasing volume."""
     body = cut(
         CUBE, [BoxSelection((0.2, 0.4), (-0.1, 0.1), (-0.1, 0.1)), BoxSelection((0.6, 0.8), (-0.3, 0.3), (-0.1, 0.1))]
     )
@@ -49,7 +49,7 @@ def test_several_cavities_come_largest_first() -> None:
     "second", [BoxSelection((0.4, 0.6), (-0.1, 0.1), (-0.3, 0.3)), BoxSelection((0.4, 0.6), (-0.1, 0.1), (-0.3, -0.1))]
 )
 def test_cavities_that_touch_at_an_edge_stay_apart(second: BoxSelection) -> None:
-    """Separate two cavities whose walls share vertices along an edge."""
+    """Two cavities whose walls share vertices along an edge are separate."""
     body = cut(CUBE, [BoxSelection((0.2, 0.4), (-0.3, -0.1), (-0.3, 0.3)), second])
     cavities = find_cavities(body)
     assert len(cavities) == 2
@@ -58,14 +58,14 @@ def test_cavities_that_touch_at_an_edge_stay_apart(second: BoxSelection) -> None
 
 
 def test_a_cavity_that_touches_the_outside_at_an_edge_is_closed() -> None:
-    """Keep the cavity apart from a notch that meets it along an edge only."""
+    """A cavity that meets a notch only along an edge is closed."""
     body = cut(CUBE, [MIDDLE, BoxSelection((0.8, 1.0), (0.3, 0.5), (-0.3, 0.3))])
     (cavity,) = find_cavities(body)
     assert cavity.volume == pytest.approx(0.6**3)
 
 
 def test_material_inside_a_cavity_is_not_a_cavity() -> None:
-    """Count a loose block in a cavity as a body: one cavity, less its volume of surface only."""
+    """A loose block inside a cavity is a body: only the surface's enclosed volume is smaller."""
     body = cut(
         CUBE, [BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, -0.1)), BoxSelection((0.2, 0.8), (-0.3, 0.3), (0.1, 0.3))]
     )
@@ -75,7 +75,7 @@ def test_material_inside_a_cavity_is_not_a_cavity() -> None:
 
 
 def test_enclosed_volume_of_a_curved_cavity_converges() -> None:
-    """Approach 4/3 pi r^3 with order two in the cell size."""
+    """The enclosed volume of a curved cavity converges to 4/3 pi r^3 at second order."""
     exact = 4 / 3 * np.pi
     errors = [exact - find_cavities(sphere(1.0, 2.0, [n, 1]))[0].volume for n in (6, 12, 24)]
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -83,7 +83,7 @@ def test_enclosed_volume_of_a_curved_cavity_converges() -> None:
 
 
 def test_open_edges_name_the_leak() -> None:
-    """Take one quad out of a closed surface and find its four edges."""
+    """Without one quad, a closed surface has four open edges, which are returned."""
     (cavity,) = find_cavities(cut(CUBE, [MIDDLE]))
     assert open_edges(cavity.quads).shape == (0, 2)
     leak = open_edges(cavity.quads[1:])
@@ -92,7 +92,7 @@ def test_open_edges_name_the_leak() -> None:
 
 
 def test_faces_are_selected_by_their_vertices() -> None:
-    """Take the 25 quads of one side, looking outward."""
+    """The 25 quads of one side are selected by their vertices and face outward."""
     quads = select_faces(CUBE, Face(Side.X_LOW))
     assert quads.shape == (25, 4)
     corners = CUBE.vertices[quads]

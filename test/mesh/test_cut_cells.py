@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cubes that a surface cuts carry the moments of what is in them; slivers go to their neighbours."""
+"""Cubes cut by a surface have the moments of the material inside; slivers are merged into their neighbours."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RANDOM = np.random.default_rng(5)
 
 
 def inertia(mesh: HexMesh, edge: float) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return volume, centroid and second moments about the origin of what the cells of cubes are filled with."""
+    """Return volume, centroid and second moments about the origin of the material in cubic cells."""
     filling = mesh.filling
     volume = filling.share * edge**3
     centre = mesh.centroids + 0.5 * edge * filling.centre
@@ -32,7 +32,7 @@ def inertia(mesh: HexMesh, edge: float) -> tuple[float, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("flip", [False, True])
 def test_a_box_between_grid_lines_keeps_its_moments(flip: bool) -> None:
-    """Cut a box of 3.3 x 2.6 x 1.7 cubes: volume, centroid and second moments are its own."""
+    """A cut box of 3.3 x 2.6 x 1.7 cubes has its own volume, centroid and second moments."""
     size = np.array([3.3, 2.6, 1.7])
     box = trimesh.creation.box(size)
     if flip:
@@ -45,7 +45,7 @@ def test_a_box_between_grid_lines_keeps_its_moments(flip: bool) -> None:
 
 
 def test_whole_cubes_within_a_cut_mesh_are_exactly_whole() -> None:
-    """Fill a box on the grid's own lines: no cell is cut, and the operators are those of whole cells to the bit."""
+    """A box on grid lines has no cut cell, and its operators have the bits of whole cells."""
     box = trimesh.creation.box((0.03, 0.02, 0.02))
     cut = fill_surface(box.vertices, box.faces, cell=0.01, cells=CutCubes.CUT)
     whole = fill_surface(box.vertices, box.faces, cell=0.01)
@@ -59,7 +59,7 @@ def test_whole_cubes_within_a_cut_mesh_are_exactly_whole() -> None:
 
 
 def test_a_wall_within_one_layer_of_cubes_keeps_its_thickness() -> None:
-    """Cut a plate of 0.37 cubes at the side of a block, square to each axis: the filled fraction is its thickness."""
+    """A plate of 0.37 cubes, square to each axis, at the side of a block has its thickness as filled fraction."""
     for axis in range(3):
         size = np.full(3, 4.0)
         size[axis] = 2.74
@@ -74,7 +74,7 @@ def test_a_wall_within_one_layer_of_cubes_keeps_its_thickness() -> None:
 
 
 def test_slivers_move_to_the_cell_beside_them_with_all_their_moments() -> None:
-    """Cut off 4 % of the last layer: no cell is that thin, and nothing is lost."""
+    """A layer of 4 % of a cell is merged into its neighbour, which keeps the volume and the moments."""
     box = trimesh.creation.box((2.08, 1.0, 1.0))
     shifted = cube_moments(box.vertices + np.array([1.04, 0.5, 0.5]), box.faces, (3, 1, 1))
     assert 0.0 < shifted[2, 0] < LEAST_SHARE
@@ -90,7 +90,7 @@ def test_slivers_move_to_the_cell_beside_them_with_all_their_moments() -> None:
 
 @pytest.mark.parametrize("axis", [0, 2])
 def test_the_second_moment_of_a_circle_is_kept(axis: int) -> None:
-    """Cut a cylinder with 6 cells over its diameter, along and across the columns: within 0.5 %."""
+    """A cut cylinder of 6 cells per diameter has its second moment within 0.5 %, along and across the columns."""
     body = trimesh.creation.cylinder(0.5, 2.0, sections=360)
     if axis == 0:
         body.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
@@ -102,7 +102,7 @@ def test_the_second_moment_of_a_circle_is_kept(axis: int) -> None:
 
 @pytest.mark.parametrize("fineness", [6, 12])
 def test_shares_alone_are_too_stiff_by_what_the_theory_says(fineness: int) -> None:
-    """Weight whole cells by their filled fraction: the second moment of a circle is too large by 2/3 (h / R)^2."""
+    """Whole cells weighted by their filled fraction have a second moment too large by 2/3 (h / R)^2."""
     body, edge = trimesh.creation.cylinder(0.5, 1.0, sections=360), 1.0 / fineness
     mesh = fill_surface(body.vertices, body.faces, cell=edge, cells=CutCubes.CUT)
     second = mesh.filling.share @ (mesh.centroids[:, 0] ** 2 + edge**2 / 12.0) * edge**3
@@ -112,7 +112,7 @@ def test_shares_alone_are_too_stiff_by_what_the_theory_says(fineness: int) -> No
 
 
 def test_operators_of_a_cut_cell_are_those_of_its_box() -> None:
-    """Take gradients, hourglass vectors and strains of a trilinear field from the box within a skewed cell."""
+    """The operators of a skewed cut cell are those of the filled box in it, for a trilinear field."""
     corners = CORNERS @ np.array([[1.0, 0.2, 0.0], [0.0, 0.9, 0.1], [0.1, 0.0, 1.2]])
     cells = np.arange(8, dtype=np.int32)[None]
     filling = Filling(np.array([0.3]), np.array([[0.2, -0.4, 0.1]]), np.array([[0.7, 0.5, 0.8]]))
@@ -130,7 +130,7 @@ def test_operators_of_a_cut_cell_are_those_of_its_box() -> None:
 
 
 def test_weight_and_mass_are_those_of_what_is_filled() -> None:
-    """Weigh a cut ball: total, centre of mass and moments of inertia follow from corners' parts and mass matrix."""
+    """The corner volumes and mass matrix of a cut ball give its volume, centre of mass and moment of inertia."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
     mesh = fill_surface(ball.vertices, ball.faces, cell=0.4, cells=CutCubes.CUT)
     share = corner_volumes(mesh.vertices, mesh.cells, mesh.filling)
@@ -142,7 +142,7 @@ def test_weight_and_mass_are_those_of_what_is_filled() -> None:
 
 
 def test_a_packed_mesh_keeps_its_filling() -> None:
-    """Pack and unpack a cut cylinder to the bit; a mesh without a filling still has none."""
+    """A packed cut cylinder is unpacked to the same bits, and a mesh without a filling has none."""
     body = trimesh.creation.cylinder(0.5, 1.0)
     mesh = fill_surface(body.vertices, body.faces, cell=0.25, cells=CutCubes.CUT)
     again = unpack_mesh(pack_mesh(mesh))
@@ -152,7 +152,7 @@ def test_a_packed_mesh_keeps_its_filling() -> None:
 
 
 def test_a_cavity_that_cut_cells_close_is_named() -> None:
-    """Refuse cut cells that are too large for a cavity which has no empty cube."""
+    """Cut cells too large for a cavity, which has no empty cube, are refused."""
     hollow = trimesh.util.concatenate([trimesh.creation.box((1, 1, 1)), trimesh.creation.box((0.15, 0.15, 0.15))])
     with pytest.raises(MeshError, match="of 1 cavities 0 are left; remedy: a smaller cell"):
         fill_surface(hollow.vertices, hollow.faces, cell=0.1, cells=CutCubes.CUT)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A finger is a bar with notches, tapered."""
+"""A finger is a tapered bar with notches."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SIZE = [0.1, 0.015, 0.018]
 
 
 def test_notches_take_their_volume_from_below() -> None:
-    """Remove joints x gap x width x (height - web), in one sound piece."""
+    """Notches reduce the volume by joints x gap x width x (height - web), and leave one sound piece."""
     mesh = finger(SIZE, joints=3, gap=0.008, web=0.004, cell=0.003)
     report = check_mesh(mesh)
     assert report.defects == []
@@ -27,7 +27,7 @@ def test_notches_take_their_volume_from_below() -> None:
 
 
 def test_taper_scales_the_tip_about_the_axis() -> None:
-    """Halve width and height at the tip; the volume is that of a frustum for tiny notches."""
+    """A taper of one half halves width and height at the tip; with tiny notches the volume is a frustum's."""
     mesh = finger(SIZE, joints=1, gap=1e-9, web=0.004, cell=0.005, taper=0.5)
     tip = mesh.vertices[mesh.vertex_sets["tip"]]
     np.testing.assert_allclose(np.abs(tip[:, 1:]).max(axis=0), [0.00375, 0.0045])
@@ -35,20 +35,20 @@ def test_taper_scales_the_tip_about_the_axis() -> None:
 
 
 def test_sets_are_the_end_faces() -> None:
-    """Agree with the faces of the bounding box."""
+    """The sets are the faces at the ends of the bounding box."""
     mesh = finger(SIZE, joints=2, gap=0.01, web=0.005, cell=0.005, taper=0.8)
     np.testing.assert_array_equal(mesh.vertex_sets["base"], select_vertices(mesh, Face(Side.X_LOW)))
     np.testing.assert_array_equal(mesh.vertex_sets["tip"], select_vertices(mesh, Face(Side.X_HIGH)))
 
 
 def test_cells_are_no_larger_than_asked() -> None:
-    """Keep every edge below the cell size."""
+    """Every edge is shorter than the cell size."""
     mesh = finger(SIZE, joints=2, gap=0.01, web=0.005, cell=0.004)
     assert np.ptp(mesh.vertices[mesh.cells], axis=1).max() <= 0.004 + 1e-12
 
 
 def test_arguments_that_do_not_fit_are_all_named() -> None:
-    """Refuse gaps longer than the finger, a web as high as it, and a taper of zero, at once."""
+    """Gaps longer than the finger, a web as high as it, and a taper of zero are reported together."""
     with pytest.raises(MeshError) as caught:
         finger(SIZE, joints=5, gap=0.03, web=0.02, cell=0.003, taper=0.0)
     assert len(caught.value.defects) == 3

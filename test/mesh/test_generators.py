@@ -12,7 +12,7 @@ from gdfe_ros.mesh.generators import grid
 
 
 def test_bar_numbers_vertices_and_cells_as_documented() -> None:
-    """Place vertex i+(nx+1)(j+(ny+1)k) and cell i+nx(j+ny k) on the grid."""
+    """Vertex i+(nx+1)(j+(ny+1)k) and cell i+nx(j+ny k) are at their places on the grid."""
     nx, ny, nz = 3, 2, 4
     mesh = bar([0.3, 0.2, 0.8], [nx, ny, nz])
     for i, j, k in np.ndindex(nx + 1, ny + 1, nz + 1):
@@ -24,7 +24,7 @@ def test_bar_numbers_vertices_and_cells_as_documented() -> None:
 
 
 def test_bar_uses_the_flat_layout() -> None:
-    """Return C-contiguous float64 and int32 arrays."""
+    """A bar's arrays are C-contiguous float64 and int32."""
     mesh = bar([1, 1, 1], [2, 1, 1])
     assert mesh.vertices.dtype == np.float64
     assert mesh.vertices.flags.c_contiguous
@@ -34,7 +34,7 @@ def test_bar_uses_the_flat_layout() -> None:
 
 
 def test_bar_is_sound_and_has_its_volume() -> None:
-    """Fill length x width x height with boxes."""
+    """A bar is sound and has the volume length x width x height."""
     report = check_mesh(bar([0.5, 0.05, 0.02], [10, 2, 1]))
     assert report.defects == []
     assert report.volume == pytest.approx(0.5 * 0.05 * 0.02, rel=1e-14)
@@ -43,7 +43,7 @@ def test_bar_is_sound_and_has_its_volume() -> None:
 
 
 def test_bar_names_every_bad_argument() -> None:
-    """Refuse negative sizes and counts that are not whole and positive."""
+    """Negative sizes and counts that are not whole and positive are refused, each by name."""
     with pytest.raises(MeshError, match=r"size.*allowed: finite lengths > 0"):
         bar([0.1, -0.1, 0.1], [1, 1, 1])
     with pytest.raises(MeshError, match=r"cells.*whole numbers >= 1"):
@@ -53,7 +53,7 @@ def test_bar_names_every_bad_argument() -> None:
 
 
 def test_grid_has_the_planes_asked_for() -> None:
-    """Mesh a block with uneven planes: every plane, every cell's volume."""
+    """A block with uneven planes has all planes, and every cell its volume."""
     x, y, z = [0.0, 0.1, 0.4], [-0.2, 0.3], [0.0, 0.01, 0.02, 0.1]
     mesh = grid(x, y, z)
     for axis, planes in enumerate((x, y, z)):
@@ -63,7 +63,7 @@ def test_grid_has_the_planes_asked_for() -> None:
 
 
 def test_grid_names_every_bad_argument() -> None:
-    """Refuse a single plane, two at the same place, and one that is no number."""
+    """A single plane, two equal ones, and one that is no number are refused, each by name."""
     with pytest.raises(MeshError) as caught:
         grid([0.0], [0.0, 0.0, 0.1], [0.0, np.nan])
     assert [defect.split(" ")[0] for defect in caught.value.defects] == ["grid.x", "grid.y", "grid.z"]

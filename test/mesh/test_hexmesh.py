@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mesh container converts its arrays and knows its surface."""
+"""The mesh container converts its arrays and finds its surface."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from gdfe_ros.mesh import HexMesh, bar
 
 
 def divergence_volume(mesh: HexMesh) -> float:
-    """Integrate x . n / 3 over the surface, each quad as two triangles (exact for flat quads)."""
+    """Return the integral of x . n / 3 over the surface, each quad as two triangles (exact for flat quads)."""
     a, b, c, d = (mesh.vertices[mesh.surface()[:, i]] for i in range(4))
     return float(sum(np.einsum("ij,ij", p, np.cross(q, r)) for p, q, r in ((a, b, c), (a, c, d))) / 6)
 
 
 def test_surface_faces_outward() -> None:
-    """Recover the volume of a bar from its surface by the divergence theorem."""
+    """The volume of a bar from its surface by the divergence theorem is positive and exact."""
     mesh = bar([0.5, 0.2, 0.1], [5, 3, 2])
     assert divergence_volume(mesh) == pytest.approx(0.5 * 0.2 * 0.1, rel=1e-12)
 
 
 def test_surface_counts_boundary_quads_once() -> None:
-    """Find 2 (ab + bc + ca) quads on an a x b x c grid, each owned by a cell that contains it."""
+    """An a x b x c grid has 2 (ab + bc + ca) boundary quads, each with a cell that contains it."""
     mesh = bar([1, 1, 1], [4, 3, 2])
     quads, cells = mesh.boundary.quads, mesh.boundary.cells
     assert quads.shape == (2 * (12 + 6 + 8), 4)
@@ -32,7 +32,7 @@ def test_surface_counts_boundary_quads_once() -> None:
 
 
 def test_surface_does_not_depend_on_vertex_numbers() -> None:
-    """Permute the vertices and get the same quads renamed."""
+    """After a permutation of the vertices the surface has the same quads."""
     mesh = bar([1, 1, 1], [3, 2, 2])
     new = np.random.default_rng(1).permutation(mesh.n_vertices).astype(np.int32)
     vertices = np.empty_like(mesh.vertices)
@@ -41,14 +41,14 @@ def test_surface_does_not_depend_on_vertex_numbers() -> None:
 
 
 def test_geometry_of_a_bar() -> None:
-    """Give bounds and diagonal in metres."""
+    """A bar's bounds and diagonal are in metres."""
     mesh = bar([3.0, 4.0, 12.0], [1, 1, 1])
     np.testing.assert_array_equal(mesh.bounds, [[0, -2, -6], [3, 2, 6]])
     assert mesh.size == pytest.approx(13.0)
 
 
 def test_arrays_of_another_type_are_converted_and_sets_sorted() -> None:
-    """Accept lists and int64, sort and unify sets."""
+    """Lists and int64 arrays are accepted; sets are sorted and made unique."""
     mesh = bar([1, 1, 1], [2, 1, 1])
     copy = HexMesh(mesh.vertices.tolist(), mesh.cells.astype(np.int64), {"a": np.array([1, 0, 1])})
     assert copy.cells.dtype == np.int32
@@ -56,7 +56,7 @@ def test_arrays_of_another_type_are_converted_and_sets_sorted() -> None:
 
 
 def test_wrong_shapes_are_named_together() -> None:
-    """Say what shapes are allowed for vertices and cells at once."""
+    """Wrong shapes of vertices and cells are reported together with the allowed ones."""
     with pytest.raises(MeshError) as caught:
         HexMesh(np.zeros((4, 2)), np.zeros((1, 4)))
     assert len(caught.value.defects) == 3
@@ -65,5 +65,5 @@ def test_wrong_shapes_are_named_together() -> None:
 
 
 def test_a_mesh_is_printed_in_one_line() -> None:
-    """Print a mesh: kinds, counts and size, and none of its arrays."""
+    """A mesh is printed in one line with kinds, counts and size, without its arrays."""
     assert repr(bar([0.5, 0.2, 0.1], [5, 3, 2])) == "HexMesh(30 cells, 72 vertices, 0.5 x 0.2 x 0.1 m)"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hexahedral meshes come in from files with their sets; broken files get clear messages."""
+"""Hexahedral meshes are read from files with their sets; broken files give clear messages."""
 
 from __future__ import annotations
 
@@ -111,20 +111,20 @@ def write(path: Path, mesh: HexMesh = BAR, **extra: object) -> Path:
 
 
 def assert_bar(mesh: HexMesh) -> None:
-    """Compare with the bar that was written."""
+    """Require that a mesh is the bar that was written."""
     np.testing.assert_allclose(mesh.vertices, BAR.vertices, atol=1e-9)
     np.testing.assert_array_equal(mesh.cells, BAR.cells)
 
 
 @pytest.mark.parametrize("name", ["bar.vtk", "bar.vtu", "bar.inp"])
 def test_vertices_and_cells_survive_a_file(tmp_path: Path, name: str) -> None:
-    """Read back what meshio wrote, in the same order."""
+    """Vertices and cells are read back in the order in which meshio wrote them."""
     assert_bar(read_mesh(write(tmp_path / name)))
 
 
 @pytest.mark.parametrize("name", ["bar.vtk", "bar.vtu"])
 def test_whole_number_data_become_sets(tmp_path: Path, name: str) -> None:
-    """Make region_1, region_2 of cell data and grip_1 of point data; leave real numbers alone."""
+    """Whole-number cell data become sets region_1, region_2, point data grip_1; real numbers do not."""
     region = np.full(BAR.n_cells, 2)
     region[LEFT] = 1
     grip = np.zeros(BAR.n_vertices, dtype=int)
@@ -142,7 +142,7 @@ def test_whole_number_data_become_sets(tmp_path: Path, name: str) -> None:
 
 
 def test_physical_groups_of_gmsh_2_become_sets(tmp_path: Path) -> None:
-    """Name volumes by their physical name, faces as vertex sets, and unnamed groups by number."""
+    """Gmsh 2's volumes become sets by physical name, faces vertex sets, and unnamed groups have their number."""
     region = np.full(BAR.n_cells, 2)
     region[LEFT] = 1
     quads = BAR.surface()[np.isin(BAR.surface(), GRIP).all(axis=1)]
@@ -162,7 +162,7 @@ def test_physical_groups_of_gmsh_2_become_sets(tmp_path: Path) -> None:
 
 
 def test_physical_groups_of_gmsh_4_become_sets(tmp_path: Path) -> None:
-    """Take an entity in two groups into both sets."""
+    """An entity in two physical groups of Gmsh 4 is in both sets."""
     (tmp_path / "two.msh").write_text(MSH41)
     mesh = read_mesh(tmp_path / "two.msh")
     assert {name: ids.tolist() for name, ids in mesh.cell_sets.items()} == {"soft": [0], "all": [0, 1]}
@@ -170,7 +170,7 @@ def test_physical_groups_of_gmsh_4_become_sets(tmp_path: Path) -> None:
 
 
 def test_abaqus_sets_become_sets_and_unused_nodes_go(tmp_path: Path) -> None:
-    """Read element sets, node sets with generate, and drop the node that no element uses."""
+    """Abaqus element sets, and node sets with generate, are read; a node without an element is dropped."""
     (tmp_path / "two.inp").write_text(INP)
     mesh = read_mesh(tmp_path / "two.inp")
     assert mesh.n_vertices == 12
@@ -179,14 +179,14 @@ def test_abaqus_sets_become_sets_and_unused_nodes_go(tmp_path: Path) -> None:
 
 
 def test_millimetres_are_scaled(tmp_path: Path) -> None:
-    """Read a bar of 200 mm with scale 0.001."""
+    """A bar of 200 mm is read with scale 0.001."""
     path = write(tmp_path / "bar.vtu", HexMesh(BAR.vertices * 1000, BAR.cells))
     assert_bar(read_mesh(path, scale=0.001))
     assert read_mesh(path, scale=1.0).size == pytest.approx(BAR.size * 1000)
 
 
 def test_coincident_vertices_are_merged_on_request(tmp_path: Path) -> None:
-    """Sew two bars together at their common face."""
+    """On request, two bars are merged at their common face."""
     two = HexMesh(
         np.vstack([BAR.vertices, BAR.vertices + np.array([0.2, 0, 0])]), np.vstack([BAR.cells, BAR.cells + 45])
     )
@@ -197,7 +197,7 @@ def test_coincident_vertices_are_merged_on_request(tmp_path: Path) -> None:
 
 
 def test_second_order_hexahedra_give_their_corners_on_request(tmp_path: Path) -> None:
-    """Take the eight corners and drop the middle nodes."""
+    """On request, second-order hexahedra are reduced to their eight corners."""
     middles = np.linspace(0, 0.01, 36).reshape(12, 3)
     vertices, cell = np.vstack([BAR.vertices[BAR.cells[0]], middles]), np.arange(20)[None]
     meshio.Mesh(vertices, [("hexahedron20", cell)]).write(tmp_path / "second.vtu")
@@ -221,7 +221,7 @@ def surface(path: Path) -> None:
 
 
 def moved(change: object) -> object:
-    """Write the bar after a change of its vertices or cells."""
+    """Write the bar with changed vertices or cells."""
 
     def make(path: Path) -> None:
         vertices, cells = BAR.vertices.copy(), BAR.cells.copy()
@@ -270,7 +270,7 @@ BROKEN = [
 
 @pytest.mark.parametrize(("name", "make", "expected"), BROKEN)
 def test_broken_files_get_clear_messages(tmp_path: Path, capfd: object, name: str, make: object, expected: str) -> None:
-    """Say in one line what is wrong and what to do; the reader itself prints nothing."""
+    """A broken file gives one line with the defect and a remedy, and the reader itself prints nothing."""
     make(tmp_path / name)
     capfd.readouterr()
     with pytest.raises(MeshError) as caught:
@@ -282,7 +282,7 @@ def test_broken_files_get_clear_messages(tmp_path: Path, capfd: object, name: st
 
 
 def test_several_defects_of_one_file_are_named_together(tmp_path: Path) -> None:
-    """Find millimetres, an inverted cell and twins in one file, and still return what there is."""
+    """Millimetres, an inverted cell and duplicate vertices in one file are reported together, with the mesh."""
     cells = np.vstack([BAR.cells, BAR.cells[:1] + 45])
     cells[4] = cells[4, [4, 5, 6, 7, 0, 1, 2, 3]]
     vertices = np.vstack([BAR.vertices, BAR.vertices[BAR.cells[0]].repeat(6, axis=0)[:45]]) * 1000
@@ -298,7 +298,7 @@ def test_several_defects_of_one_file_are_named_together(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "text"), [("cut.msh", MSH41), ("cut.inp", INP)])
 def test_a_file_cut_off_anywhere_gives_a_mesh_or_a_mesh_error(tmp_path: Path, name: str, text: str) -> None:
-    """Cut the text at many places: no other exception ever comes out."""
+    """A file cut off anywhere gives a mesh or a MeshError, and no other exception."""
     outcomes = set()
     for length in range(0, len(text), 3):
         (tmp_path / name).write_text(text[:length])

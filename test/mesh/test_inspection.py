@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inspection tells what is in a file and raises nothing."""
+"""Inspection reports a file's content and raises nothing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gdfe_ros.mesh.units import guess_unit, unit_defects
 
 
 def test_a_hollow_block_is_described(tmp_path: Path) -> None:
-    """Report counts, bounds, quality and the cavity."""
+    """The report of a hollow block has counts, bounds, quality and the cavity."""
     body = cut(bar([0.05, 0.05, 0.05], [5, 5, 5]), [BoxSelection((0.01, 0.04), (-0.015, 0.015), (-0.015, 0.015))])
     meshio.Mesh(body.vertices, [("hexahedron", body.cells)]).write(tmp_path / "block.vtu")
     found = inspect_file(tmp_path / "block.vtu")
@@ -32,7 +32,7 @@ def test_a_hollow_block_is_described(tmp_path: Path) -> None:
 
 
 def test_defects_are_findings(tmp_path: Path) -> None:
-    """Return the defects of a file in millimetres, of an open surface and of no file at all."""
+    """Defects are reported for a file in millimetres, an open surface and a missing file."""
     body = bar([200, 50, 50], [4, 1, 1])
     meshio.Mesh(body.vertices, [("hexahedron", body.cells)]).write(tmp_path / "mm.vtu")
     found = inspect_file(tmp_path / "mm.vtu")
@@ -45,7 +45,7 @@ def test_defects_are_findings(tmp_path: Path) -> None:
 
 
 def test_a_surface_is_described(tmp_path: Path) -> None:
-    """Count bodies and cavities of an STL and propose a first cell."""
+    """The report of an STL file has its bodies and cavities, and a suggested cell size."""
     box, ball = trimesh.creation.box((0.1, 0.06, 0.04)), trimesh.creation.icosphere(radius=0.012)
     trimesh.util.concatenate([box, ball]).export(tmp_path / "a.stl")
     facts = dict(inspect_file(tmp_path / "a.stl").facts)
@@ -55,12 +55,12 @@ def test_a_surface_is_described(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("size", "unit"), [(0.1, "m"), (1.0, "m"), (80.0, "mm"), (300.0, "mm"), (1e5, "um")])
 def test_the_unit_is_guessed_from_the_size(size: float, unit: str) -> None:
-    """Take the unit that makes the body as large as a hand."""
+    """The guessed unit is the one that makes the body as large as a hand."""
     assert guess_unit(size) == unit
 
 
 def test_a_stated_scale_silences_the_guess() -> None:
-    """Complain about 80 without a scale, not with one."""
+    """A size of 80 gives a warning without a scale, and none with one."""
     assert unit_defects(80.0, None)
     assert not unit_defects(80.0, 1.0)
     assert not unit_defects(0.08, None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reflection of a mesh."""
+"""Reflection of meshes."""
 
 from pathlib import Path
 
@@ -35,7 +35,7 @@ program:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_reflected_mesh_is_sound(axis: int) -> None:
-    """Cells keep their volumes, faces look outwards, and two reflections are none."""
+    """Reflected cells keep their volumes, faces look outward, and two reflections give the first mesh."""
     mesh = finger((0.1, 0.02, 0.02), joints=2, gap=0.004, web=0.005, cell=0.005, taper=0.7)
     other = mirrored(mesh, axis)
     assert not check_mesh(other).defects
@@ -51,7 +51,7 @@ def test_a_reflected_mesh_is_sound(axis: int) -> None:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_reflected_tetrahedra_are_sound(axis: int) -> None:
-    """Nodes of edges stay on their edges, no cell is inverted, and two reflections are none."""
+    """Reflected tetrahedra keep edge nodes on their edges and no cell is inverted; two reflections give the first."""
     mesh = divided(bar((0.1, 0.02, 0.03), (4, 2, 2)))
     other = mirrored(mesh, axis)
     assert not check_mesh(other).defects
@@ -71,7 +71,7 @@ def hand(tmp_path: Path) -> Path:
 
 
 def test_mirrored_loads_give_mirrored_shapes(hand: Path) -> None:
-    """A part and its image, under loads that are images, deform into images; skins and cut cells included."""
+    """A part and its mirror image, under mirrored loads, deform into mirror images, also with skins and cut cells."""
     simulation = Simulation(load_scene(hand))
     result = list(simulation.play())[-1]
     assert result.converged
@@ -85,7 +85,7 @@ def test_mirrored_loads_give_mirrored_shapes(hand: Path) -> None:
 
 
 def test_a_flange_of_two_parts_turns_as_one(hand: Path) -> None:
-    """One handle holds both roots: a turn by 90 degrees about its middle turns everything, without strain."""
+    """A handle that holds both roots turns everything by 90 degrees about its centre, without strain."""
     keys = [{"time": 0}, {"time": 1, "rotation_deg": [90, 0, 0]}]
     turn = {"loads": {}, "program": {"duration": 1.0, "handles": {"flange": keys}}}
     simulation = Simulation(load_scene(hand, overrides=turn))
@@ -98,7 +98,7 @@ def test_a_flange_of_two_parts_turns_as_one(hand: Path) -> None:
 
 
 def test_a_bag_keeps_the_reflection(hand: Path) -> None:
-    """The scene's own text gives the same mesh without the files."""
+    """A reflected mesh from the scene's own text, without files, is the same."""
     scene = load_scene(hand)
     (hand.parent / "part.stl").unlink()
     again = scene_from_text(scene.source)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shape operators of general hexahedra: exact averages, modes that no linear field sees, symmetries."""
+"""Shape operators of general hexahedra: exact averages, hourglass modes without linear fields, symmetries."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ SHEARED = CUBE @ np.array([[2.0, 0.3, 0.1], [0.0, 1.0, 0.4], [0.0, 0.0, 0.5]])
 
 
 def distorted(seed: int = 0) -> NDArray[np.float64]:
-    """Return a unit cube whose corners are moved at random by up to 0.2."""
+    """Return a unit cube whose corners are displaced at random by up to 0.2."""
     return CUBE + np.random.default_rng(seed).uniform(-0.2, 0.2, (8, 3))
 
 
 def operators(corners: NDArray[np.float64]) -> ShapeOperators:
-    """Return the operators of one element."""
+    """Return the operators of one element with these corners."""
     return shape_operators(np.ascontiguousarray(corners), CELL)
 
 
 def gauss_average(corners: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Return the volume and the mean shape gradients (8, 3) with 4 x 4 x 4 points, by differences of the shapes."""
+    """Return the volume and the mean shape gradients (8, 3) by 4 x 4 x 4 points and differences of the shapes."""
     points, weights = np.polynomial.legendre.leggauss(4)
     volume, total = 0.0, np.zeros((8, 3))
     for index in np.ndindex(4, 4, 4):
@@ -44,7 +44,7 @@ def gauss_average(corners: NDArray[np.float64]) -> tuple[float, NDArray[np.float
 
 @pytest.mark.parametrize("seed", range(5))
 def test_averages_are_exact_on_distorted_elements(seed: int) -> None:
-    """Compare volume and mean gradient with twice as many integration points."""
+    """Volume and mean gradient equal those with twice as many integration points."""
     corners = distorted(seed)
     found = operators(corners)
     volume, gradient = gauss_average(corners)
@@ -54,7 +54,7 @@ def test_averages_are_exact_on_distorted_elements(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_gradient_is_the_slope_of_the_volume(seed: int) -> None:
-    """Move each corner: V g_a is the derivative of the volume to its position (Flanagan and Belytschko)."""
+    """V g_a is the derivative of the volume with respect to corner a (Flanagan and Belytschko)."""
     corners, step = distorted(seed), 1e-5
     found = operators(corners)
     for corner in np.ndindex(8, 3):
@@ -66,7 +66,7 @@ def test_gradient_is_the_slope_of_the_volume(seed: int) -> None:
 
 @pytest.mark.parametrize("corners", [CUBE, SHEARED, distorted()], ids=["cube", "sheared", "distorted"])
 def test_mean_gradient_of_a_linear_field_is_exact(corners: NDArray[np.float64]) -> None:
-    """Map the element by any F: sum_a x_a (x) g_a gives F back."""
+    """For a linear field with gradient F, sum_a x_a (x) g_a is F."""
     gradient = np.random.default_rng(1).normal(size=(3, 3))
     moved = corners @ gradient.T + np.array([3.0, -2.0, 1.0])
     np.testing.assert_allclose(moved.T @ operators(corners).gradient[0], gradient, atol=1e-12)
@@ -74,7 +74,7 @@ def test_mean_gradient_of_a_linear_field_is_exact(corners: NDArray[np.float64]) 
 
 @pytest.mark.parametrize("corners", [CUBE, SHEARED, distorted()], ids=["cube", "sheared", "distorted"])
 def test_hourglass_vectors_ignore_linear_fields(corners: NDArray[np.float64]) -> None:
-    """Multiply with a constant and with the coordinates: zero; the vectors are units and span four modes."""
+    """Hourglass vectors are zero for constant and linear fields, are unit vectors, and span four modes."""
     vectors = operators(corners).hourglass[0]
     np.testing.assert_allclose(vectors @ np.ones(8), 0.0, atol=1e-14)
     np.testing.assert_allclose(vectors @ corners, 0.0, atol=1e-13)
@@ -83,7 +83,7 @@ def test_hourglass_vectors_ignore_linear_fields(corners: NDArray[np.float64]) ->
 
 
 def test_gradient_and_hourglass_vectors_span_all_that_deforms() -> None:
-    """Put constant, gradients and hourglass vectors together: they are a basis of the eight corners."""
+    """The constant, the gradients and the hourglass vectors are a basis for the values at eight corners."""
     found = operators(distorted())
     basis = np.vstack([np.ones(8), found.gradient[0].T, found.hourglass[0]])
     assert np.linalg.matrix_rank(basis) == 8
@@ -91,12 +91,12 @@ def test_gradient_and_hourglass_vectors_span_all_that_deforms() -> None:
 
 @pytest.mark.parametrize("corners", [CUBE, SHEARED], ids=["cube", "sheared"])
 def test_hourglass_vectors_of_a_parallelepiped_are_the_modes(corners: NDArray[np.float64]) -> None:
-    """Take a parallelepiped: the vectors are the sign patterns over sqrt 8."""
+    """The hourglass vectors of a parallelepiped are the sign patterns over sqrt 8."""
     np.testing.assert_allclose(operators(corners).hourglass[0], MODES / np.sqrt(8.0), atol=1e-15)
 
 
 def test_modes_lack_the_axis_that_they_are_named_after() -> None:
-    """Walk along axis i: mode i does not change, the others flip their sign."""
+    """Mode i does not change along axis i, and the other modes change their sign."""
     for axis in range(3):
         partner = [int(np.flatnonzero((other == corner).all(axis=1))[0]) for other, corner in _mirrored(axis)]
         np.testing.assert_array_equal(MODES[axis][partner], MODES[axis])
@@ -111,7 +111,7 @@ def _mirrored(axis: int) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def test_edges_of_a_box() -> None:
-    """Take a box of 4 x 2 x 1: its edges lie along the axes and have these lengths."""
+    """The edges of a box of 4 x 2 x 1 are along the axes and have these lengths."""
     found = operators(CUBE * (4.0, 2.0, 1.0))
     np.testing.assert_allclose(found.edge_axes[0], np.eye(3), atol=1e-15)
     np.testing.assert_allclose(found.edge_lengths[0], (4.0, 2.0, 1.0))
@@ -120,7 +120,7 @@ def test_edges_of_a_box() -> None:
 
 
 def test_edges_turn_with_the_element() -> None:
-    """Turn a sheared element: the directions turn along, the lengths stay."""
+    """The edge directions of a rotated sheared element rotate with it, and the lengths stay."""
     turn = Rotation.from_rotvec([0.3, 1.0, -0.7]).as_matrix()
     here, there = operators(SHEARED), operators(SHEARED @ turn.T)
     np.testing.assert_allclose(there.edge_axes[0], here.edge_axes[0] @ turn.T, atol=1e-14)
@@ -133,20 +133,20 @@ def test_edges_turn_with_the_element() -> None:
     ids=["cube", "sheared", "far-away", "distorted"],
 )
 def test_parallelepipeds_are_recognised(corners: NDArray[np.float64], parallel: bool) -> None:
-    """Tell elements that sign patterns describe from those that they do not."""
+    """Parallelepipeds, for which the sign patterns are exact, are recognised, other elements are not."""
     assert bool(operators(corners).parallel[0]) is parallel
 
 
 @pytest.mark.parametrize("bump", [1e-3, 1e-6])
 def test_a_small_bump_makes_a_general_element(bump: float) -> None:
-    """Move one corner by a millionth of the edge: no parallelepiped any more."""
+    """With one corner moved by a millionth of the edge, an element is no parallelepiped."""
     corners = CUBE.copy()
     corners[6, 0] += bump
     assert not operators(corners).parallel[0]
 
 
 def test_operators_scale_with_the_element() -> None:
-    """Make the element 1000 times smaller: volume by the cube, gradient by the inverse, hourglass not at all."""
+    """In an element 1000 times smaller, the volume scales by the cube, the gradient by the inverse, hourglass not."""
     here, there = operators(distorted()), operators(1e-3 * distorted())
     assert there.volume[0] == pytest.approx(1e-9 * here.volume[0], rel=1e-12)
     np.testing.assert_allclose(there.gradient, 1e3 * here.gradient, rtol=1e-10)
@@ -155,7 +155,7 @@ def test_operators_scale_with_the_element() -> None:
 
 
 def test_renumbering_vertices_changes_nothing() -> None:
-    """Shuffle the vertices of a bar: each element keeps its operators, bit by bit."""
+    """Renumbering a bar's vertices leaves each element's operators unchanged bit by bit."""
     mesh = bar([0.3, 0.2, 0.1], [3, 2, 1])
     order = np.random.default_rng(0).permutation(mesh.n_vertices)
     inverse = np.argsort(order)
@@ -166,7 +166,7 @@ def test_renumbering_vertices_changes_nothing() -> None:
 
 
 def test_volumes_fill_the_bar() -> None:
-    """Sum the volumes of a distorted bar whose surface is straight: the volume of the bar."""
+    """The cell volumes of a distorted bar with a straight surface sum to the bar's volume."""
     mesh = bar([0.3, 0.2, 0.2], [3, 3, 3])
     inside = np.setdiff1d(np.arange(mesh.n_vertices), mesh.surface())
     vertices = mesh.vertices.copy()
@@ -175,7 +175,7 @@ def test_volumes_fill_the_bar() -> None:
 
 
 def test_arrays_suit_the_kernels() -> None:
-    """Check types and layout: float64 and int32, C-contiguous, one row an element."""
+    """The operators' arrays are float64 and int32, C-contiguous, with one row per element."""
     mesh = bar([0.3, 0.2, 0.1], [3, 2, 1])
     found = shape_operators(mesh.vertices, mesh.cells)
     assert found.cells.dtype == np.int32

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A mesh survives as text, bit by bit."""
+"""A mesh packed as text is unpacked bit by bit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MESH = sphere(0.01, 0.02, [3, 2])
 
 
 def test_a_packed_mesh_is_the_same_mesh() -> None:
-    """Compare vertices, cells and sets, with names of all sorts."""
+    """Vertices, cells and sets are unpacked unchanged, with names of all sorts."""
     named = HexMesh(MESH.vertices, MESH.cells, {"a/b é": np.array([1, 2])}, MESH.vertex_sets)
     copy = unpack_mesh(pack_mesh(named))
     np.testing.assert_array_equal(copy.vertices, named.vertices)
@@ -25,12 +25,12 @@ def test_a_packed_mesh_is_the_same_mesh() -> None:
 
 
 def test_packing_is_deterministic() -> None:
-    """Give the same text each time."""
+    """Packing a mesh twice gives the same text."""
     assert pack_mesh(MESH) == pack_mesh(MESH)
 
 
 @pytest.mark.parametrize("text", ["", "xx", "AAAA", "é", pack_mesh(MESH)[:-400], pack_mesh(MESH)[400:]])
 def test_damaged_text_is_refused(text: str) -> None:
-    """Name the embedded mesh and the remedy."""
+    """Damaged text is refused with the embedded mesh and a remedy."""
     with pytest.raises(MeshError, match=r"the embedded mesh.*\n.*damaged"):
         unpack_mesh(text)

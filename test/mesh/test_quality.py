@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The quality check measures known shapes and names every defect with its ids."""
+"""The quality check measures known shapes and reports every defect with its ids."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from gdfe_ros.mesh.shape import cell_volumes, scaled_jacobians
 
 
 def cube(vertices: np.ndarray | None = None) -> HexMesh:
-    """Return one unit cube, possibly with other vertices."""
+    """Return one unit cube, or one with other vertices."""
     mesh = bar([1, 1, 1], [1, 1, 1])
     return HexMesh(mesh.vertices if vertices is None else vertices, mesh.cells)
 
 
 def test_scaled_jacobian_of_a_sheared_cube() -> None:
-    """Shear by an angle a: every corner has 1 / sqrt(1 + s^2)."""
+    """After a shear s every corner of a cube has the scaled Jacobian 1 / sqrt(1 + s^2)."""
     vertices = cube().vertices.copy()
     vertices[:, 0] += 0.75 * vertices[:, 2]
     assert scaled_jacobians(cube(vertices))[0] == pytest.approx(1 / np.hypot(1, 0.75))
 
 
 def test_volume_of_an_affine_map_is_its_determinant() -> None:
-    """Map a cube by a random matrix; the volume is the determinant, with its sign."""
+    """The volume of a unit cube under a linear map is the determinant, with its sign."""
     matrix = np.random.default_rng(2).normal(size=(3, 3))
     assert cell_volumes(cube(cube().vertices @ matrix.T))[0] == pytest.approx(np.linalg.det(matrix))
 
 
 def test_volume_of_a_frustum_is_exact() -> None:
-    """Taper a cube to half its section: h (a^2 + a b + b^2) / 3."""
+    """The volume of a frustum is exact: h (a^2 + a b + b^2) / 3."""
     vertices = cube().vertices.copy()
     vertices[vertices[:, 2] > 0, :2] = 0.5 * (vertices[vertices[:, 2] > 0, :2])
     assert cell_volumes(cube(vertices))[0] == pytest.approx((1 + 0.5 + 0.25) / 3)
 
 
 def test_volumes_of_a_distorted_mesh_add_up() -> None:
-    """Move inner vertices at random: the volume of the body stays."""
+    """With inner vertices moved at random, the cell volumes sum to the same total."""
     mesh = bar([1, 1, 1], [3, 3, 3])
     vertices = mesh.vertices.copy()
     inner = np.setdiff1d(np.arange(mesh.n_vertices), mesh.surface())
@@ -50,7 +50,7 @@ def test_volumes_of_a_distorted_mesh_add_up() -> None:
 
 
 def test_quality_does_not_depend_on_scale() -> None:
-    """Find a micrometre bar and a kilometre bar equally sound."""
+    """A micrometre bar and a kilometre bar have the same quality."""
     for scale in (1e-6, 1e3):
         report = check_mesh(bar([4 * scale, scale, scale], [4, 1, 1]))
         assert report.defects == []
@@ -58,7 +58,7 @@ def test_quality_does_not_depend_on_scale() -> None:
 
 
 def test_every_kind_of_defect_of_one_mesh_is_listed() -> None:
-    """Name an inverted cell, a flat cell, an unused vertex and twins in one report."""
+    """An inverted cell, a flat cell, an unused vertex and duplicate vertices are in one report."""
     mesh = bar([4, 1, 1], [4, 1, 1])
     cells = mesh.cells.copy()
     cells[1] = cells[1][[4, 5, 6, 7, 0, 1, 2, 3]]
@@ -74,14 +74,14 @@ def test_every_kind_of_defect_of_one_mesh_is_listed() -> None:
 
 
 def test_a_folded_cell_is_told_from_an_inverted_one() -> None:
-    """Push one corner through the cell: positive volume, negative corner."""
+    """A cell with one corner pushed through it is reported as folded: positive volume, negative corner."""
     vertices = cube().vertices.copy()
     vertices[0] += 0.8
     assert "folded at a corner" in check_mesh(cube(vertices)).defects[0]
 
 
 def test_a_mesh_that_is_inside_out_as_a_whole_gets_one_remedy() -> None:
-    """Say once to swap the two layers."""
+    """A mesh with every cell inverted gives one remedy: swap the two layers of vertices."""
     mesh = bar([1, 1, 1], [2, 2, 2])
     flipped = HexMesh(mesh.vertices, mesh.cells[:, [4, 5, 6, 7, 0, 1, 2, 3]])
     assert check_mesh(flipped).defects == [
@@ -99,7 +99,7 @@ def test_a_mesh_that_is_inside_out_as_a_whole_gets_one_remedy() -> None:
     ],
 )
 def test_broken_arrays_are_named(change: object, expected: str) -> None:
-    """Name NaN, ids out of range, repeated vertices and repeated cells with their ids."""
+    """NaN, ids out of range, repeated vertices and repeated cells are reported with their ids."""
     mesh = bar([2, 1, 1], [2, 1, 1])
     vertices, cells = mesh.vertices.copy(), mesh.cells.copy()
     change(vertices, cells)
@@ -108,7 +108,7 @@ def test_broken_arrays_are_named(change: object, expected: str) -> None:
 
 
 def test_three_cells_on_one_face_are_a_defect() -> None:
-    """Find a third cell that shares a face with two others."""
+    """A third cell on a face of two others is reported."""
     mesh = bar([2, 1, 1], [2, 1, 1])
     extra = mesh.cells[1].copy()
     extra[[1, 2, 5, 6]] = [12, 13, 14, 15]
@@ -120,7 +120,7 @@ def test_three_cells_on_one_face_are_a_defect() -> None:
 
 
 def test_disconnected_parts_are_counted_and_no_defect() -> None:
-    """Number two separate bars as two parts."""
+    """Two separate bars are counted as two parts and are no defect."""
     one, two = bar([1, 1, 1], [1, 1, 1]), bar([1, 1, 1], [2, 1, 1])
     mesh = HexMesh(
         np.vstack([one.vertices, two.vertices + 5.0]),
@@ -133,7 +133,7 @@ def test_disconnected_parts_are_counted_and_no_defect() -> None:
 
 
 def test_long_lists_of_ids_are_cut() -> None:
-    """Show ten ids and count the rest."""
+    """Of a long list of ids ten are printed, and the number of the others."""
     mesh = bar([1, 1, 1], [1, 1, 1])
     vertices = np.vstack([mesh.vertices, np.arange(90).reshape(30, 3) + 10.0])
     assert "30 vertices that no cell uses: 8, 9, 10, 11, 12, 13, 14, 15, 16, 17 and 20 more" in str(
@@ -142,7 +142,7 @@ def test_long_lists_of_ids_are_cut() -> None:
 
 
 def test_coincident_pairs_agree_with_all_pairs() -> None:
-    """Find the same pairs as the distance matrix does."""
+    """The coincident pairs are those found by the distance matrix."""
     points = np.random.default_rng(4).integers(0, 6, (150, 3)) * 0.1
     distance = np.linalg.norm(points[:, None] - points[None], axis=2)
     expected = {(i, j) for i, j in np.argwhere(distance <= 1e-9) if i < j}
@@ -150,7 +150,7 @@ def test_coincident_pairs_agree_with_all_pairs() -> None:
 
 
 def test_require_sound_raises_with_all_defects() -> None:
-    """Raise MeshError that carries the list and the name of the mesh."""
+    """A mesh with defects raises MeshError with all of them and the mesh's name."""
     mesh = bar([1, 1, 1], [1, 1, 1])
     with pytest.raises(MeshError, match=r"my.msh: 1 defect"):
         require_sound(HexMesh(np.vstack([mesh.vertices, [7, 7, 7]]), mesh.cells), "my.msh")

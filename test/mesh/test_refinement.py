@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surfaces with shorter edges: as large, as closed, and no more triangles than are needed."""
+"""Refinement of a surface to shorter edges: the same area, closed, and without needless triangles."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SURFACES: dict[str, Callable[[], trimesh.Trimesh]] = {
 
 @pytest.mark.parametrize("make", SURFACES.values(), ids=SURFACES)
 def test_it_is_the_same_surface(make: Callable[[], trimesh.Trimesh]) -> None:
-    """Refine: closed as before, facing the same direction, of the same area and volume, old points first."""
+    """A refined surface is closed, with the same orientation, area and volume, and the old points first."""
     surface = make()
     points, triangles = refine(np.array(surface.vertices), np.array(surface.faces), LONGEST)
     fine = trimesh.Trimesh(points, triangles, process=False)
@@ -34,7 +34,7 @@ def test_it_is_the_same_surface(make: Callable[[], trimesh.Trimesh]) -> None:
 
 @pytest.mark.parametrize("make", SURFACES.values(), ids=SURFACES)
 def test_no_edge_is_much_longer(make: Callable[[], trimesh.Trimesh]) -> None:
-    """Refine: no edge is longer than twice the length that was asked for."""
+    """No refined edge is longer than twice the given length."""
     surface = make()
     points, triangles = refine(np.array(surface.vertices), np.array(surface.faces), LONGEST)
     fine = trimesh.Trimesh(points, triangles, process=False)
@@ -44,14 +44,14 @@ def test_no_edge_is_much_longer(make: Callable[[], trimesh.Trimesh]) -> None:
 
 @pytest.mark.parametrize("width", [1e-5, 5e-4, 1.9e-3])
 def test_a_thin_facet_becomes_a_strip(width: float) -> None:
-    """Refine a facet of two slender triangles: as many across as its length asks for, not a power of that."""
+    """A facet of two slender triangles becomes one strip, with triangles in proportion to its length."""
     corners = np.array([[0.0, 0.0, 0.0], [0.12, 0.0, 0.0], [0.12, width, 0.0], [0.0, width, 0.0]])
     _, triangles = refine(corners, np.array([[0, 1, 2], [0, 2, 3]]), LONGEST)
     assert len(triangles) == 2 * (64 + 64 - 1)
 
 
 def test_short_edges_stay() -> None:
-    """Refine what is fine enough: nothing changes."""
+    """A surface with short edges is unchanged."""
     box = trimesh.creation.box((0.001, 0.001, 0.001))
     points, triangles = refine(np.array(box.vertices), np.array(box.faces), LONGEST)
     np.testing.assert_array_equal(points, box.vertices)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Round bodies are sound, have their volume in the limit, and carry their sets."""
+"""Round bodies are sound, converge to their volume, and have their sets."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def sound_volume(mesh: HexMesh) -> float:
     ],
 )
 def test_volumes_converge_with_order_two(make: object, exact: float) -> None:
-    """Halve the cells around twice: the error falls by four each time."""
+    """Halving the cells around, twice, reduces the volume error to a quarter each time."""
     errors = np.array([exact - sound_volume(make(n)) for n in (8, 16, 32)])
     assert (abs(np.log2(errors[:-1] / errors[1:]) - 2) < 0.1).all()
 
 
 @pytest.mark.parametrize("around", [4, 8, 24])
 def test_a_capped_tube_encloses_one_chamber(around: int) -> None:
-    """Find the chamber between the caps; nothing else is hollow."""
+    """A capped tube has one cavity, between the caps."""
     mesh = tube(0.01, 0.02, 0.1, [2, around, 6], cap=0.01, cap_cells=2)
     (cavity,) = find_cavities(mesh)
     polygon = around / 2 * np.sin(2 * np.pi / around)
@@ -48,7 +48,7 @@ def test_a_capped_tube_encloses_one_chamber(around: int) -> None:
 
 
 def test_sets_of_a_tube_lie_where_they_should() -> None:
-    """Put inner and outer on their radii, start and end on their planes."""
+    """A tube's inner and outer sets are on their radii, start and end on their planes."""
     mesh = tube(0.01, 0.02, 0.1, [2, 12, 5])
     radius = np.hypot(*mesh.vertices[:, 1:].T)
     np.testing.assert_allclose(radius[mesh.vertex_sets["inner"]], 0.01)
@@ -58,7 +58,7 @@ def test_sets_of_a_tube_lie_where_they_should() -> None:
 
 
 def test_sets_of_an_arc_are_its_ends() -> None:
-    """Start on the x axis, end on the y axis for 90 degrees."""
+    """An arc of 90 degrees starts on the x axis and ends on the y axis."""
     mesh = ring(0.05, [0.01, 0.02], [2, 9, 3], angle=90)
     np.testing.assert_allclose(mesh.vertices[mesh.vertex_sets["start"], 1], 0, atol=1e-17)
     np.testing.assert_allclose(mesh.vertices[mesh.vertex_sets["end"], 0], 0, atol=1e-17)
@@ -66,7 +66,7 @@ def test_sets_of_an_arc_are_its_ends() -> None:
 
 
 def test_round_bodies_do_not_depend_on_scale() -> None:
-    """Merge the seam of a tube of micrometres just as well."""
+    """The seam of a tube of micrometres is merged."""
     small, large = tube(1e-6, 2e-6, 5e-6, [2, 8, 3], cap=1e-6), tube(1.0, 2.0, 5.0, [2, 8, 3], cap=1.0)
     np.testing.assert_array_equal(small.cells, large.cells)
     assert {k: len(v) for k, v in small.vertex_sets.items()} == {k: len(v) for k, v in large.vertex_sets.items()}
@@ -84,7 +84,7 @@ def test_round_bodies_do_not_depend_on_scale() -> None:
     ],
 )
 def test_arguments_that_do_not_fit_are_all_named(make: object, defects: int) -> None:
-    """List every bad argument with what is allowed."""
+    """All bad arguments are reported together with what is allowed."""
     with pytest.raises(MeshError) as caught:
         make()
     assert len(caught.value.defects) == defects

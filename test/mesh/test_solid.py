@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Solids from closed surfaces."""
+"""Solids with signed distances, from closed surfaces."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BOX = trimesh.creation.box((0.1, 0.06, 0.04))
 
 
 def test_distances_are_those_of_the_nearest_triangle() -> None:
-    """Every point of a grid about a torus has the distance that looking at every triangle finds, and the right side."""
+    """At each point of a grid around a torus, distance and sign are those of a search over all triangles."""
     torus = trimesh.creation.torus(0.05, 0.02)
     solid = make_solid(torus.vertices, torus.faces, cell=0.006)
     axes = [start + solid.cell * np.arange(n) for start, n in zip(solid.start, solid.distances.shape, strict=True)]
@@ -32,7 +32,7 @@ def test_distances_are_those_of_the_nearest_triangle() -> None:
 
 
 def test_a_cavity_is_outside() -> None:
-    """The distance is positive in a hollow, negative in the wall about it."""
+    """Inside a cavity the distance is positive, in its wall negative."""
     hollow = trimesh.util.concatenate([BOX, BOX.copy().apply_scale(0.5)])
     solid = make_solid(hollow.vertices, hollow.faces)
     middle = tuple(n // 2 for n in solid.distances.shape)
@@ -41,7 +41,7 @@ def test_a_cavity_is_outside() -> None:
 
 
 def test_a_surface_is_read_in_its_unit_and_measured_once(tmp_path: Path) -> None:
-    """A file in millimetres is a solid in metres; the same surface again costs nothing."""
+    """A surface in millimetres becomes a solid in metres, which is computed once."""
     BOX.copy().apply_scale(1000.0).export(tmp_path / "part.stl")
     solid = read_solid(tmp_path / "part.stl", scale=0.001)
     np.testing.assert_allclose(np.ptp(solid.vertices, axis=0), [0.1, 0.06, 0.04])
@@ -49,19 +49,19 @@ def test_a_surface_is_read_in_its_unit_and_measured_once(tmp_path: Path) -> None
 
 
 def test_a_surface_survives_as_text() -> None:
-    """Pack, unpack, and have the same bits."""
+    """A surface packed as text is unpacked with the same bits."""
     vertices, triangles = unpack_surface(pack_surface(BOX.vertices, BOX.faces))
     np.testing.assert_array_equal(vertices, BOX.vertices)
     np.testing.assert_array_equal(triangles, BOX.faces)
 
 
 def opened() -> trimesh.Trimesh:
-    """Return a box without one of its triangles."""
+    """Return a box that lacks one of its triangles."""
     return trimesh.Trimesh(BOX.vertices, BOX.faces[:-1], process=False)
 
 
 def turned() -> trimesh.Trimesh:
-    """Return a box whose triangles face inwards."""
+    """Return a box whose triangles face inward."""
     return trimesh.Trimesh(BOX.vertices, BOX.faces[:, ::-1], process=False)
 
 
@@ -78,7 +78,7 @@ def turned() -> trimesh.Trimesh:
 def test_bad_surfaces_are_refused(
     tmp_path: Path, surface: trimesh.Trimesh, options: dict[str, float], expected: str
 ) -> None:
-    """Say what is wrong with a surface, and the remedy."""
+    """A bad surface is refused with the reason and a remedy."""
     surface.export(tmp_path / "part.stl")
     with pytest.raises(MeshError) as caught:
         read_solid(tmp_path / "part.stl", **options)

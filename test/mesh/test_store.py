@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results kept on disk by content."""
+"""Results stored on disk by a key of their content."""
 
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -16,13 +16,13 @@ ARRAYS = {"positions": np.linspace(0.0, 1.0, 30_000).reshape(-1, 3), "name": np.
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the folder of the files."""
+    """Return the folder of the stored files."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     return tmp_path / "gdfe_ros_bodies"
 
 
 def test_arrays_come_back_bit_by_bit() -> None:
-    """Return what was kept, and nothing under another key."""
+    """Stored arrays are read bit by bit, and nothing is read with another key."""
     keep(key_of(b"one"), ARRAYS)
     found = recall(key_of(b"one"))
     assert found is not None
@@ -32,7 +32,7 @@ def test_arrays_come_back_bit_by_bit() -> None:
 
 
 def test_a_key_tells_contents_apart() -> None:
-    """Give different keys to parts that are divided differently, and to another version of the code."""
+    """Keys differ for parts that are divided differently, and for another version of the code."""
     keys = {key_of(b"ab", b"c"), key_of(b"a", b"bc"), key_of(b"abc")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(store, "_code", lambda: b"another version")
@@ -42,7 +42,7 @@ def test_a_key_tells_contents_apart() -> None:
 
 @pytest.mark.parametrize("left", [0, 10, 1000, -1])
 def test_a_file_that_was_cut_off_is_not_read(folder: Path, left: int) -> None:
-    """Return nothing for a file of which only the first bytes were written; keep it anew."""
+    """A file with only its first bytes is not read, and is stored anew."""
     keep("key", ARRAYS)
     path = folder / "key.npz"
     path.write_bytes(path.read_bytes()[:left])
@@ -62,14 +62,14 @@ def _kept_and_whole() -> bool:
 
 
 def test_two_processes_share_the_folder(folder: Path) -> None:
-    """Let two processes write and read the same key at once: each always reads a whole file."""
+    """Two processes that write and read one key at once always read a complete file."""
     with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
         assert all(pool.map(_keep_often, range(2)))
     assert [path.name for path in folder.iterdir()] == ["key.npz"]
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Do without the store where its folder cannot be made."""
+    """Where the folder cannot be made, nothing is stored, and no error is raised."""
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
     keep("key", ARRAYS)
@@ -77,7 +77,7 @@ def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path, monkeypatch
 
 
 def test_the_files_used_least_recently_are_deleted(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep no more than the allowed size."""
+    """The least recently used files are deleted, so that the folder stays within the allowed size."""
     keep("old", ARRAYS)
     size = (folder / "old.npz").stat().st_size
     monkeypatch.setattr(store, "MOST_BYTES", int(1.5 * size))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes are cut, joined and sewn without losing their sets."""
+"""Meshes are cut, joined and merged with their sets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NAMED = HexMesh(BAR.vertices, BAR.cells, {"ends": np.array([0, 3])}, {"left": np
 
 
 def test_keeping_cells_renumbers_sets() -> None:
-    """Drop the first cell: its vertices and its place in the sets go."""
+    """Without the first cell, its vertices are removed and the sets are renumbered."""
     mesh = keep_cells(NAMED, np.array([False, True, True, True]))
     assert mesh.n_vertices == 16
     assert mesh.cell_sets["ends"].tolist() == [2]
@@ -26,7 +26,7 @@ def test_keeping_cells_renumbers_sets() -> None:
 
 
 def test_joined_and_sewn_bars_are_one_bar() -> None:
-    """Put two bars end to end and merge: the volume, the parts and the number of vertices of one."""
+    """Two bars, joined end to end and merged, have the volume, the parts and the number of vertices of one."""
     moved = HexMesh(NAMED.vertices + np.array([4, 0, 0]), NAMED.cells, NAMED.cell_sets, NAMED.vertex_sets)
     both = join(NAMED, moved)
     assert check_mesh(both).parts == 2
@@ -40,7 +40,7 @@ def test_joined_and_sewn_bars_are_one_bar() -> None:
 
 
 def test_merging_keeps_the_first_of_a_group_and_the_order() -> None:
-    """Leave a mesh without twins as it is; follow chains of twins."""
+    """Merging leaves a mesh without duplicates unchanged, and follows chains of duplicates."""
     same = merge_vertices(BAR)
     np.testing.assert_array_equal(same.vertices, BAR.vertices)
     np.testing.assert_array_equal(same.cells, BAR.cells)
@@ -49,7 +49,7 @@ def test_merging_keeps_the_first_of_a_group_and_the_order() -> None:
 
 
 def test_cuts_take_the_cells_of_their_boxes() -> None:
-    """Remove two cells; name a cut that removes none and one that removes all."""
+    """A cut removes the cells in its box; a cut that removes none, or all, is refused."""
     body = cut(BAR, [BoxSelection(x=(1, 2)), BoxSelection(x=(3, 4))])
     np.testing.assert_allclose(body.centroids[:, 0], [0.5, 2.5])
     assert select_cells(body, BoxSelection(x=(1, 2))).size == 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes of tetrahedra: faces, shape functions, import, and round trip through a scene's text."""
+"""Meshes of tetrahedra: faces, shape functions, import, and packing in a scene's text."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LINEAR = np.searchsorted(CORNERS, BAR.cells[:, :4])
 
 
 def test_shape_functions_are_one_at_their_own_node() -> None:
-    """Be 1 at the own node and 0 at the nine others, with slopes that sum to zero."""
+    """Each shape function is 1 at its own node and 0 at the nine others, and the slopes sum to zero."""
     places = np.concatenate([np.eye(4), 0.5 * (np.eye(4)[EDGES[:, 0]] + np.eye(4)[EDGES[:, 1]])])
     np.testing.assert_allclose(quadratic_weights(places), np.eye(10), atol=1e-15)
     np.testing.assert_allclose(quadratic_slopes(places).sum(axis=1), 0.0, atol=1e-14)
@@ -37,21 +37,21 @@ def test_shape_functions_are_one_at_their_own_node() -> None:
 
 @pytest.mark.parametrize("powers", [(0, 0, 0, 0), (2, 1, 0, 1), (3, 2, 0, 0), (1, 1, 1, 2)])
 def test_the_rule_integrates_polynomials_exactly(powers: tuple[int, ...]) -> None:
-    """Integrate monomials of degree 5 over a tetrahedron: 3! prod p_i! / (3 + sum p_i)!."""
+    """The rule integrates monomials of degree 5 over a tetrahedron exactly: 3! prod p_i! / (3 + sum p_i)!."""
     places, weights = simplex_rule(3)
     exact = 6.0 * factorial(powers).prod() / factorial(3 + sum(powers))
     assert weights @ np.prod(places**powers, axis=1) == pytest.approx(exact, rel=1e-13)
 
 
 def test_a_point_is_found_in_a_curved_cell() -> None:
-    """Return the coordinates from which a point was made, in a cell with curved edges."""
+    """For a point made in a curved cell, its reference coordinates are found."""
     nodes = BAR.vertices[BAR.cells[0]] + np.random.default_rng(0).uniform(-0.002, 0.002, (10, 3))
     place = np.array([[0.1, 0.2, 0.3, 0.4]])
     np.testing.assert_allclose(barycentric(quadratic_weights(place) @ nodes, nodes[None]), place, atol=1e-12)
 
 
 def test_faces_enclose_the_body() -> None:
-    """Sum to the surface and to the volume, with normals out of the material."""
+    """The faces have the body's area and volume, with normals out of the material."""
     faces = BAR.surface()
     assert faces.shape == (2 * 18, 6)
     assert node_areas(BAR.vertices, faces).sum() == pytest.approx(4 * 0.2 * 0.05 + 2 * 0.05**2)
@@ -62,7 +62,7 @@ def test_faces_enclose_the_body() -> None:
 
 
 def test_a_cavity_is_found() -> None:
-    """Find the inside of a block with a hole, its faces turned into the material."""
+    """The cavity of a block with a hole is found, with faces directed into the material."""
     block = bar([0.3, 0.3, 0.3], [3, 3, 3])
     hollow = divided(keep_cells(block, np.arange(27) != 13))
     (cavity,) = find_cavities(hollow)
@@ -71,7 +71,7 @@ def test_a_cavity_is_found() -> None:
 
 
 def test_points_are_embedded_with_quadratic_weights() -> None:
-    """Follow a quadratic motion exactly, and name a point outside."""
+    """An embedded point follows a quadratic motion exactly, and a point outside is refused by name."""
     points = np.random.default_rng(2).uniform([0.0, -0.025, -0.025], [0.2, 0.025, 0.025], (20, 3))
     found = embed(BAR, points, what="points")
 
@@ -85,7 +85,7 @@ def test_points_are_embedded_with_quadratic_weights() -> None:
 
 @pytest.mark.parametrize("suffix", ["vtu", "msh", "inp"])
 def test_linear_tetrahedra_are_raised(tmp_path: Path, suffix: str) -> None:
-    """Put a node on each edge, keep corners, and let the sets follow."""
+    """Linear tetrahedra get a node on each edge, keep their corners, and their sets are adapted."""
     low = np.flatnonzero(BAR.vertices[CORNERS, 0] == 0.0)
     raw = meshio.Mesh(BAR.vertices[CORNERS], [("tetra", LINEAR)], point_sets={"grip": low} if suffix == "inp" else {})
     raw.write(tmp_path / f"bar.{suffix}", **GMSH.get(suffix, {}))
@@ -101,7 +101,7 @@ def test_linear_tetrahedra_are_raised(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize("suffix", ["vtu", "msh"])
 def test_quadratic_tetrahedra_keep_their_nodes(tmp_path: Path, suffix: str) -> None:
-    """Read ten-node cells as they are, whatever the order of nodes in the format."""
+    """Ten-node cells are read unchanged, whatever the order of nodes in the format."""
     raw = meshio.Mesh(BAR.vertices, [("tetra10", BAR.cells)])
     raw.write(tmp_path / f"bar.{suffix}", **GMSH.get(suffix, {}))
     mesh = read_mesh(tmp_path / f"bar.{suffix}")
@@ -111,7 +111,7 @@ def test_quadratic_tetrahedra_keep_their_nodes(tmp_path: Path, suffix: str) -> N
 
 
 def test_inverted_cells_are_named_with_their_place(tmp_path: Path) -> None:
-    """Count the cells whose corners are in the wrong order, and say where the first one is."""
+    """Cells with corners in the wrong order are reported by their number and the first one's place."""
     cells = LINEAR.copy()
     cells[[3, 7]] = cells[[3, 7]][:, [0, 2, 1, 3]]
     meshio.Mesh(BAR.vertices[CORNERS], [("tetra", cells)]).write(tmp_path / "bad.vtu")
@@ -120,7 +120,7 @@ def test_inverted_cells_are_named_with_their_place(tmp_path: Path) -> None:
 
 
 def test_two_kinds_of_cells_in_a_file_are_refused(tmp_path: Path) -> None:
-    """Name both kinds with their counts."""
+    """A file with two kinds of cells is refused with both kinds and their counts."""
     block = bar([0.1, 0.1, 0.1], [1, 1, 1])
     cells = [("hexahedron", block.cells), ("tetra", block.cells[:, [0, 1, 2, 6]])]
     meshio.Mesh(block.vertices, cells).write(tmp_path / "mixed.vtu")
@@ -129,7 +129,7 @@ def test_two_kinds_of_cells_in_a_file_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_mesh_survives_as_text() -> None:
-    """Return the same arrays from a scene's text."""
+    """The arrays are the same after packing in a scene's text."""
     again = unpack_mesh(pack_mesh(BAR))
     assert isinstance(again, TetMesh)
     assert np.array_equal(again.vertices, BAR.vertices)
@@ -137,7 +137,7 @@ def test_a_mesh_survives_as_text() -> None:
 
 
 def test_the_volume_of_a_ball_has_an_error_of_straight_edges() -> None:
-    """Leave out the caps between straight edges and the sphere: that is why STEP files get curved edges."""
+    """The volume error of a ball with straight edges is that of the caps, which STEP files avoid by curved edges."""
     mesh = divided(sphere(0.05, 0.1, [4, 1]))
     exact = 4.0 / 3.0 * np.pi * (0.1**3 - 0.05**3)
     assert 0.9 * exact < check_mesh(mesh).volume < exact

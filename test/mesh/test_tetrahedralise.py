@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tetrahedra from STEP files and surfaces, by meshers in processes of their own."""
+"""Tetrahedra from STEP files and surfaces, by meshers in separate processes."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def step(tmp_path: Path) -> Path:
-    """Draw a block of 60 x 30 x 20 mm with a hole of radius 8 mm."""
+    """Write the STEP file of a block of 60 x 30 x 20 mm with a hole of radius 8 mm."""
     path = tmp_path / "block.step"
     subprocess.run([sys.executable, "-c", DRAWN, str(path)], check=True, capture_output=True)
     return path
 
 
 def test_a_step_file_is_filled_in_metres_with_curved_edges(step: Path) -> None:
-    """Have the volume of the drawing to 1e-4: straight edges around the hole would miss a hundred times more."""
+    """The mesh of a STEP file has the drawing's volume to 1e-4; straight edges would miss a hundred times more."""
     mesh = from_step(step, size=0.008)
     report = check_mesh(mesh)
     assert report.defects == []
@@ -54,7 +54,7 @@ def test_a_step_file_is_filled_in_metres_with_curved_edges(step: Path) -> None:
 
 
 def test_the_same_file_is_meshed_once(step: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Take the mesh from the cache; a damaged entry is made again."""
+    """A file's mesh comes from the cache the second time, and a damaged entry is made again."""
     first = from_step(step, size=0.01)
     runs = []
     real = tetrahedralise._run
@@ -68,14 +68,14 @@ def test_the_same_file_is_meshed_once(step: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_the_facts_of_a_step_file(step: Path) -> None:
-    """Tell solids, surfaces and volume in metres."""
+    """The facts of a STEP file are its solids, surfaces and volume, in metres."""
     facts = dict(step_facts(step))
     assert facts["solids, surfaces"] == "1, 7"
     assert facts["volume"].startswith("3.19788e-05")
 
 
 def test_a_surface_with_a_cavity_is_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep a ball-shaped cavity, whichever direction its triangles face; leave no file behind."""
+    """A ball-shaped cavity is kept with triangles of either orientation, and no file is left behind."""
     trimesh.util.concatenate([BOX, BALL]).export(tmp_path / "hollow.stl")
     monkeypatch.chdir(tmp_path)
     mesh = from_surface(tmp_path / "hollow.stl", size=0.03)
@@ -87,7 +87,7 @@ def test_a_surface_with_a_cavity_is_filled(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_what_cannot_be_filled_is_refused_at_once(tmp_path: Path, step: Path) -> None:
-    """Name size, limits, units and suffixes before a mesher runs for minutes."""
+    """Wrong sizes, limits, units and suffixes are refused before a mesher runs for minutes."""
     BOX.export(tmp_path / "box.stl")
     BOX.copy().apply_scale(1e3).export(tmp_path / "big.stl")
     with pytest.raises(MeshError, match=r"tetrahedra; allowed: up to 2e\+06; remedy: a size of at least"):
@@ -103,7 +103,7 @@ def test_what_cannot_be_filled_is_refused_at_once(tmp_path: Path, step: Path) ->
 
 
 def test_a_missing_extra_is_one_line(step: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Say how to install gmsh where it is not there."""
+    """Without gmsh, the error is one line that says how to install it."""
     hidden = tmp_path / "hidden"
     hidden.mkdir()
     (hidden / "gmsh.py").write_text("raise ModuleNotFoundError('no gmsh', name='gmsh')")
@@ -113,7 +113,7 @@ def test_a_missing_extra_is_one_line(step: Path, tmp_path: Path, monkeypatch: py
 
 
 def test_a_broken_step_file_is_refused(tmp_path: Path) -> None:
-    """Pass on the mesher's reason, in one line."""
+    """A broken STEP file is refused in one line with the mesher's reason."""
     (tmp_path / "broken.step").write_text("ISO-10303-21; nonsense")
     with pytest.raises(MeshError, match=r"the mesher says|there is no solid"):
         from_step(tmp_path / "broken.step", size=0.01)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The points by which a skin touches: on it, as many as cells resolve, at what is sharp, on both sides of walls."""
+"""The contact points of a skin: on the skin, as many as cells resolve, at sharp edges, on both sides of walls."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RADIUS = 0.05
 def lined(
     surface: trimesh.Trimesh, cell: float, cells: CutCubes = CutCubes.CUT, mesh: HexMesh | None = None
 ) -> HexMesh:
-    """Return a mesh that touches by a surface, the cells filled by it if no mesh is given."""
+    """Return a mesh with contact points on a surface; without a mesh, the surface is filled with cells."""
     points, triangles = np.asarray(surface.vertices), np.asarray(surface.faces)
     mesh = mesh or fill_surface(points, triangles, cell=cell, cells=cells)
     skin = carry_skin(mesh.vertices, mesh.cells, points, triangles)
@@ -33,7 +33,7 @@ def lined(
 
 @pytest.mark.parametrize("cells", list(CutCubes))
 def test_points_are_on_the_skin_and_no_more_than_vertices(cells: CutCubes) -> None:
-    """Take balls of 1280 and of 5120 triangles: points on them, no more than vertices of faces, where they were."""
+    """For balls of 1280 and 5120 triangles, the points are on the ball, as many as surface vertices at most."""
     counts = []
     for detail in (3, 4):
         mesh = lined(trimesh.creation.icosphere(detail, RADIUS), RADIUS / 6.0, cells)
@@ -49,7 +49,7 @@ def test_points_are_on_the_skin_and_no_more_than_vertices(cells: CutCubes) -> No
 
 
 def test_a_cylinder_reaches_to_its_radius_with_an_error_of_second_order() -> None:
-    """Look at a cut cylinder from all sides: it reaches to its radius, four times as near on half cells."""
+    """The contact points of a cut cylinder reach to its radius, with an error of second order in the cell size."""
     rod = trimesh.creation.cylinder(RADIUS, 1.5 * RADIUS, sections=400)
     turn = np.linspace(0.0, 2.0 * np.pi, 720)
     views = np.column_stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)])
@@ -64,7 +64,7 @@ def test_a_cylinder_reaches_to_its_radius_with_an_error_of_second_order() -> Non
 
 
 def test_corners_and_edges_touch() -> None:
-    """Line a box that no grid line bounds: its eight corners are points, and its edges have some."""
+    """A box that no grid line bounds has contact points at its eight corners and along its edges."""
     size = np.array([0.10, 0.053, 0.047])
     mesh = lined(trimesh.creation.box(size), 0.01)
     places = mesh.touching.at(mesh.vertices)
@@ -75,7 +75,7 @@ def test_corners_and_edges_touch() -> None:
 
 
 def test_both_sides_of_a_wall_touch() -> None:
-    """Line a wall thinner than its cells: points on both sides, none of them in the middle."""
+    """A wall thinner than its cells has contact points on both sides and none in its middle."""
     half = 0.002
     mesh = lined(trimesh.creation.box((0.06, 0.06, 2.0 * half)), 0.005)
     across = mesh.touching.at(mesh.vertices)[:, 2]
@@ -84,7 +84,7 @@ def test_both_sides_of_a_wall_touch() -> None:
 
 
 def test_a_cavity_touches_whatever_way_its_wall_faces() -> None:
-    """Line a hollow ball with a thin wall, its inner shell facing in or out: the same points, on both of them."""
+    """A thin hollow ball has the same contact points, on both shells, whichever direction its inner shell faces."""
     found = []
     for turned in ((), (1,)):
         walls = [trimesh.creation.icosphere(3, RADIUS), trimesh.creation.icosphere(3, 0.8 * RADIUS)]
@@ -98,7 +98,7 @@ def test_a_cavity_touches_whatever_way_its_wall_faces() -> None:
 
 
 def test_a_fine_part_of_a_graded_mesh_has_points_at_its_cells() -> None:
-    """Line a bar whose cells are twice as long at one end as at the other: as many points as vertices."""
+    """A bar with cells twice as long at one end has as many contact points as vertices."""
     mesh = bar([0.10, 0.02, 0.02], [20, 4, 4])
     share = mesh.vertices[:, 0] / 0.10
     graded = HexMesh(mesh.vertices - np.outer(0.04 * share * (1.0 - share), [1.0, 0.0, 0.0]), mesh.cells)
@@ -107,7 +107,7 @@ def test_a_fine_part_of_a_graded_mesh_has_points_at_its_cells() -> None:
 
 
 def test_several_meshes_keep_their_points() -> None:
-    """Put a lined ball and a bare bar side by side, the ball turned: its points move along, its faces are left out."""
+    """In a scene of a ball with a skin and a bare bar, the contact points move with the rotated ball."""
     ball = lined(trimesh.creation.icosphere(4, RADIUS), RADIUS / 4.0)
     block, turn = bar([0.05, 0.05, 0.05], [3, 3, 3]), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     at = np.array([0.3, 0.0, 0.0])
@@ -121,7 +121,7 @@ def test_several_meshes_keep_their_points() -> None:
 
 
 def test_open_skins_and_skins_of_a_part_are_refused() -> None:
-    """Leave out a triangle, and line a bar at one end only: what is open, where, and the remedy."""
+    """An open skin, and a skin of one end of a bar, are refused with the defect, the place and a remedy."""
     ball = trimesh.creation.icosphere(3, RADIUS)
     whole = lined(ball, RADIUS / 4.0)
     with pytest.raises(MeshError, match=r"needs a closed skin\. At 3 edges.*\(.*\) m; remedy: close the holes"):
@@ -133,7 +133,7 @@ def test_open_skins_and_skins_of_a_part_are_refused() -> None:
 
 
 def test_a_skin_that_ends_before_its_body_is_refused() -> None:
-    """End a skin 0.5 and 1.4 cells before a rod of 2 x 2 cells does, then 1.6: the last four cells are reported."""
+    """A skin that ends 1.6 cells before a rod of 2 x 2 cells is refused with its last four; 0.5 and 1.4 are not."""
     rod = bar([0.2, 0.02, 0.02], [20, 2, 2])
     for short in (0.005, 0.014, 0.016):
         skin = trimesh.creation.box((0.2 - short, 0.02, 0.02)).apply_translation([0.1 - 0.5 * short, 0.0, 0.0])
@@ -145,7 +145,7 @@ def test_a_skin_that_ends_before_its_body_is_refused() -> None:
 
 
 def test_a_skin_that_leaves_out_a_hollow_is_refused() -> None:
-    """Line a block with a wide hollow by its outside only: the cells about the hollow are reported."""
+    """A skin without the inner surface of a wide hollow is refused with the cells around it."""
     block = bar([0.2, 0.2, 0.2], [14, 14, 14])
     hole = (np.abs(block.centroids - block.centroids.mean(axis=0)) < 0.04).all(axis=1)
     mesh = HexMesh(*used(block.vertices, block.cells[~hole]))
@@ -155,14 +155,14 @@ def test_a_skin_that_leaves_out_a_hollow_is_refused() -> None:
 
 
 def used(vertices: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the vertices that cells have, and the cells between these."""
+    """Return the used vertices, and the cells renumbered to them."""
     ids, local = np.unique(cells, return_inverse=True)
     return vertices[ids], local.reshape(-1, 8).astype(np.int32)
 
 
 @pytest.mark.parametrize("share", [0.15, 0.4, 0.6, 0.9])
 def test_every_vertex_that_carries_a_face_has_a_point_of_it(share: float) -> None:
-    """Cut a box so that its outer cells are filled by a fraction: a point below each vertex of its lower side."""
+    """In a box with partly filled outer cells, each vertex of the lower side has a contact point near it."""
     count, edge = np.array([4, 4, 3]), 0.01
     mesh = lined(trimesh.creation.box((count + 2.0 * share) * edge), edge)
     places = mesh.touching.at(mesh.vertices)
@@ -174,7 +174,7 @@ def test_every_vertex_that_carries_a_face_has_a_point_of_it(share: float) -> Non
 
 
 def test_a_tip_in_the_middle_of_a_cell_touches() -> None:
-    """Point a pyramid down between four vertices: its tip is one of the points."""
+    """The tip of a pyramid between four vertices is a contact point."""
     cone = trimesh.creation.cone(0.02, 0.03, sections=4).apply_transform(np.diag([1.0, 1.0, -1.0, 1.0]))
     cone.invert()
     tip = cone.vertices[np.argmin(cone.vertices[:, 2])]

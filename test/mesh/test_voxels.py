@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Closed surfaces become cubes, cavities and all; unfit ones are refused clearly."""
+"""Closed surfaces are filled with cubes, with their cavities; unfit surfaces are refused clearly."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HOLLOW = trimesh.util.concatenate([BOX, BALL])
 
 @pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "off"])
 def test_a_box_is_filled_exactly(tmp_path: Path, suffix: str) -> None:
-    """Fill 0.1 x 0.06 x 0.04 with cubes of 0.01 on its very borders."""
+    """A box of 0.1 x 0.06 x 0.04 is filled exactly with cubes of 0.01."""
     BOX.export(tmp_path / f"box.{suffix}")
     mesh = read_voxels(tmp_path / f"box.{suffix}", cell=0.01)
     assert mesh.n_cells == 10 * 6 * 4
@@ -34,7 +34,7 @@ def test_a_box_is_filled_exactly(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize("flip", [False, True])
 def test_a_cavity_is_kept_whatever_its_orientation(flip: bool) -> None:
-    """Keep a ball-shaped cavity in a box with its triangles facing in or out."""
+    """A ball-shaped cavity in a box is kept with its triangles facing in or out."""
     ball = BALL.copy()
     if flip:
         ball.invert()
@@ -47,7 +47,7 @@ def test_a_cavity_is_kept_whatever_its_orientation(flip: bool) -> None:
 
 
 def test_the_volume_of_a_torus_converges() -> None:
-    """Approach the volume within the surface as cubes shrink, as one sound piece."""
+    """As cubes shrink, the volume converges to that within the torus, as one sound piece."""
     torus = trimesh.creation.torus(0.05, 0.02)
     mesh = fill_surface(torus.vertices, torus.faces, cell=0.0025)
     assert mesh.n_cells * 0.0025**3 == pytest.approx(torus.volume, rel=0.01)
@@ -55,7 +55,7 @@ def test_the_volume_of_a_torus_converges() -> None:
 
 
 def test_points_on_edges_and_corners_are_counted_once() -> None:
-    """Put every column through vertices, edges and diagonals: still exactly the inner points."""
+    """With every column through vertices, edges and diagonals, exactly the inner points are found."""
     box = trimesh.creation.box((4, 4, 4)).apply_translation((4, 4, 4)).subdivide().subdivide()
     inside = points_inside(box.vertices - [0, 0, 0.5], box.faces, (9, 9, 9))
     assert inside.sum() == 4 * 4 * 4
@@ -67,7 +67,7 @@ def test_points_on_edges_and_corners_are_counted_once() -> None:
 
 
 def test_points_are_within_shells_whatever_way_these_face() -> None:
-    """Ask for points in a hollow ball, in its cavity and beside it, with the inner shell facing in or out."""
+    """Points in a hollow ball, in its cavity and beside it are classified, whatever direction its inner shell faces."""
     points = np.array([[0.9, 0.0, 0.0], [0.2, 0.1, 0.0], [1.2, 0.0, 0.3], [0.0, 0.0, -0.8]])
     for turned in (False, True):
         inner = trimesh.creation.icosphere(2, 0.5)
@@ -78,7 +78,7 @@ def test_points_are_within_shells_whatever_way_these_face() -> None:
 
 
 def test_shells_know_their_nesting() -> None:
-    """Count a ball in a cavity in a box: depths 0, 1, 2, and the volume of the material."""
+    """For a ball in a cavity in a box, depths are 0, 1, 2, and the volume is that of the material."""
     core = trimesh.creation.icosphere(subdivisions=2, radius=0.005)
     nested = trimesh.util.concatenate([BOX, BALL, core])
     found = shells(nested.vertices, nested.faces)
@@ -117,7 +117,7 @@ BROKEN = [
 
 @pytest.mark.parametrize(("name", "make", "cell", "expected"), BROKEN)
 def test_unfit_surfaces_get_clear_messages(tmp_path: Path, name: str, make: object, cell: float, expected: str) -> None:
-    """Say in one line what is wrong and what to do."""
+    """An unfit surface is refused in one line with a remedy."""
     make(tmp_path / name)
     with pytest.raises(MeshError) as caught:
         read_voxels(tmp_path / name, cell=cell)
@@ -126,7 +126,7 @@ def test_unfit_surfaces_get_clear_messages(tmp_path: Path, name: str, make: obje
 
 
 def test_a_surface_in_millimetres_is_scaled(tmp_path: Path) -> None:
-    """Fill a box of 100 mm with cubes of 10 mm given in metres."""
+    """A box of 100 mm is filled with cubes of 10 mm given in metres."""
     write(BOX, 1000)(tmp_path / "mm.stl")
     mesh = read_voxels(tmp_path / "mm.stl", cell=0.01, scale=0.001)
     np.testing.assert_allclose(mesh.bounds, BOX.bounds, atol=1e-9)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node in a process of its own, and a client that talks to it over Fast DDS."""
+"""A node in its own process, and a client that talks to it over Fast DDS."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ _OUTPUTS = {
 
 
 class Client:
-    """Subscribes to every output of a node and keeps all that arrives, by topic.
+    """Subscribes to every output of a node and keeps all messages that arrive, by topic.
 
-    Topics keep no order among each other, and steps that come faster than this process reads them may be lost: the node
-    keeps the last ten of a topic. What must be complete is read from a bag.
+    The order of messages on different topics is not defined. If steps are faster than this process reads, messages may
+    be lost: the node keeps the last ten of a topic. A test that needs all messages reads a bag.
 
     Attributes:
-        received: messages by the topic's name without the node's.
+        received: dict from the topic's name, without the node's, to its messages.
     """
 
     def __init__(self, ros: Any, name: str = "/gdfe_sim") -> None:
@@ -69,11 +69,11 @@ class Client:
         self._services: dict[str, Any] = {}
 
     def full(self, topic: str) -> str:
-        """Give a topic's full name."""
+        """Return a topic's full name."""
         return topic if topic.startswith("/") else f"{self._name}/{topic}"
 
     def wait(self, done: Callable[[], Any], *, seconds: float = 300.0) -> Any:
-        """Spin until ``done`` gives something true, and return that."""
+        """Spin until ``done`` returns a true value, and return that value."""
         end = time.monotonic() + seconds
         while not (value := done()):
             assert time.monotonic() < end, f"waited for {seconds} s in vain"
@@ -81,13 +81,13 @@ class Client:
         return value
 
     def spin(self, seconds: float) -> None:
-        """Take what comes for a time [s]."""
+        """Receive messages for a time [s]."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
             self._executor.spin_once(timeout_sec=left)
 
     def target(self, z: float = 0.0, *, handle: str = "tip", turn: tuple = (0, 0, 0), **changes: Any) -> None:
-        """Command a handle: ``z`` [m], ``turn`` rotation vector [rad]; ``changes`` set parts of the quaternion."""
+        """Command a handle: ``z`` [m], ``turn`` rotation vector [rad]; ``changes`` replace quaternion components."""
         message = PoseStamped()
         message.pose.position.z = float(z)
         parts = dict(zip("xyzw", map(float, Rotation.from_rotvec(turn).as_quat()), strict=True))
@@ -96,10 +96,10 @@ class Client:
         self.publish(f"handles/{handle}/target", message)
 
     def publish(self, topic: str, message: Any) -> None:
-        """Publish on a topic of the node; the first time waits until the node is active, listens, and knows this one.
+        """Publish on a topic of the node; the first call waits until the active node subscribes and knows this client.
 
-        /diagnostics was subscribed to last: who hears it is known with all its subscriptions (``await_discovery``).
-        Before, the node might make a step for those that it knows already, and the others would wait for it in vain.
+        /diagnostics is subscribed to last: a client that receives it is known with all its subscriptions
+        (``await_discovery``). Before that, the node might publish a step only to the subscriptions that it knows.
         """
         if topic not in self._publishers:
             publisher = self.node.create_publisher(type(message), self.full(topic), 1000)
@@ -120,64 +120,64 @@ class Client:
         return future.result()
 
     def action(self, kind: type, name: str) -> ActionClient:
-        """Give a client of an action of the node, once the node knows it: it would get no answer before."""
+        """Return a client of an action once the node knows it; before that, an answer could get lost."""
         action = ActionClient(self.node, kind, self.full(name))
         self.wait(action.server_is_ready)
         await_discovery(self.node, self._name, self.wait)
         return action
 
     def transition(self, label: str) -> bool:
-        """Ask for a transition of the lifecycle."""
+        """Request a transition of the lifecycle; return whether it succeeded."""
         request = ChangeState.Request()
         request.transition.label = label
         return self.call(ChangeState, "change_state", request).success
 
     def state(self) -> str:
-        """Ask for the state of the lifecycle."""
+        """Return the state of the lifecycle."""
         return self.call(GetState, "get_state", GetState.Request()).current_state.label
 
     def set(self, **values: Any) -> list[SetParametersResult]:
-        """Set parameters, each by itself."""
+        """Set parameters one by one; return the results."""
         messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         return self.call(SetParameters, "set_parameters", SetParameters.Request(parameters=messages)).results
 
     def last(self, topic: str) -> Any:
-        """Give the message of a topic that arrived last; before the first, wait for it."""
+        """Return the last message of a topic; wait for the first one."""
         return self.wait(lambda: self.received[topic])[-1]
 
     def record(self) -> StepRecord:
-        """Give the record that arrived last; before the first, wait for it."""
+        """Return the last step record; wait for the first one."""
         return StepRecord.from_json(self.last("step_record").data)
 
     def records(self) -> list[StepRecord]:
-        """Give the records of all steps that arrived."""
+        """Return the records of all steps that arrived."""
         return [StepRecord.from_json(message.data) for message in self.received["step_record"]]
 
     def mesh(self) -> np.ndarray:
-        """Give the mesh that arrived last, (n, 6) float32; before the first, wait for it."""
+        """Return the last mesh, (n, 6) float32; wait for the first one."""
         return _vertices(self.last("mesh"))
 
     def meshes(self) -> list[np.ndarray]:
-        """Give all meshes that arrived: (n, 6) float32."""
+        """Return all meshes that arrived, each (n, 6) float32."""
         return [_vertices(message) for message in self.received["mesh"]]
 
     def wait_steps(self, count: int) -> None:
-        """Spin until records and meshes of ``count`` steps arrived."""
+        """Spin until records and meshes of ``count`` steps have arrived."""
         self.wait(lambda: len(self.received["step_record"]) >= count and len(self.received["mesh"]) >= count)
 
     def wait_taken(self, count: int) -> None:
-        """Wait until the node's diagnostics tell of so many commands taken."""
+        """Wait until the node's diagnostics report ``count`` taken commands."""
         self.wait(lambda: int(self.diagnostics()["commands taken"]) >= count)
 
     def arrived(self, topic: str, stamp: Any) -> Any:
-        """Wait for the message of a topic with a stamp, and return it."""
+        """Wait for the message of a topic with a given stamp, and return it."""
         found = lambda: [message for message in self.received[topic] if message.header.stamp == stamp]  # noqa: E731
         return self.wait(found)[-1]
 
     def diagnostics(self) -> dict[str, str]:
-        """Wait for diagnostics of a moment after the call and give their values, with level and message.
+        """Wait for diagnostics stamped after the call; return a dict from key to value, with level and message.
 
-        The next ones to arrive may be older than what this process has seen already.
+        Earlier diagnostics that are still in transit are ignored.
         """
         called, received = time.time_ns(), self.received["/diagnostics"]
         self.wait(lambda: received and to_nanoseconds(received[-1].header.stamp) > called)
@@ -186,7 +186,7 @@ class Client:
         return {**values, "message": whole.message, "level": str(whole.level[0])}
 
     def status(self) -> dict[str, str]:
-        """Give the values of diagnostics that were made after the call, on whatever clock they are stamped."""
+        """Return a dict of the values of diagnostics made after the call, whatever clock stamps them."""
         received = self.received["/diagnostics"]
         count = len(received) + 2  # the next one may be in transit
         self.wait(lambda: len(received) >= count)
@@ -195,7 +195,7 @@ class Client:
 
 @pytest.fixture
 def interfaces(pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
-    """Give a function that makes a package of messages importable, here and in nodes that are started."""
+    """Give a function that makes a message package importable here and in nodes started afterwards."""
     made: list[str] = []
 
     def provide(package: str) -> None:
@@ -214,13 +214,13 @@ def interfaces(pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.fixture
 def client(ros: Any) -> Client:
-    """Give a client that listens before any node starts."""
+    """Give a client that subscribes before any node starts."""
     return Client(ros)
 
 
 @pytest.fixture
 def start() -> Iterator[Callable[..., NodeProcess]]:
-    """Give a function that starts ``sim_node`` with parameters; what still runs is ended after the test."""
+    """Give a function that starts ``sim_node`` with parameters; running nodes are ended after the test."""
     started: list[NodeProcess] = []
 
     def make(*, namespace: str = "/", **parameters: Any) -> NodeProcess:
@@ -251,7 +251,7 @@ def records_of() -> Callable[[Path], list[StepRecord]]:
 
 @pytest.fixture
 def coarse() -> dict[str, Any]:
-    """Give parameters of a scene that is solved in a millisecond."""
+    """Return parameters of a scene that is solved in a millisecond."""
     return dict(COARSE)
 
 
@@ -260,5 +260,5 @@ def _vertices(cloud: PointCloud2) -> np.ndarray:
 
 
 def to_nanoseconds(stamp: Time) -> int:
-    """Give a stamp as a whole number."""
+    """Return a stamp as an integer [ns]."""
     return stamp.sec * 10**9 + stamp.nanosec

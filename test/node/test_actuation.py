@@ -29,7 +29,7 @@ FINGER = {"scene": "tendon_finger", "clock": "lockstep", "dt": 0.1}
 
 
 def test_tendons_bend_the_finger_under_commands_in_order() -> None:
-    """Pull the flexor: the tip goes down and back, the state shows the tension, the strain rises."""
+    """As the flexor is pulled, the tip moves down and the strain rises; states and records have the tension."""
     with Simulator("tendon_finger") as simulator:
         rest = simulator.state
         bent = [simulator.step(Command(actuators={"flexor": tension})) for tension in (1.0, 2.0)]
@@ -50,7 +50,7 @@ def test_tendons_bend_the_finger_under_commands_in_order() -> None:
 def test_actuators_are_commanded_by_name_and_over_time(
     client: Any, start: Callable, records_of: Callable, tmp_path: Path
 ) -> None:
-    """Command by JointState, then by a trajectory as fast as possible; bad ones are refused and counted."""
+    """Actuators follow a JointState, and a trajectory with the fast clock; invalid commands are refused and counted."""
     process = start(**{**FINGER, "clock": "fast", "heartbeat": 0.0}, record=True, bag_path=str(tmp_path / "bag"))
     client.publish("actuation", JointState(name=["extensor"], effort=[1.0]))
     client.wait(lambda: any(record.actuators == {"extensor": 1.0} for record in client.records()))
@@ -71,7 +71,7 @@ def test_actuators_are_commanded_by_name_and_over_time(
 
 
 def test_two_publishers_of_one_topic_lose_no_command(client: Any, start: Callable) -> None:
-    """Command two tendons by two publishers of ~/actuation before one step: the step consumes both, and the next."""
+    """Commands of two tendons by two publishers of ~/actuation before one step are both consumed by that step."""
     start(**{**FINGER, "clock": "wall", "heartbeat": 0.0})
     client.wait(client.records)
     publishers = [client.node.create_publisher(JointState, client.full("actuation"), 100) for _ in range(2)]
@@ -90,7 +90,7 @@ def test_two_publishers_of_one_topic_lose_no_command(client: Any, start: Callabl
 
 
 def test_a_command_of_one_tendon_leaves_the_course_of_another(client: Any, start: Callable) -> None:
-    """Send the flexor on a course of ten steps, and command the extensor at each of them: the flexor arrives."""
+    """While the extensor is commanded in each of ten steps, the flexor's trajectory continues to its end."""
     start(**FINGER)
     points = [JointTrajectoryPoint(positions=[2.0], time_from_start=Duration(sec=1))]
     client.publish("trajectory", JointTrajectory(joint_names=["flexor"], points=points))
@@ -104,7 +104,7 @@ def test_a_command_of_one_tendon_leaves_the_course_of_another(client: Any, start
 
 
 def test_an_empty_trajectory_ends_the_running_one(client: Any, start: Callable) -> None:
-    """Pull for ten seconds of simulation time, then send a trajectory without points: the tension stays where it is."""
+    """A trajectory without points ends a running one, and the tension stays."""
     start(**{**FINGER, "clock": "fast", "heartbeat": 0.0, "dt": 0.01})
     points = [JointTrajectoryPoint(positions=[2.0], time_from_start=Duration(sec=1000))]
     client.publish("trajectory", JointTrajectory(joint_names=["flexor"], points=points))
@@ -120,7 +120,7 @@ def test_an_empty_trajectory_ends_the_running_one(client: Any, start: Callable) 
 
 
 def test_a_course_that_starts_too_far_ahead_is_refused(client: Any, start: Callable) -> None:
-    """Send a course that starts in a million seconds under the wall clock: it is refused, the node stays idle."""
+    """With the wall clock, a trajectory that starts in a million seconds is refused, and the node stays idle."""
     process = start(**{**FINGER, "clock": "wall", "heartbeat": 0.0})
     points = [JointTrajectoryPoint(positions=[2.0], time_from_start=Duration(sec=1))]
     message = JointTrajectory(joint_names=["flexor"], points=points)
@@ -132,7 +132,7 @@ def test_a_course_that_starts_too_far_ahead_is_refused(client: Any, start: Calla
 
 
 def test_the_jacobian_predicts_the_motion_of_the_tip(client: Any, start: Callable) -> None:
-    """Ask for d tip / d tension: a small change of tension moves the tip by as much; labels name both."""
+    """The Jacobian d tip / d tension predicts the tip's motion for a small change, and its labels name both."""
     tips: list[PoseStamped] = []
     jacobians: list[Float64MultiArray] = []
     start(**FINGER, scene_overrides=["solver.tolerance=1e-6"])
@@ -150,7 +150,7 @@ def test_the_jacobian_predicts_the_motion_of_the_tip(client: Any, start: Callabl
 
 
 def _tip_at(client: Any, tips: list[PoseStamped], tension: float) -> np.ndarray:
-    """Pull the flexor, and wait for the step and the place of the tip [m] in it."""
+    """Pull the flexor; return the step and the tip's position [m] in it."""
     count = len(client.records())
     client.publish("commands", Float64MultiArray(data=[tension, 0.0]))
     client.wait(lambda: len(client.records()) > count)
@@ -161,7 +161,7 @@ def _tip_at(client: Any, tips: list[PoseStamped], tension: float) -> np.ndarray:
 
 
 def test_a_bag_begun_under_load_replays(client: Any, start: Callable, tmp_path: Path) -> None:
-    """Pull while nobody listens to joint states, begin a bag by the service, pull on: every bit is made again."""
+    """A bag started by the service under load, without a subscriber of joint states, replays bit for bit."""
     start(scene="tendon_finger", scene_overrides=["solver.tolerance=1e-3"], bag_path=str(tmp_path / "bag"))
     client.wait(client.records)
     client.publish("actuation", JointState(name=["flexor"], effort=[1.0]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm in a node: commands of its joints, states, frames, trajectories, bags."""
+"""An arm in a node: joint commands, states, frames, trajectories, bags."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 @pytest.fixture
 def held_block(tmp_path: Path) -> Path:
-    """Write the scene of a soft block in motion at the end of two links."""
+    """Write the scene of a soft block with dynamics at the end of two links; return its path."""
     (tmp_path / "two.urdf").write_text(TWO_LINKS)
     path = tmp_path / "held_block.yaml"
     path.write_text(SCENE.format(urdf="two.urdf") + "dynamics: {step: 0.01}\n")
@@ -40,7 +40,7 @@ def held_block(tmp_path: Path) -> Path:
 
 
 def test_joints_are_commanded_and_reported(held_block: Path, tmp_path: Path) -> None:
-    """Command joints in lockstep: states as in the library, bit by bit; the bag replays with equal efforts."""
+    """Joint commands in lockstep give the library's states bit for bit, and the bag replays with equal efforts."""
     simulation, steps = Simulation(load_scene(held_block)), []
     commands = [Command(joints={"lift": 1.5}), Command(), Command(joints={"bend": 0.2}), Command()]
     with Simulator(held_block, bag=tmp_path / "bag") as simulator:
@@ -63,7 +63,7 @@ def test_joints_are_commanded_and_reported(held_block: Path, tmp_path: Path) -> 
 
 
 def test_a_node_tells_of_the_arm(client: Any, start: Callable, interfaces: Callable, held_block: Path) -> None:
-    """Find the URDF, the frames of all links, and refusals with their reasons."""
+    """The node publishes the URDF and the frames of all links, and refuses wrong joint commands with reasons."""
     interfaces("tf2_msgs")
     from tf2_msgs.msg import TFMessage
 
@@ -91,7 +91,7 @@ def test_a_node_tells_of_the_arm(client: Any, start: Callable, interfaces: Calla
 
 
 def test_what_is_cut_is_told(client: Any, start: Callable, held_block: Path) -> None:
-    """Command a jump: /diagnostics says that velocity and acceleration are limited, and that an effort is too large."""
+    """After a jump, /diagnostics reports limited velocity and acceleration, and an effort that is too large."""
     limits = "arm.limits={bend: {effort: 0.1}}"
     start(scene=str(held_block), clock="wall", rate=20.0, dt=0.01, scene_overrides=[limits])
     client.wait(client.records)
@@ -107,7 +107,7 @@ def test_what_is_cut_is_told(client: Any, start: Callable, held_block: Path) -> 
 
 
 def test_a_foreign_client_moves_the_arm(client: Any, start: Callable, interfaces: Callable, held_block: Path) -> None:
-    """Send goals as to joint_trajectory_controller: tracked to the tolerance, preempted, cancelled, refused."""
+    """Goals as for joint_trajectory_controller are tracked within tolerance, preempted, cancelled and refused."""
     interfaces("control_msgs")
     from control_msgs.action import FollowJointTrajectory
     from control_msgs.msg import JointTolerance
@@ -161,7 +161,7 @@ def test_a_foreign_client_moves_the_arm(client: Any, start: Callable, interfaces
 
 
 def test_the_hardware_moves_joints_and_tendons(client: Any, start: Callable) -> None:
-    """Send what JointStateTopicSystem sends: all joints at once, NaN where an interface is not commanded."""
+    """A message of JointStateTopicSystem moves all joints and tendons, with NaN for interfaces without a command."""
     start(scene="arm_grasp", clock="fast", heartbeat=0.0, dt=0.01)
     heard: list[JointState] = []
     client.node.create_subscription(JointState, "/gdfe_sim/joint_states", heard.append, 100)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clocks: wall, as fast as possible, lockstep; /clock for others; commands that move for a while; idleness."""
+"""Clocks: wall, fast and lockstep; /clock for other nodes; commands over time; idle nodes."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def _twist(client: Any, *, z: float = 0.0, turn: float = 0.0) -> None:
 
 
 def test_the_wall_clock_keeps_real_time(client: Any, start: Callable, coarse: dict) -> None:
-    """Move the tip at 50 Hz: simulation time never runs ahead of the wall, and keeps up with it but for overruns.
+    """At 50 Hz, simulation time is never ahead of wall time, and behind it only by the counted overruns.
 
-    A reading is of some moment between its stamp and its arrival, whoever had to wait for the processor.
+    A value was read at some moment between its stamp and its arrival, as each process may wait for the processor.
     """
     start(**coarse, rate=50.0, dt=0.02, velocity_timeout=1000.0)
     _twist(client, z=0.0075)
@@ -50,7 +50,7 @@ def test_the_wall_clock_keeps_real_time(client: Any, start: Callable, coarse: di
 
 
 def _reading(client: Any) -> tuple[float, float, float, float]:
-    """Give simulation time [s] and overruns of the next diagnostics, and when they were read: after, before [s]."""
+    """Return simulation time [s], overruns, stamp [s] and arrival time [s] of the next diagnostics."""
     values = client.diagnostics()
     stamp = client.last("/diagnostics").header.stamp
     read = stamp.sec + 1e-9 * stamp.nanosec
@@ -59,12 +59,12 @@ def _reading(client: Any) -> tuple[float, float, float, float]:
 
 @pytest.mark.parametrize("case", ["lockstep, waiting for a command", "wall, paused"])
 def test_an_idle_node_makes_no_step(case: str) -> None:
-    """Leave a node alone for two seconds: not one mesh."""
+    """An idle node publishes no mesh for two seconds."""
     assert idle.measure(case, seconds=2.0).meshes == 0
 
 
 def test_a_settled_node_beats_once_a_second() -> None:
-    """Leave a node alone that nobody holds: it goes on beating, and no faster."""
+    """A settled node publishes a heartbeat each second, and no more."""
     found = idle.measure("wall, settled, heartbeat 1 s", seconds=3.0)
     assert 1 <= found.meshes <= found.elapsed + 1.0
 
@@ -72,14 +72,14 @@ def test_a_settled_node_beats_once_a_second() -> None:
 @pytest.mark.bench
 @pytest.mark.parametrize("case", ["lockstep, waiting for a command", "wall, settled, heartbeat 1 s", "wall, paused"])
 def test_an_idle_node_takes_next_to_nothing_of_a_core(case: str) -> None:
-    """Leave a node alone for four seconds: under 1 % of a core."""
+    """An idle node uses less than 1 % of a core over four seconds."""
     assert idle.measure(case, seconds=4.0).share < idle.LARGEST_SHARE
 
 
 def test_fast_steps_until_the_motion_is_over(
     client: Any, start: Callable, coarse: dict, records_of: Callable, tmp_path: Path
 ) -> None:
-    """Turn the tip for 2 s of simulation time as fast as possible: 200 steps, then time stands still."""
+    """With the fast clock, a turn over 2 s of simulation time is 200 steps, and then time stops."""
     bag = tmp_path / "bag"
     process = start(**coarse, clock="fast", heartbeat=0.0, velocity_timeout=2.0, record=True, bag_path=str(bag))
     _twist(client, turn=2.0)
@@ -94,7 +94,7 @@ def test_fast_steps_until_the_motion_is_over(
 
 
 def test_lockstep_loses_no_command() -> None:
-    """Send 600 commands, 500 of them ahead of their steps: 600 steps, each with its own command, in order."""
+    """In lockstep, 600 commands, 500 of them sent ahead, give 600 steps, each with its own command, in order."""
     found = lockstep.measure(600)
     assert (found.sent, found.consumed) == (600, 600)
 
@@ -102,7 +102,7 @@ def test_lockstep_loses_no_command() -> None:
 def test_a_bag_in_lockstep_is_complete(
     client: Any, start: Callable, coarse: dict, records_of: Callable, tmp_path: Path
 ) -> None:
-    """Send 150 commands at once: the bag holds 150 steps, each with its own command, in order."""
+    """In lockstep, a bag of 150 commands sent at once has 150 steps, each with its own command, in order."""
     process = start(**coarse, clock="lockstep", record=True, bag_path=str(tmp_path / "bag"))
     heights = 1e-4 * np.arange(1, 151)
     for z in heights:
@@ -115,7 +115,7 @@ def test_a_bag_in_lockstep_is_complete(
 
 
 def test_a_command_set_makes_one_step(client: Any, start: Callable, coarse: dict) -> None:
-    """Ask for a target and a velocity: a step begins when both are there."""
+    """With a command set of a target and a velocity, a step starts when both have arrived."""
     start(**coarse, clock="lockstep", command_set=["handles/tip/target", "handles/tip/velocity"])
     client.target(0.01)
     client.target(0.02)
@@ -128,20 +128,23 @@ def test_a_command_set_makes_one_step(client: Any, start: Callable, coarse: dict
 
 
 def test_an_unknown_input_in_the_command_set_is_said(client: Any, start: Callable, coarse: dict) -> None:
-    """Name an input that is not there: activate fails and lists those that are."""
+    """An unknown input in the command set makes activate fail with a list of the known ones."""
     process = start(**coarse, clock="lockstep", command_set=["handles/tipp/target"])
     client.wait(lambda: "could not be activated" in process.log)
     assert "handles/tip/target" in process.log
 
 
 def test_clients_with_use_sim_time_follow_the_clock(client: Any, start: Callable, coarse: dict, ros: Any) -> None:
-    """Publish /clock in lockstep: a node with use_sim_time reads the time of the last step."""
+    """In lockstep with /clock published, a node with use_sim_time has the time of the last step."""
     follower = ros.node("follower", parameter_overrides=[Parameter("use_sim_time", value=True)])
     start(**coarse, clock="lockstep", publish_clock=True, dt=0.25)
     times = iter(0.25 * np.arange(1, 1000))
 
     def follows() -> bool:
-        """Make a step. /clock is best effort: who is not known yet, or busy, does not get it a second time."""
+        """Make a step; return whether the follower has its time.
+
+        /clock is best effort: a subscriber that is not known yet, or busy, does not get a message a second time.
+        """
         now = next(times)
         client.target(0.01 * now)
         client.wait(lambda: client.record().time == now)
@@ -156,7 +159,7 @@ def test_clients_with_use_sim_time_follow_the_clock(client: Any, start: Callable
 
 
 def test_a_ticking_wall_clock_goes_on_without_commands(client: Any, start: Callable, coarse: dict) -> None:
-    """Publish /clock under the wall clock: it ticks by one dt a step though nothing is commanded."""
+    """With the wall clock and /clock published, steps of dt continue without commands."""
     start(**coarse, publish_clock=True, heartbeat=0.0)
     client.wait(lambda: len(client.records()) >= 30)
     records = client.records()[1:30]
@@ -168,7 +171,7 @@ def test_a_ticking_wall_clock_goes_on_without_commands(client: Any, start: Calla
 
 
 def test_overruns_are_reported(client: Any, start: Callable, coarse: dict) -> None:
-    """Ask for 10 kHz: the steps cannot keep up, diagnostics count the overruns and warn."""
+    """At 10 kHz, steps are too slow, and diagnostics count the overruns and warn."""
     start(**coarse, rate=1e4, dt=1e-3, velocity_timeout=8.0)
     _twist(client, z=0.005)
     client.wait(lambda: "overruns since the last report" in client.diagnostics()["message"])
@@ -177,7 +180,7 @@ def test_overruns_are_reported(client: Any, start: Callable, coarse: dict) -> No
 
 
 def test_a_body_that_settles_does_not_hide_lateness(client: Any, start: Callable) -> None:
-    """Answer each step of a large bar with the next command, at 1 kHz: all three figures tell."""
+    """With a command after each step of a large bar at 1 kHz, diagnostics have rates and lateness, and warn."""
     start(scene="bend5", rate=1e3, dt=1e-3)
     heights = iter(np.linspace(0.0, 0.03, 4000)[1:])
 
@@ -197,7 +200,7 @@ def test_a_body_that_settles_does_not_hide_lateness(client: Any, start: Callable
 
 
 def test_figures_of_other_clocks_are_told(client: Any, start: Callable, coarse: dict) -> None:
-    """Ask a node in lockstep: what a step waits for, and no lateness."""
+    """In lockstep, diagnostics report what a step waits for, and no lateness."""
     start(**coarse, clock="lockstep")
     values = client.diagnostics()
     assert values["rate asked [Hz]"] == "one step for each command set"
@@ -206,7 +209,7 @@ def test_figures_of_other_clocks_are_told(client: Any, start: Callable, coarse: 
 
 
 def test_a_deadline_cuts_a_step_and_the_next_go_on(client: Any, start: Callable) -> None:
-    """Allow a large step 2 ms: it is returned unfinished and marked; the steps after it finish the job."""
+    """With a deadline of 2 ms, a large step is returned unfinished and marked, and later steps complete it."""
     start(scene="bend5", deadline=0.002)
     client.target(0.2)
     client.wait(lambda: any(record.cut for record in client.records()))

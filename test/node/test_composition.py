@@ -24,7 +24,7 @@ COARSE = ["mesh.bar.cells=[8, 2, 2]"]
     ids=["events", "threads"],
 )
 def test_two_robots_run_in_one_process(make: Callable[[Any], Any]) -> None:
-    """Add two nodes to one executor, of either kind: both become active and step by themselves."""
+    """Two nodes of different kinds in one executor become active and step by themselves."""
     context = rclpy.Context()
     rclpy.init(context=context)
     executor = make(context)
@@ -58,7 +58,7 @@ def test_two_robots_run_in_one_process(make: Callable[[Any], Any]) -> None:
 
 
 def test_a_destroyed_node_leaves_the_graph(ros: Any) -> None:
-    """Destroy a node that is still referred to: others do not see its name any more."""
+    """A destroyed node that is still referenced disappears from the graph of other nodes."""
     context = rclpy.Context()
     rclpy.init(context=context)
     node = SimNode(namespace="leaving", context=context, parameter_overrides=[Parameter("autostart", value=False)])

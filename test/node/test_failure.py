@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happens when stepping itself fails: a pause in the last good state, a whole bag, and a node that goes on."""
+"""Exceptions in a step: the node pauses in the last good state, its bag stays complete, and it continues."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _broken(*_: Any, **__: Any) -> None:
 def test_a_failure_while_the_node_becomes_active_is_not_forgotten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[..., Any]
 ) -> None:
-    """Let the very first step raise before the transition is over: the node is active, paused, and says why."""
+    """If the first step raises during activation, the node is active, paused, and gives the reason."""
     start = SteppingThread.start
 
     def start_and_wait(stepper: SteppingThread, *given: Any) -> None:
@@ -89,7 +89,7 @@ def test_a_failure_while_the_node_becomes_active_is_not_forgotten(
 
 
 def test_a_failing_step_pauses_the_node_in_its_last_good_state(tmp_path: Path) -> None:
-    """Let the solver raise: the node stays active, paused, nothing is lost; it goes on, and the bag holds all steps."""
+    """If the solver raises, the node pauses without a loss; it continues later, and the bag has all steps."""
     robot = _Robot(bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
     robot.command(0.05)
@@ -117,7 +117,7 @@ def test_a_failing_step_pauses_the_node_in_its_last_good_state(tmp_path: Path) -
 
 
 def test_positions_that_are_no_numbers_are_not_published(tmp_path: Path) -> None:
-    """Let the solver return NaN: nothing of that step is published, the node is paused in the state before it."""
+    """A step with NaN is not published, and the node pauses in the state before it."""
     robot = _Robot(bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
     session = robot.node.session
@@ -140,7 +140,7 @@ def test_positions_that_are_no_numbers_are_not_published(tmp_path: Path) -> None
 
 
 def test_what_publishing_raises_is_told_and_ends_nothing(tmp_path: Path) -> None:
-    """Let publishing one step raise: it is counted as a fault, the next step is published."""
+    """If publishing a step raises, that is counted as a fault, and the next step is published."""
     robot = _Robot(bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
     session = robot.node.session
@@ -165,7 +165,7 @@ def test_what_publishing_raises_is_told_and_ends_nothing(tmp_path: Path) -> None
 
 
 def _fail_often(robot: _Robot, count: int) -> None:
-    """Let every other step raise in the middle of a run, and go on after each."""
+    """Let every other step raise, and continue after each."""
     session = robot.node.session
     step, made = session.simulation.step, session.stepper.count
     for number in range(count):
@@ -191,7 +191,7 @@ def _fail_often(robot: _Robot, count: int) -> None:
     ids=["events", "threads", "thousand"],
 )
 def test_many_failed_steps_lose_nothing(tmp_path: Path, make: Callable[..., Any], count: int) -> None:
-    """Let many steps fail in one run: each is followed by one that converges, the bag holds all of these."""
+    """After each of many failed steps, the next one converges, and the bag has all of these."""
     robot = _Robot(make, bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
     _fail_often(robot, count)
@@ -201,7 +201,7 @@ def test_many_failed_steps_lose_nothing(tmp_path: Path, make: Callable[..., Any]
 
 @pytest.mark.parametrize("count", [20, pytest.param(1000, marks=pytest.mark.torture)])
 def test_a_node_of_its_own_outlives_failed_steps(client: Any, start: Callable, tmp_path: Path, count: int) -> None:
-    """Ask for steps of 1000 s, with too many internal ones: each fails; all others are made, and in the bag."""
+    """Steps of 1000 s fail because of too many internal steps; all other steps are made and in the bag."""
     bag = tmp_path / "bag"
     mesh = ["mesh.bar.cells=[10, 1, 1]", "dynamics.step=0.001"]
     process = start(scene="drop", scene_overrides=mesh, clock="lockstep", record=True, bag_path=str(bag))
@@ -225,7 +225,7 @@ def test_a_node_of_its_own_outlives_failed_steps(client: Any, start: Callable, t
 
 
 def test_bags_that_failed_and_bags_that_did_not_are_told(tmp_path: Path) -> None:
-    """Finish a sound bag, one whose disk was full, and a sound one again: each answer says how it went."""
+    """A sound bag, one on a full disk, and a sound one again each end with the right answer."""
     robot = _Robot(bag_path=str(tmp_path / "first"))
     robot.wait_for_the_first_step()
     session = robot.node.session
@@ -243,7 +243,7 @@ def test_bags_that_failed_and_bags_that_did_not_are_told(tmp_path: Path) -> None
 
 
 def test_a_command_that_the_simulation_refuses_is_counted_and_passed_over(tmp_path: Path) -> None:
-    """Let the simulation refuse one command: the step is made without it, the node goes on."""
+    """A command that the simulation refuses is counted, and the step is made without it."""
     robot = _Robot(bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
     simulation = robot.node.session.simulation
@@ -263,7 +263,7 @@ def test_a_command_that_the_simulation_refuses_is_counted_and_passed_over(tmp_pa
 
 
 def test_close_is_harmless_at_any_time() -> None:
-    """Close a node before it is configured, and twice."""
+    """A node can be closed before it is configured, and twice."""
     robot = _Robot(autostart=False)
     robot.node.close()
     assert robot.node.lifecycle_state == "unconfigured"

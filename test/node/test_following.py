@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Handles that follow: a topic's pose, as of the example's arm; frames are in test_frames.py."""
+"""Handles that follow a pose topic, as of the example arm; test_frames.py tests frames."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FOLLOW = "wrist=topic:/carrying_arm/tool_pose"
 
 
 class _Watched(CarryingArm):
-    """Keeps the joint states that it receives."""
+    """A node that keeps the joint states that it receives."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
@@ -38,7 +38,7 @@ class _Watched(CarryingArm):
 
 
 def test_the_arm_begins_where_the_wrist_is() -> None:
-    """Take the first and the lowest pose: the tool is at the origin unturned, then hangs."""
+    """The example arm's tool starts at the origin without rotation, and hangs down at its lowest pose."""
     origin, turn = tool_at(joints_at(0.0))
     np.testing.assert_allclose(origin, 0.0, atol=1e-12)
     assert turn.magnitude() == 0.0
@@ -47,7 +47,7 @@ def test_the_arm_begins_where_the_wrist_is() -> None:
 
 
 def test_the_gripper_hangs_on_the_arm(tmp_path: Any) -> None:
-    """Carry the gripper for ten steps: the wrist is where the tool was reported, and bears the weight."""
+    """Over ten steps the gripper's wrist is at the reported tool pose and carries the weight."""
     parameters = {"follow": [FOLLOW]}
     scene = {"loads.weight": WEIGHT, "solver.tolerance": 1e-5}
     bag = tmp_path / "bag"
@@ -76,7 +76,7 @@ def test_the_gripper_hangs_on_the_arm(tmp_path: Any) -> None:
 
 
 def test_a_followed_pose_that_makes_no_sense_is_refused(client: Any, start: Callable, coarse: dict) -> None:
-    """Hold the tip at NaN, at infinity, by a zero quaternion, ahead and too old: each is counted, the tip stays."""
+    """Followed poses with NaN, infinity, a zero quaternion, or a wrong stamp are counted, and the tip stays."""
     process = start(**coarse, follow=["tip=topic:/tool"], command_max_age=10.0)
     publisher = client.node.create_publisher(PoseStamped, "/tool", 10)
     client.wait(lambda: publisher.get_subscription_count() and client.received["mesh"])
@@ -110,7 +110,7 @@ def test_a_followed_pose_that_makes_no_sense_is_refused(client: Any, start: Call
 
 
 def _volumes(mesh: Any) -> np.ndarray:
-    """Give the volumes of cells that are cuboids (m,) [m^3]."""
+    """Return the volumes (m,) [m^3] of cells that are cuboids."""
     corners = mesh.vertices[mesh.cells]
     return np.ptp(corners, axis=1).prod(axis=1)
 
@@ -126,12 +126,12 @@ def _volumes(mesh: Any) -> np.ndarray:
     ],
 )
 def test_a_wrong_leader_is_refused(entry: str, scene: str, said: str) -> None:
-    """Name a leader wrongly: what is wrong, and what is allowed."""
+    """An invalid leader is refused with what is wrong and what is allowed."""
     with pytest.raises(GdfeError, match=said):
         leaders_of([entry], load_scene(scene), listening=False)
 
 
 def test_a_plate_has_one_leader() -> None:
-    """Give a handle two: the second is refused."""
+    """A second leader for a handle is refused."""
     with pytest.raises(GdfeError, match="handle 'tip' follows topic /x already"):
         leaders_of(["tip=topic:/x", "tip=topic:/y"], load_scene("bend5"), listening=False)

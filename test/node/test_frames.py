@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames on /tf: those that the node tells of, and those that commands and handles follow.
+"""Frames on /tf: the frames that the node publishes, and those that commands and handles refer to.
 
-tf2_msgs is not among the wheels of ROS: where it is not installed, its messages are built from their definition.
+tf2_msgs is not available as a wheel: where it is not installed, its messages are built from their definition.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class _Tree:
-    """Tells of frames and hears of them, with the messages of tf2."""
+    """Publishes frames and receives them, with the messages of tf2."""
 
     def __init__(self, client: Any) -> None:
         from tf2_msgs.msg import TFMessage
@@ -44,7 +44,7 @@ class _Tree:
         stamp: int = 0,
         length: float = 1.0,
     ) -> None:
-        """Tell of a frame, with a stamp [ns]; the quaternion has a ``length``."""
+        """Publish a frame with a stamp [ns] and a quaternion of a given length."""
         transform = TransformStamped(child_frame_id=child)
         transform.header.frame_id = parent
         transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(stamp, 10**9)
@@ -77,7 +77,7 @@ def _vector(value: Any) -> list[float]:
 
 
 def test_plates_are_told_on_tf(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
-    """Lift and turn the tip: /tf and /tf_static tie the frames of all headers to the node's; wrenches agree."""
+    """The frames of all headers are on /tf and /tf_static, at the tip's pose; wrenches agree in both frames."""
     interfaces("tf2_msgs")
     tree, felt = _Tree(client), []
     client.node.create_subscription(WrenchStamped, client.full("handles/tip/force_torque"), felt.append, _LATCHED)
@@ -108,7 +108,7 @@ def test_plates_are_told_on_tf(client: Any, start: Callable, coarse: dict, inter
 def test_commands_in_other_frames_are_transformed(
     client: Any, start: Callable, coarse: dict, interfaces: Callable
 ) -> None:
-    """Tie odom to the node's frame: a target there is a place, a velocity has its axes; unknown frames are refused."""
+    """With odom connected to the node's frame, commands in odom are transformed; an unknown frame is refused."""
     interfaces("tf2_msgs")
     tree = _Tree(client)
     process = start(**coarse, clock="lockstep")
@@ -144,7 +144,7 @@ def test_commands_in_other_frames_are_transformed(
 
 
 def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
-    """Hold the tip at a frame: it moves with it, other commands are refused, and a reset brings it back there."""
+    """A tip that follows a frame moves with it, refuses other commands, and returns to it after a reset."""
     from std_srvs.srv import Trigger
 
     interfaces("tf2_msgs")
@@ -171,7 +171,7 @@ def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, int
 def test_frames_that_make_no_sense_are_refused(
     client: Any, start: Callable, coarse: dict, interfaces: Callable
 ) -> None:
-    """Tell of a followed frame with NaN, a zero quaternion, ahead and too old: each is counted, the tip stays."""
+    """Followed frames with NaN, a zero quaternion, or a wrong stamp are counted, and the tip stays."""
     interfaces("tf2_msgs")
     tree = _Tree(client)
     process = start(**coarse, follow=["tip=frame:tool0"], command_max_age=10.0)
@@ -200,7 +200,7 @@ def test_frames_that_make_no_sense_are_refused(
 
 
 def test_the_latest_frame_by_stamp_counts(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
-    """Let transforms of a followed frame overtake each other: the one with the latest stamp stays in force."""
+    """Of transforms that arrive out of order, the one with the latest stamp is used."""
     interfaces("tf2_msgs")
     tree = _Tree(client)
     start(**coarse, follow=["tip=frame:tool0"])
@@ -218,7 +218,7 @@ def test_the_latest_frame_by_stamp_counts(client: Any, start: Callable, coarse: 
 def test_a_target_in_a_frame_that_makes_no_sense_is_refused(
     client: Any, start: Callable, coarse: dict, interfaces: Callable
 ) -> None:
-    """Command the tip in a frame whose transform was NaN: the frame is unknown, and nothing moves."""
+    """A target in a frame with a NaN transform is refused as one in an unknown frame, and nothing moves."""
     interfaces("tf2_msgs")
     tree = _Tree(client)
     start(**coarse, clock="lockstep")

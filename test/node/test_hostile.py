@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Malformed and hostile commands in numbers: nothing crashes, nothing moves, all are counted, memory is flat."""
+"""Malformed commands in large numbers: no crash, no motion, all counted, constant memory."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ REASONS = {"handles": hostile.HANDLE_REASONS, "actuators": hostile.ACTUATOR_REAS
 @pytest.mark.parametrize("scene", flood.SCENES)
 @pytest.mark.parametrize("count", [3000, pytest.param(50_000, marks=pytest.mark.torture)])
 def test_hostile_commands_change_nothing(scene: str, count: int) -> None:
-    """Send bad commands at some thousand a second: same mesh, all counted, memory flat, an orderly end."""
+    """Thousands of bad commands per second are all counted, mesh and memory stay, and the node ends in order."""
     found = flood.measure(scene, count=count)
     assert (found.refused, found.finite, found.moved, found.status) == (count, True, 0.0, 0)
     assert sum(found.reasons.values()) == count
@@ -27,7 +27,7 @@ def test_hostile_commands_change_nothing(scene: str, count: int) -> None:
 
 
 def test_good_commands_work_among_bad_ones(client: Any, start: Callable, coarse: dict) -> None:
-    """Mix bad commands with a good one: the good one is carried out, the bad ones are counted."""
+    """Among bad commands, which are counted, a good one is carried out."""
     start(**coarse, command_max_age=1.0)
     client.target(0.05)
     commands = hostile.handle_commands(2)
@@ -48,7 +48,7 @@ def test_good_commands_work_among_bad_ones(client: Any, start: Callable, coarse:
 
 
 def test_wild_commands_at_a_thousand_a_second_leave_finite_meshes(client: Any, start: Callable, coarse: dict) -> None:
-    """Throw the tip about by up to five body lengths, at 1 kHz: only finite meshes; after a reset all is well."""
+    """Poses of up to five body lengths at 1 kHz give finite meshes only, and after a reset commands work again."""
     start(**coarse, deadline=0.05)
     chance = np.random.default_rng(3)
     for _ in range(1000):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Orders wait for their step: the latest counts, or in lockstep each of them."""
+"""Orders wait for the next step: the latest one is used, or in lockstep each of them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _values(orders: list) -> list[float]:
 
 
 def _taken(*orders: Order) -> list[Order]:
-    """Put orders of one input, and take what a step of the clocks wall and fast gets."""
+    """Put orders of one input; return those that a step of the clocks wall and fast takes."""
     inbox = _inbox(queued=False)
     for order in orders:
         inbox.put("in", order)
@@ -36,7 +36,7 @@ def _taken(*orders: Order) -> list[Order]:
 
 
 def test_the_latest_command_of_each_actuator_counts_whoever_sent_it() -> None:
-    """Put commands of two actuators by two inputs: one step takes the last of each actuator."""
+    """Of commands of two actuators by two inputs, a step takes the last one for each actuator."""
     inbox = _inbox(queued=False)
     for name, values in (("x", {"a": 1, "b": 1}), ("y", {"a": 2}), ("x", {"b": 3}), ("x", {})):
         inbox.put(name, ActuatorOrder(values))
@@ -45,7 +45,7 @@ def test_the_latest_command_of_each_actuator_counts_whoever_sent_it() -> None:
 
 
 def test_the_latest_command_of_each_handle_counts() -> None:
-    """Put poses and velocities: a pose ends what came before, a velocity goes on from the pose before it."""
+    """A pose replaces earlier orders of its handle; a velocity is applied after the pose before it."""
     there, back = (PoseOrder("tip", (0.0, 0.0, z), (0.0, 0.0, 0.0, 1.0)) for z in (0.1, 0.0))
     slow, fast = (TwistOrder("tip", (v, 0.0, 0.0), (0.0, 0.0, 0.0)) for v in (0.1, 0.2))
     other = TwistOrder("other", (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -54,7 +54,7 @@ def test_the_latest_command_of_each_handle_counts() -> None:
 
 
 def test_a_trajectory_keeps_the_actuators_that_nobody_else_commands() -> None:
-    """Put a trajectory of two actuators, then a command of one: the other's course stays."""
+    """A command of one actuator ends a trajectory for that actuator only."""
     both = TrajectoryOrder(("a", "b"), None, np.array([1.0]), np.array([[1.0, 2.0]]))
     rest, single = _taken(both, _order(5.0))
     assert (rest.names, rest.values.tolist(), single.values) == (("b",), [[2.0]], {"a": 5.0})
@@ -63,7 +63,7 @@ def test_a_trajectory_keeps_the_actuators_that_nobody_else_commands() -> None:
 
 
 def test_lockstep_takes_one_order_a_step_in_the_order_received() -> None:
-    """Put three orders of two inputs: three steps take one each."""
+    """In lockstep, three orders of two inputs are taken by three steps, in the order received."""
     inbox = _inbox(queued=True)
     for name, value in (("a", 1), ("b", 2), ("a", 3)):
         inbox.put(name, _order(value))
@@ -72,7 +72,7 @@ def test_lockstep_takes_one_order_a_step_in_the_order_received() -> None:
 
 
 def test_a_command_set_waits_until_it_is_whole() -> None:
-    """Wait for two inputs: a step is ready when both have an order, and takes along a third's."""
+    """A step is ready when both inputs of the command set have an order; an order of a third input goes with it."""
     inbox = _inbox(queued=True, command_set=("a", "b"))
     inbox.put("a", _order(1))
     inbox.put("a", _order(2))
@@ -86,7 +86,7 @@ def test_a_command_set_waits_until_it_is_whole() -> None:
 
 
 def test_a_flood_is_refused_not_stored() -> None:
-    """Put ten thousand orders in lockstep: the next is refused; after a step there is room for one."""
+    """In lockstep, an order after ten thousand waiting ones is refused, and accepted after a step."""
     inbox = _inbox(queued=True)
     for value in range(10_000):
         inbox.put("a", _order(value))

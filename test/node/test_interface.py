@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The interface table is what a running node really offers, and what README says."""
+"""The interface table agrees with a running node and with README."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _own(entries: list[tuple[str, list[str]]]) -> dict[str, list[str]]:
 
 
 def test_a_node_offers_what_the_table_says(client: Any, start: Callable, coarse: dict) -> None:
-    """Compare topics with their types, services and parameters of a running node with the table."""
+    """A running node has the topics with types, services and parameters of the table."""
     start(**coarse, publish_clock=True)
     client.wait(client.records)
     node = client.node
@@ -53,7 +53,7 @@ def test_a_node_offers_what_the_table_says(client: Any, start: Callable, coarse:
 
 
 def test_descriptors_say_unit_range_and_meaning(client: Any, start: Callable, coarse: dict) -> None:
-    """Describe the parameters of a running node: the table's words, units and ranges."""
+    """The parameter descriptors of a running node have the table's text, units and ranges."""
     start(**coarse)
     names = [spec.name for spec in PARAMETERS]
     described = client.call(DescribeParameters, "describe_parameters", DescribeParameters.Request(names=names))
@@ -67,7 +67,7 @@ def test_descriptors_say_unit_range_and_meaning(client: Any, start: Callable, co
 
 
 def test_the_reference_names_everything() -> None:
-    """Find each parameter, topic and service with its meaning in the generated Markdown."""
+    """The generated Markdown has each parameter, topic and service with its description."""
     text = markdown()
     for spec in (*COMMANDS, *OUTPUTS, *SERVICES, *PARAMETERS):
         name = spec.name.replace("{", "<").replace("}", ">")

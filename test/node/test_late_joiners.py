@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who begins to listen gets the present state, though no step is made."""
+"""A subscriber that joins late gets the present state without a step."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TOPICS = {
 
 
 class _Newcomer:
-    """Listens to diagnostics only, until `listen` adds more."""
+    """A client that subscribes to diagnostics only, until `listen` adds topics."""
 
     def __init__(self, ros: Any, wait: Callable) -> None:
         self.node, self._wait = ros.node("newcomer"), wait
@@ -59,7 +59,7 @@ class _Newcomer:
         client.call_async(request)
 
     def listen(self, topic: str, kind: type, qos: QoSProfile = _QOS) -> Any:
-        """Begin to listen, and return the first message that arrives after a whole history of the topic."""
+        """Subscribe to a topic; return the list to which its messages are appended."""
         got: list[Any] = []
         self.node.create_subscription(kind, topic if topic[0] == "/" else f"/gdfe_sim/{topic}", got.append, qos)
         return got
@@ -67,7 +67,7 @@ class _Newcomer:
 
 @pytest.fixture
 def newcomer(ros: Any) -> _Newcomer:
-    """Give a node that listens to diagnostics only."""
+    """Give a client that subscribes to diagnostics only."""
 
     def wait(done: Callable[[], Any]) -> None:
         end = time.monotonic() + 300.0
@@ -86,7 +86,7 @@ def _lift(newcomer: _Newcomer, z: float) -> None:
 
 @pytest.mark.parametrize("clock", ["lockstep", "wall"])
 def test_late_joiners_get_the_present_state(newcomer: _Newcomer, start: Callable, coarse: dict, clock: str) -> None:
-    """Lift the tip with nobody listening, in lockstep and paused, then listen: every topic shows it lifted."""
+    """With a tip lifted in lockstep and then paused, a late subscriber of any topic gets the lifted state."""
     start(**coarse, clock=clock, heartbeat=0.0)
     newcomer.wait_for_steps(1)
     if clock == "wall":
@@ -123,7 +123,7 @@ def _lifted(messages: list[Any]) -> bool:
 
 
 def test_a_late_joiner_gets_the_time_and_the_joints(newcomer: _Newcomer, start: Callable) -> None:
-    """Pull a tendon in lockstep with nobody listening, then listen to /clock and the joints: both are of the step."""
+    """A late subscriber of /clock and joint states gets those of the last step."""
     start(scene="tendon_finger", clock="lockstep", dt=0.25, publish_clock=True)
     newcomer.wait_for_steps(1)
     newcomer.publish("actuation", JointState(name=["flexor"], effort=[2.0]))
@@ -136,7 +136,7 @@ def test_a_late_joiner_gets_the_time_and_the_joints(newcomer: _Newcomer, start: 
 def test_a_bag_holds_each_step_once_whoever_comes_late(
     newcomer: _Newcomer, start: Callable, coarse: dict, tmp_path: Any
 ) -> None:
-    """Listen late to a node that records: the bag holds one mesh for each step."""
+    """With a late subscriber, the bag has exactly one mesh per step."""
     process = start(**coarse, clock="lockstep", record=True, bag_path=str(tmp_path / "bag"))
     newcomer.wait_for_steps(1)
     _lift(newcomer, 0.1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transitions over services, and what a bad scene or parameter leads to."""
+"""Lifecycle transitions by services, and their failures for a bad scene or parameter."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ solver: {policy: magic}
 
 
 def test_a_missing_scene_leaves_the_node_up_to_try_again(client: Any, start: Callable, coarse: dict) -> None:
-    """Start with an unknown scene: it says which there are; with a right one, configure and activate work."""
+    """A node with an unknown scene lists the known ones; with a right one, configure and activate succeed."""
     process = start(scene="nosuch")
     client.wait(lambda: "autostart failed" in process.log)
     assert f"does not exist; scenes: {', '.join(scene_names())}" in process.log
@@ -42,7 +42,7 @@ def test_a_missing_scene_leaves_the_node_up_to_try_again(client: Any, start: Cal
 
 
 def test_all_defects_of_a_scene_are_named_at_once(client: Any, start: Callable, tmp_path: Path) -> None:
-    """Start with a scene that has ten defects: each is in the log, the node stays up."""
+    """All ten defects of a scene are in the log, and the node keeps running."""
     path = tmp_path / "bad.yaml"
     path.write_text(DEFECTS, encoding="utf-8")
     process = start(scene=str(path))
@@ -54,7 +54,7 @@ def test_all_defects_of_a_scene_are_named_at_once(client: Any, start: Callable, 
 
 
 def test_parameters_are_changed_when_they_may(client: Any, start: Callable, coarse: dict) -> None:
-    """Change parameters of an active node: rate is taken, as an integer too, others say what is allowed and when."""
+    """An active node accepts a rate, also as an integer; other parameters are refused with what is allowed and when."""
     start(**coarse)
     client.wait(lambda: client.received["mesh"])
     fine, scene, clock, low, nan, autostart = client.set(
@@ -70,14 +70,14 @@ def test_parameters_are_changed_when_they_may(client: Any, start: Callable, coar
 
 
 def test_a_parameter_out_of_range_at_start_ends_the_process(start: Callable) -> None:
-    """Start with a rate of zero: exit status 2 and a message without a traceback."""
+    """A rate of zero at start ends the process with status 2 and a message without a traceback."""
     process = start(rate=0)
     assert process.wait() == 2
     assert process.log == "sim_node: parameter rate is 0; allowed: 0.01 to 10000 Hz\n"
 
 
 def test_the_state_outlives_deactivate_but_not_cleanup(client: Any, start: Callable, coarse: dict) -> None:
-    """Lift the tip, deactivate, activate: it is still lifted; after cleanup and configure it is in its rest pose."""
+    """A lifted tip stays lifted after deactivate and activate, and is undeformed after cleanup and configure."""
     start(**coarse)
     client.target(0.1)
     client.wait(lambda: client.mesh()[:, 5].max() > 0.09)
@@ -97,7 +97,7 @@ def test_the_state_outlives_deactivate_but_not_cleanup(client: Any, start: Calla
 def test_a_bag_in_the_way_is_said_and_can_be_put_right(
     client: Any, start: Callable, coarse: dict, tmp_path: Path
 ) -> None:
-    """Record into a directory that is not empty: activate fails and says so; another path works."""
+    """A bag path that is not empty makes activate fail with the reason; another path succeeds."""
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "file").touch()
     process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node that outlives bad requests: transitions that are not there, parameters of no type, callbacks that raise."""
+"""A node survives bad requests: invalid transitions, parameters without a type, callbacks that raise."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ sys.exit(process.run(Raising, []))
 
 @pytest.mark.parametrize("state", _STEPS)
 def test_transitions_that_a_state_lacks_are_refused(client: Any, start: Callable, coarse: dict, state: str) -> None:
-    """Ask for every transition that a state does not have: each is answered with false, and the node is as before."""
+    """Each transition that a state does not have is refused, and the node stays in its state."""
     process = start(**coarse, autostart=False)
     assert all(client.transition(label) for label in _STEPS[state])
     for number in _INVALID[state]:
@@ -69,7 +69,7 @@ def test_transitions_that_a_state_lacks_are_refused(client: Any, start: Callable
 
 
 def test_a_manager_that_configures_an_active_node_is_answered(client: Any, start: Callable, coarse: dict) -> None:
-    """Configure and activate a node that started by itself: both are refused, it goes on, and can be taken down."""
+    """A node that has started by itself refuses configure and activate, continues, and can be shut down."""
     start(**coarse)
     client.wait(client.records)
     assert [client.transition(label) for label in ("configure", "activate")] == [False, False]
@@ -84,7 +84,7 @@ def test_a_manager_that_configures_an_active_node_is_answered(client: Any, start
 def test_a_parameter_of_no_type_is_refused_and_counted(
     client: Any, start: Callable, coarse: dict, kind: type, name: str
 ) -> None:
-    """Set a parameter of type 99, on which rclpy raises: the answer gives the reason, the node counts it, goes on."""
+    """A parameter of type 99, on which rclpy raises, is refused with the reason and counted."""
     process = start(**coarse)
     bad = Parameter(name="rate", value=ParameterValue(type=99))
     response = client.call(kind, name, kind.Request(parameters=[bad]))
@@ -98,7 +98,7 @@ def test_a_parameter_of_no_type_is_refused_and_counted(
 
 
 def test_an_exception_that_leaves_the_executor_ends_nothing() -> None:
-    """Let a timer of a node without guards raise three times: each is logged with its cause, the node closes well."""
+    """Three exceptions of a timer in a node without guards are logged with their cause, and the node closes well."""
     command = [sys.executable, "-c", _RAISING]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
@@ -107,10 +107,10 @@ def test_an_exception_that_leaves_the_executor_ends_nothing() -> None:
 
 
 def test_what_is_destroyed_is_freed_later() -> None:
-    """Destroy a subscription, a publisher and a timer: each is kept, for the executor's queue may still name it.
+    """A destroyed subscription, publisher or timer is kept, because the executor's queue may still refer to it.
 
-    EventsExecutor calls by address what waits in its queue; a node that took its topics away in the middle of a flood
-    of messages died of that by SIGSEGV.
+    EventsExecutor calls queued entities by address. Before, a node that removed its topics during a flood of messages
+    crashed with SIGSEGV.
     """
     context = rclpy.Context()
     rclpy.init(context=context)
@@ -133,7 +133,7 @@ def test_what_is_destroyed_is_freed_later() -> None:
 
 
 def test_topics_go_in_the_middle_of_a_flood(client: Any, start: Callable, coarse: dict) -> None:
-    """Configure, activate, and take all topics away ten times, under thousands of commands: nothing breaks."""
+    """Topics are created and removed ten times under thousands of commands without a crash."""
     process = start(**coarse, autostart=False, clock="fast")
     publisher = client.node.create_publisher(PoseStamped, client.full("handles/tip/target"), 1000)
     over = threading.Event()
@@ -155,7 +155,7 @@ def test_topics_go_in_the_middle_of_a_flood(client: Any, start: Callable, coarse
 
 
 def test_a_subscription_goes_in_a_later_turn() -> None:
-    """Destroy a publisher, and later what hears it: the subscription is there until the executor has had its turn."""
+    """A subscription that is to be destroyed later exists until the executor's next turn."""
     context = rclpy.Context()
     rclpy.init(context=context)
     node, executor = ManagedNode("keeper", context=context), make_executor(context)

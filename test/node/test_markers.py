@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Markers: patched bytes are the message that rclpy itself would make."""
+"""Markers: the packed bytes equal the message made by rclpy."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ MESH = bar((0.3, 0.1, 0.1), (3, 1, 1))
 
 
 def test_the_surface_is_closed_and_looks_outwards() -> None:
-    """Unpack a marker: 28 triangles that enclose the bar's volume; stamp and frame are right."""
+    """A marker has 28 triangles that enclose the bar's volume, and the right stamp and frame."""
     data = SurfaceMarker(MESH, "robot/base_link").pack(12_250_000_000, MESH.vertices, np.arange(3.0))
     marker = deserialize_message(data, Marker)
     assert (marker.header.frame_id, marker.header.stamp.sec, marker.header.stamp.nanosec) == (
@@ -58,7 +58,7 @@ def test_the_surface_is_closed_and_looks_outwards() -> None:
 
 
 def test_each_cell_has_its_colour() -> None:
-    """Give the cells rising values: the first is viridis' violet, the last its yellow."""
+    """For rising values, the first cell is viridis' violet, and the last its yellow."""
     data = SurfaceMarker(MESH, "base_link").pack(0, MESH.vertices, np.array([1.0, 2.0, 3.0]))
     marker = deserialize_message(data, Marker)
     for point, found in zip(marker.points, marker.colors, strict=True):
@@ -70,12 +70,12 @@ def test_each_cell_has_its_colour() -> None:
 
 
 def test_equal_values_have_one_colour() -> None:
-    """Colour a constant field: no division by zero."""
+    """A constant field has one colour, without a division by zero."""
     assert (colour(np.full(4, 7.0)) == colour(np.zeros(4))).all()
 
 
 def test_markers_are_throttled(client: Any, start: Callable, coarse: dict) -> None:
-    """Step much faster than `marker_rate`: a marker now and then, coloured by the field asked for."""
+    """With many steps, markers are published at `marker_rate`, coloured by the chosen field."""
     markers: list[Marker] = []
     start(**coarse, clock="lockstep", marker_rate=2.0, marker_field="J")
     client.node.create_subscription(Marker, client.full("markers"), markers.append, 10)
@@ -92,7 +92,7 @@ def test_markers_are_throttled(client: Any, start: Callable, coarse: dict) -> No
 
 
 def test_obstacles_and_forces_are_shown(client: Any, start: Callable, tmp_path: Path) -> None:
-    """Press a capsule into a cube beside a wall: shapes are where the obstacles are, arrows show a force."""
+    """With a capsule pressed into a cube beside a wall, markers are at the obstacles, and arrows show the force."""
     path, arrays = tmp_path / "cube.yaml", []
     path.write_text(CUBE)
     client.node.create_subscription(MarkerArray, client.full("contact_markers"), arrays.append, 10)
@@ -122,7 +122,7 @@ def test_obstacles_and_forces_are_shown(client: Any, start: Callable, tmp_path: 
 
 @pytest.mark.parametrize("subdivisions", [2, 5])
 def test_a_mesh_is_shown_as_its_triangles(subdivisions: int) -> None:
-    """Move a ball of triangles: they are published in its frame, all of a coarse one, at most so many of a fine one."""
+    """A triangle mesh is published in its frame: all triangles of a coarse one, a limited number of a fine one."""
     ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.02)
     entry = {"mesh": {"embedded": pack_surface(ball.vertices, ball.faces)}, "at": [0.05, 0.0, -0.1]}
     scene = scene_from_text(CUBE, overrides={"obstacles": {"part": entry}})
@@ -140,7 +140,7 @@ def _place(point: Any) -> list[float]:
 
 
 def test_a_marker_shows_the_skin_of_a_mesh_that_has_one() -> None:
-    """Read the corners of a triangle that one cell carries, moved with it, in that cell's colour."""
+    """A marker of a mesh with a skin has the skin's triangle, moved with its cell."""
     points = np.array([[0.1, 0.1, 0.1], [0.9, 0.2, 0.3], [0.2, 0.8, 0.6]]) * MESH.size / 10.0 + MESH.bounds[0]
     skin = carry_skin(MESH.vertices, MESH.cells, points, np.array([[0, 1, 2]]))
     moved = 2.0 * MESH.vertices + 1.0

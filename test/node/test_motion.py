@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node whose body has mass: what it tells of the motion, and how it steps."""
+"""A node with dynamics: its published motion and its steps."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _DROP = {"scene": "drop", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"]}
 
 @pytest.fixture
 def listen(client: Any) -> Callable[..., list[Any]]:
-    """Give a function that subscribes the client to a topic of the node and returns the list of what arrives."""
+    """Give a function that subscribes the client to a topic of the node and returns the list of received messages."""
 
     def subscribe(topic: str, kind: type) -> list[Any]:
         client.node.create_subscription(kind, client.full(topic), client.received[topic].append, _QOS)
@@ -39,13 +39,13 @@ def listen(client: Any) -> Callable[..., list[Any]]:
 
 
 def _advance(client: Any, steps: int = 1) -> None:
-    """Have a node in lockstep make steps; one that is not active yet refuses and is asked again."""
+    """Make steps in lockstep; repeat the request until the node is active."""
     for _ in range(steps):
         client.wait(lambda: client.call(Trigger, "step", Trigger.Request()).success)
 
 
 def test_every_vertex_tells_its_velocity(client: Any, start: Callable, listen: Callable) -> None:
-    """Release a bar: at first it stands, then each vertex has the velocity that its positions show."""
+    """A released bar starts without velocity; later each vertex velocity equals differences of its positions."""
     listen("velocity", PointCloud2)
     start(**_DROP, clock="lockstep", dt=0.001)
     first = client.last("velocity")
@@ -61,7 +61,7 @@ def test_every_vertex_tells_its_velocity(client: Any, start: Callable, listen: C
 
 
 def test_energies_are_told_by_records_and_diagnostics(client: Any, start: Callable) -> None:
-    """Release a bar without damping: what its weight gives is kinetic and elastic energy, and diagnostics say so."""
+    """Without damping, the loss of potential energy is kinetic and elastic energy, in records and diagnostics."""
     start(**_DROP, clock="lockstep", dt=0.002)
     client.wait(client.records)
     _advance(client, 20)
@@ -75,7 +75,7 @@ def test_energies_are_told_by_records_and_diagnostics(client: Any, start: Callab
 
 
 def test_diagnostics_warn_of_a_stuck_body(client: Any, start: Callable) -> None:
-    """Crush a bar, with too few iterations for a step to lead on: a warning says why, though no handle is off."""
+    """A crushed bar whose step fails is reported by a warning with the reason."""
     crushed = ["loads.weight.gravity=[-1.0e6, 0, -1.0e6]", "solver.max_iterations=5"]
     overrides = [*_DROP["scene_overrides"], *crushed]
     start(**{**_DROP, "scene_overrides": overrides}, clock="lockstep", dt=0.01)
@@ -89,7 +89,7 @@ def test_diagnostics_warn_of_a_stuck_body(client: Any, start: Callable) -> None:
 
 
 def test_each_probe_has_an_inertial_unit(client: Any, start: Callable, listen: Callable) -> None:
-    """Release a bar: held, its tip feels what holds it up; let go, nothing; then what the simulation says."""
+    """The IMU of the tip reads gravity before the release, nothing after it, and later the simulation's values."""
     listen("probe/tip/imu", Imu)
     start(**_DROP, clock="lockstep", dt=0.002)
     _advance(client, 10)
@@ -107,7 +107,7 @@ def test_each_probe_has_an_inertial_unit(client: Any, start: Callable, listen: C
 
 
 def test_the_frame_of_a_unit_is_on_tf(client: Any, start: Callable, listen: Callable, interfaces: Callable) -> None:
-    """Release a bar: the frame of the tip's unit lies at the probe and is turned as the unit says."""
+    """The IMU frame of the tip is at the probe and is rotated as the IMU reports."""
     interfaces("tf2_msgs")
     from tf2_msgs.msg import TFMessage
 
@@ -130,7 +130,7 @@ def test_the_frame_of_a_unit_is_on_tf(client: Any, start: Callable, listen: Call
 
 
 def to_nanoseconds(stamp: Any) -> int:
-    """Give a stamp as a whole number."""
+    """Return a stamp as an integer [ns]."""
     return stamp.sec * 10**9 + stamp.nanosec
 
 
@@ -139,7 +139,7 @@ def _vector(value: Any) -> list[float]:
 
 
 def test_a_body_in_motion_is_stepped_until_it_rests(client: Any, start: Callable) -> None:
-    """Release a damped bar on the wall clock: steps without an order until it rests, then heartbeats only."""
+    """With the wall clock, a released damped bar is stepped without orders until it is at rest; heartbeats follow."""
     start(scene="drop", scene_overrides=[*_DROP["scene_overrides"], "dynamics.damping.mass=30"], heartbeat=0.3)
     client.wait(lambda: client.record().skipped.get("solve") and client.record().step > 1)
     records = [record for record in client.records() if record.step]
@@ -152,7 +152,7 @@ def test_a_body_in_motion_is_stepped_until_it_rests(client: Any, start: Callable
 
 
 def test_a_handle_is_shaken_by_velocities_and_the_bag_replays(client: Any, start: Callable, tmp_path: Path) -> None:
-    """Shake the whip in lockstep, then leave it alone: it swings on, and the bag holds every bit of it."""
+    """The whip, shaken in lockstep and then left alone, swings on, and the bag replays bit for bit."""
     process = start(scene="whip", clock="lockstep", record=True, bag_path=str(tmp_path / "bag"), velocity_timeout=0.05)
     for speed in (0.4, -0.4, 0.4):
         _shake(client, speed, steps=5)
@@ -168,7 +168,7 @@ def test_a_handle_is_shaken_by_velocities_and_the_bag_replays(client: Any, start
 
 
 def test_a_bag_begun_in_flight_replays(client: Any, start: Callable, tmp_path: Path) -> None:
-    """Record from the middle of a motion, on the wall clock with a deadline that cuts steps: all bits again."""
+    """A bag started during a motion, with the wall clock and a deadline that cuts steps, replays bit for bit."""
     process = start(**_DROP, deadline=0.004, bag_path=str(tmp_path / "bag"))
     client.wait(lambda: client.record().energies["kinetic"] > 1e-3)
     assert client.call(SetBool, "record", SetBool.Request(data=True)).success
@@ -179,7 +179,7 @@ def test_a_bag_begun_in_flight_replays(client: Any, start: Callable, tmp_path: P
 
 
 def test_a_saved_motion_goes_on_as_it_was(client: Any, start: Callable, tmp_path: Path) -> None:
-    """Save in flight, go on, load, go on: the same bits; a reset body stands still undeformed, and falls again."""
+    """A motion saved and loaded repeats the same bits; after a reset the body starts undeformed and falls again."""
     start(**_DROP, clock="lockstep", state_path=str(tmp_path / "state"))
     _advance(client, 5)
     assert client.call(Trigger, "save_state", Trigger.Request()).success
@@ -199,7 +199,7 @@ def test_a_saved_motion_goes_on_as_it_was(client: Any, start: Callable, tmp_path
 
 
 def test_a_command_after_a_rest_acts_in_one_step(client: Any, start: Callable) -> None:
-    """Command a body that has rested for a while: the time without a command passes before, not during the motion."""
+    """After a pause, the time without a command passes in one step before the command's own step."""
     start(scene="whip", scene_overrides=["loads={}", "dynamics.damping.mass=30"], heartbeat=0.0)
     client.wait(client.records)
     client.target(0.0, handle="base")
@@ -215,10 +215,7 @@ def test_a_command_after_a_rest_acts_in_one_step(client: Any, start: Callable) -
 
 
 def test_a_modulus_that_changes_sets_a_resting_body_in_motion(client: Any, start: Callable) -> None:
-    """Make a bar four times stiffer that has sagged: it swings up from where it is, and rests where a stiffer one does.
-
-    A body at rest must not sleep through the change.
-    """
+    """A bar at rest that is made four times stiffer swings up and settles at the stiffer bar's equilibrium."""
     damped = [*_DROP["scene_overrides"], "dynamics.damping.mass=30", "dynamics.scheme=bdf2"]
     start(scene="drop", scene_overrides=damped, clock="fast", heartbeat=0.1)
     client.wait(lambda: client.record().skipped.get("solve") and client.record().step > 1)
@@ -233,7 +230,7 @@ def test_a_modulus_that_changes_sets_a_resting_body_in_motion(client: Any, start
 
 
 def _shake(client: Any, speed: float, *, steps: int) -> None:
-    """Command the base upward [m/s] and wait until the steps in lockstep are made."""
+    """Command a velocity of the base upward [m/s] and wait until so many lockstep steps are made."""
     message, count = TwistStamped(), len(client.received["step_record"]) if client.received["step_record"] else 1
     message.twist.linear.z = speed
     client.publish("handles/base/velocity", message)
@@ -243,7 +240,7 @@ def _shake(client: Any, speed: float, *, steps: int) -> None:
 
 
 def _replays(bag: Path, topics: set[str]) -> None:
-    """Replay a bag: every bit of these topics is made again, and nothing is left over."""
+    """Require that a bag replays bit-identically with these topics."""
     report = Replay(BagRun(bag)).run()
     assert report.verdict() is Difference.IDENTICAL, (report.differences.differing, report.unknown, report.strays)
     assert topics <= {topic for topic, _ in report.differences.fields}
@@ -256,7 +253,7 @@ def _columns(cloud: PointCloud2) -> np.ndarray:
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_body_that_is_put_nowhere_stays(client: Any, start: Callable, value: float) -> None:
-    """Put a body at NaN, and turned by NaN: both are refused and counted, and steps go on."""
+    """Puts of a body with a NaN position or rotation are refused and counted, and steps continue."""
     process = start(scene="grasp", clock="lockstep", dt=0.005)
     for part in ("position", "orientation"):
         message = PoseStamped()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Obstacles and rigid bodies of a node: commanded, followed, published, recorded and replayed."""
+"""Obstacles and rigid bodies of a node: commanded, following, published, recorded and replayed."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ program:
   obstacles: {ball: [{time: 0.0}, {time: 0.03, translation: [0, 0, 0.015], rotation_deg: [0, 10, 0]}]}
 """
 LIFT = 0.015
-"""Of the ball until it is 5 mm within the cube [m]."""
+"""Displacement of the ball [m] at which it is 5 mm inside the cube."""
 
 
 @pytest.fixture
 def cube(tmp_path: Path) -> str:
-    """Give the path of a scene in which a ball can be pressed into a cube."""
+    """Return the path of a scene with a cube above a ball."""
     path = tmp_path / "cube.yaml"
     path.write_text(CUBE)
     return str(path)
@@ -63,7 +63,7 @@ def cube(tmp_path: Path) -> str:
 
 @pytest.fixture
 def hear(client: Any) -> Callable[[str, type], list[Any]]:
-    """Give a function that subscribes the client to a topic of the node and returns the list of what arrives."""
+    """Give a function that subscribes the client to a topic of the node and returns the list of received messages."""
 
     def subscribe(topic: str, kind: type) -> list[Any]:
         client.node.create_subscription(kind, client.full(topic), client.received[topic].append, _QOS)
@@ -77,7 +77,7 @@ def _pose(frame: str = "", *, z: float = LIFT, turn: tuple[float, float, float] 
 
 
 def test_an_obstacle_is_commanded_as_a_handle_is(client: Any, start: Callable, hear: Callable, cube: str) -> None:
-    """Press a ball into the cube, then draw it back by a velocity: pose, wrench and frames are those of the ball."""
+    """A ball pressed into the cube by a target and drawn back by a velocity has the right pose, wrench and frames."""
     poses, wrenches = hear("obstacles/ball/pose", PoseStamped), hear("obstacles/ball/wrench", WrenchStamped)
     start(scene=cube, clock="lockstep", dt=0.01, velocity_timeout=0.03, frame_id="left/base_link")
     client.publish("obstacles/ball/target", _pose("left/ball_rest", turn=(0.0, 0.2, 0.0)))
@@ -110,7 +110,7 @@ def test_an_obstacle_is_commanded_as_a_handle_is(client: Any, start: Callable, h
 
 
 def test_wrong_commands_to_obstacles_are_refused(client: Any, start: Callable, cube: str) -> None:
-    """Command a fixed one, unknown names, the wrong section, another frame: each is refused with the remedy."""
+    """Commands to a fixed or unknown obstacle, in the wrong section or in another frame are refused with a remedy."""
     process = start(scene=cube, clock="lockstep")
     client.publish("obstacles/wall/target", _pose())
     client.wait(lambda: client.diagnostics().get("refused: handle is fixed") == "1")
@@ -129,7 +129,7 @@ def test_wrong_commands_to_obstacles_are_refused(client: Any, start: Callable, c
 
 
 def test_wrong_leaders_of_obstacles_are_refused(cube: str) -> None:
-    """Have a fixed obstacle and a rigid body follow: what is wrong, and what to do."""
+    """A fixed obstacle and a rigid body cannot follow, and the error has a remedy."""
     with pytest.raises(GdfeError, match="obstacle 'wall' is fixed: put obstacles"):
         leaders_of(["wall=topic:/x"], load_scene(cube), listening=False)
 
@@ -137,7 +137,7 @@ def test_wrong_leaders_of_obstacles_are_refused(cube: str) -> None:
 def test_an_obstacle_has_frames_and_follows_one(
     client: Any, start: Callable, hear: Callable, interfaces: Callable, cube: str
 ) -> None:
-    """Hold the ball at a frame: its own frames on TF are there, a reset brings it back, its centre can be led from."""
+    """An obstacle has frames on TF and follows a frame, also after a reset."""
     interfaces("tf2_msgs")
     from tf2_msgs.msg import TFMessage
 
@@ -177,7 +177,7 @@ def test_an_obstacle_has_frames_and_follows_one(
 def test_a_target_in_the_frame_of_an_obstacle_is_beside_it(
     client: Any, start: Callable, hear: Callable, interfaces: Callable, cube: str
 ) -> None:
-    """Lift the ball and tell it, in its own moved frame, to go on by as much: it does."""
+    """A target in the moved ball's own frame is relative to the ball."""
     interfaces("tf2_msgs")
     poses = hear("obstacles/ball/pose", PoseStamped)
     start(scene=cube, clock="lockstep")
@@ -188,7 +188,7 @@ def test_a_target_in_the_frame_of_an_obstacle_is_beside_it(
 
 
 def test_every_point_that_touches_is_told(cube: str, tmp_path: Path) -> None:
-    """Press the ball in, obliquely: points and forces add up to its wrench, by its name; sensors divide it."""
+    """Contact points and forces of an obliquely pressed ball sum to its wrench, and the sensors divide it."""
     names = []
     with Simulator(cube, bag=tmp_path / "bag") as simulator:
         simulator._node.create_subscription(String, f"{simulator.name}/contact_names", names.append, _QOS)
@@ -219,7 +219,7 @@ def test_every_point_that_touches_is_told(cube: str, tmp_path: Path) -> None:
 
 
 def test_runs_with_obstacles_are_replayed_to_the_bit(tmp_path: Path, cube: str, capsys: Any) -> None:
-    """Press the ball in, turning it: replay without and through a node, report, export, play the program."""
+    """A run with a turning, pressed ball is replayed with and without a node, reported, exported and played."""
     bag = tmp_path / "bag"
     with Simulator(cube, bag=bag) as simulator:
         for share in (0.7, 1.0):
@@ -253,7 +253,7 @@ def test_runs_with_obstacles_are_replayed_to_the_bit(tmp_path: Path, cube: str, 
 
 
 def test_a_bag_replays_without_the_file_of_an_obstacle(tmp_path: Path, cube: str) -> None:
-    """Press a ball of triangles in, remove its file and the scene's: pose and wrench are in the bag, it replays."""
+    """A bag with a ball of triangles replays without the files of the ball and the scene."""
     trimesh.creation.icosphere(subdivisions=3, radius=40.0).export(tmp_path / "ball.stl")
     scene, bag = Path(cube), tmp_path / "bag"
     scene.write_text(CUBE.replace("{sphere: {radius: 0.04}", "{mesh: {file: ball.stl, scale: 0.001}"))
@@ -267,7 +267,7 @@ def test_a_bag_replays_without_the_file_of_an_obstacle(tmp_path: Path, cube: str
 
 
 def test_states_with_obstacles_are_saved_and_loaded(client: Any, start: Callable, cube: str, tmp_path: Path) -> None:
-    """Save a touched state, move away, load it: the next step is the very same as the first time."""
+    """A state saved in contact and loaded later has the same next step."""
     start(scene=cube, clock="lockstep", state_path=str(tmp_path / "state"))
     client.publish("obstacles/ball/target", _pose(turn=(0.0, 0.1, 0.0)))
     client.wait_steps(2)
@@ -285,7 +285,7 @@ def test_states_with_obstacles_are_saved_and_loaded(client: Any, start: Callable
 
 
 def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path, slab: Path) -> None:
-    """Let a slab fall on a table, and a box on it: weights are carried, the run is replayed, nothing commands a box."""
+    """A slab on a table with a box on it carries the weights and replays; a free box takes no command."""
     bag = tmp_path / "bag"
     with Simulator(slab, bag=bag, parameters={"dt": 0.02}) as simulator:
         states = [simulator.step(Command(handles={"table": Pose((0.0, 0.0, 1e-5 * k))})) for k in range(25)]
@@ -307,7 +307,7 @@ def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path, slab: P
 
 
 def test_a_rigid_body_is_put_by_topic(slab: Path, client: Any, start: Callable, hear: Callable) -> None:
-    """Put a box beside the slab, in two frames; unknown names, wrong numbers and too far are refused by name."""
+    """A box is put beside the slab in two frames; unknown names, invalid numbers and far places are refused by name."""
     poses = hear("bodies/part/pose", PoseStamped)
     process = start(scene=str(slab), clock="lockstep", frame_id="left/base_link")
     for count, (frame, z) in enumerate((("", 0.3), ("left/part_rest", 0.2)), start=2):
@@ -333,7 +333,7 @@ def test_a_rigid_body_is_put_by_topic(slab: Path, client: Any, start: Callable, 
 
 
 def test_bodies_that_were_put_are_replayed_to_the_bit(tmp_path: Path, slab: Path) -> None:
-    """Put a box twice while a table moves: the bag has it, both replays repeat it, exports tell it."""
+    """A box put twice while a table moves is in the bag, in both replays and in the exports."""
     bag = tmp_path / "bag"
     with Simulator(slab, bag=bag, parameters={"dt": 0.02}) as simulator:
         for step in range(12):

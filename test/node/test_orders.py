@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages to orders: what is taken, and what is refused and why."""
+"""Conversion of messages to orders: accepted messages, and refused ones with their reasons."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ def _refused(make: Callable[[], Any]) -> Reason:
     ],
 )
 def test_bad_poses_are_refused(changes: dict, reason: Reason) -> None:
-    """Refuse numbers that are not finite, quaternions that are not of unit length, and leaps."""
+    """Poses that are not finite, with a quaternion that is not of unit length, or too far away, are refused."""
     assert _refused(lambda: pose_order(_pose(**changes), TIP, size=0.5, frames=FRAMES)) is reason
 
 
 def test_a_fixed_handle_takes_no_commands() -> None:
-    """Command a fixed handle: the refusal says that it is fixed, before anything else."""
+    """A command for a fixed handle is refused as fixed, before other defects are checked."""
     assert _refused(lambda: pose_order(_pose(x=math.nan), BASE, size=0.5, frames=FRAMES)) is Reason.FIXED
     assert _refused(lambda: twist_order(_twist(), BASE, size=0.5, frames=FRAMES)) is Reason.FIXED
 
@@ -83,12 +83,12 @@ def test_a_fixed_handle_takes_no_commands() -> None:
     [({"x": math.inf}, Reason.NOT_FINITE), ({"x": 1e9}, Reason.TOO_FAST), ({"az": 1e4}, Reason.TOO_FAST)],
 )
 def test_bad_velocities_are_refused(changes: dict, reason: Reason) -> None:
-    """Refuse velocities that are not finite or out of all proportion."""
+    """Velocities that are not finite or far too large are refused."""
     assert _refused(lambda: twist_order(_twist(**changes), TIP, size=0.5, frames=FRAMES)) is reason
 
 
 def test_velocities_turn_a_handle_on_and_on() -> None:
-    """Turn at 40 rad/s in steps of 0.1 s: each adds 4 rad, past full turns; the offset axis stays."""
+    """At 40 rad/s, each step of 0.1 s adds 4 rad to the rotation, beyond full turns, and the translation is exact."""
     pose = Pose()
     for step in range(1, 9):
         pose = TwistOrder("tip", (0.1, 0.0, 0.0), (0.0, 0.0, 40.0)).after(pose, 0.1)
@@ -97,7 +97,7 @@ def test_velocities_turn_a_handle_on_and_on() -> None:
 
 
 def test_joint_states_command_by_name_and_mode() -> None:
-    """Give effort for a tension and position for a length, in any order and any subset."""
+    """A JointState gives effort for a tension and position for a length, in any order and for any subset."""
     message = JointState(name=["right", "left"], position=[0.1, math.nan], effort=[math.nan, 3.0])
     assert ORDERS.from_joint_state(message).values == {"right": 0.1, "left": 3.0}
     assert ORDERS.from_joint_state(JointState(name=["left"], effort=[2.0])).values == {"left": 2.0}
@@ -119,12 +119,12 @@ def test_joint_states_command_by_name_and_mode() -> None:
     ],
 )
 def test_bad_joint_states_are_refused(message: JointState, reason: Reason) -> None:
-    """Refuse unknown and repeated names, wrong sizes, and values not finite or out of range."""
+    """Unknown and repeated names, wrong sizes, and values not finite or out of range are refused."""
     assert _refused(lambda: ORDERS.from_joint_state(message)) is reason
 
 
 def test_arrays_command_all_actuators() -> None:
-    """Give one value each in the scene's order; another number of values is refused."""
+    """An array needs one value per actuator in the scene's order; another length is refused."""
     assert ORDERS.from_array(Float64MultiArray(data=[1.0, 0.1])).values == {"left": 1.0, "right": 0.1}
     assert _refused(lambda: ORDERS.from_array(Float64MultiArray(data=[1.0]))) is Reason.WRONG_SIZE
     assert _refused(lambda: ORDERS.from_array(Float64MultiArray(data=[1.0, 9.0]))) is Reason.OUT_OF_RANGE
@@ -141,7 +141,7 @@ def _trajectory(*points: tuple[float, list[float]], start: int = 0, name: str = 
 
 
 def test_trajectories_are_taken_point_by_point() -> None:
-    """Read times and values; the stamp becomes simulation time."""
+    """A trajectory's times and values are read, and its stamp is converted to simulation time."""
     order = ORDERS.from_trajectory(_trajectory((0.5, [1.0]), (1.5, [3.0]), start=2), now=1.0, convert=_later)
     assert (order.names, order.start) == (("left",), 2.5)
     assert order.times.tolist() == [0.5, 1.5]
@@ -149,7 +149,7 @@ def test_trajectories_are_taken_point_by_point() -> None:
 
 
 def _later(stamp: int) -> float:
-    """Convert a stamp [ns] to simulation time [s], which is half a second later here."""
+    """Convert a stamp [ns] to simulation time [s], which is half a second ahead in this test."""
     return 1e-9 * stamp + 0.5
 
 
@@ -165,12 +165,12 @@ def _later(stamp: int) -> float:
     ],
 )
 def test_bad_trajectories_are_refused(message: JointTrajectory, reason: Reason) -> None:
-    """Refuse an unknown name, what is of wrong size, not ascending, out of range, or over."""
+    """Unknown names, wrong sizes, times not ascending or past, and values out of range are refused."""
     assert _refused(lambda: ORDERS.from_trajectory(message, now=10.0, convert=_later)) is reason
 
 
 def test_stamps_must_not_be_old_or_ahead_or_go_back() -> None:
-    """Take rising stamps and zeros; refuse an earlier one, an old one, one ahead; a reset forgets them."""
+    """Rising and zero stamps are accepted; earlier, old and future ones are refused; a reset forgets the last stamp."""
     freshness = Freshness()
 
     def check(seconds: int, max_age: float = 0.0, source: str = "in", now: int = 100) -> None:
@@ -191,7 +191,7 @@ def test_stamps_must_not_be_old_or_ahead_or_go_back() -> None:
 
 @pytest.mark.parametrize("frame", ["odom", "/base_link", "tip"])
 def test_commands_in_other_frames_are_refused_by_name(frame: str) -> None:
-    """Name another frame in a target, in a velocity: both are refused; empty, the node's, the handle's are not."""
+    """A target or velocity in an unknown frame is refused; an empty frame, the node's and the handle's are accepted."""
     for message, order in ((_pose(), pose_order), (_twist(), twist_order)):
         for allowed in ("", "base_link", "tip_rest"):
             message.header.frame_id = allowed

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When steps begin and how much time each covers, on a clock that the test turns."""
+"""The start of steps and the time that each covers, on a simulated clock."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class _Clock:
 
 
 def test_the_wall_pace_keeps_to_its_grid() -> None:
-    """Begin steps a little late: the grid does not slip, each step covers dt, nothing is an overrun."""
+    """Steps that start a little late do not shift the grid, cover dt each, and are no overruns."""
     clock = _Clock()
     pace = WallPace(lambda: TIMING, clock)
     for step in range(5):
@@ -32,7 +32,7 @@ def test_the_wall_pace_keeps_to_its_grid() -> None:
 
 
 def test_a_long_step_is_an_overrun_and_the_next_begins_at_once() -> None:
-    """Let a step last 0.35 s at 10 Hz: three periods are missed, simulation time gains one dt only."""
+    """A step at 10 Hz that ends 0.35 s late misses three periods, and simulation time advances by one dt only."""
     clock = _Clock()
     pace = WallPace(lambda: TIMING, clock)
     pace.begin()
@@ -44,7 +44,7 @@ def test_a_long_step_is_an_overrun_and_the_next_begins_at_once() -> None:
 
 
 def test_an_idle_wall_pace_only_beats_and_then_catches_up() -> None:
-    """Have nothing to do: wait for the heartbeat; the step after 1.3 s covers 13 periods and is no overrun."""
+    """An idle pace waits for the heartbeat; a step after 1.3 s covers 13 periods and is no overrun."""
     clock = _Clock()
     pace = WallPace(lambda: TIMING, clock)
     pace.begin()
@@ -56,7 +56,7 @@ def test_an_idle_wall_pace_only_beats_and_then_catches_up() -> None:
 
 
 def test_without_a_heartbeat_an_idle_pace_waits_for_an_event() -> None:
-    """Set the heartbeat to 0: wall and fast wait without limit; a ticking clock goes on all the same."""
+    """With heartbeat 0, idle wall and fast paces wait without limit; a ticking clock continues."""
     silent = replace(TIMING, heartbeat=0.0)
     for kind in (WallPace, FastPace):
         pace = kind(lambda: silent, _Clock())
@@ -67,7 +67,7 @@ def test_without_a_heartbeat_an_idle_pace_waits_for_an_event() -> None:
 
 
 def test_rest_does_not_hide_that_a_step_was_late() -> None:
-    """Let steps of a body that settles last 0.35 s, each commanded 20 ms after the last: late by 0.25 s, every one."""
+    """Each step of 0.35 s of a settled body is late by 0.25 s, also if the next command comes 20 ms later."""
     clock = _Clock()
     pace = WallPace(lambda: TIMING, clock)
     for step in range(4):
@@ -82,7 +82,7 @@ def test_rest_does_not_hide_that_a_step_was_late() -> None:
 
 
 def test_a_pause_is_not_an_overrun() -> None:
-    """Restart after 10 s: the grid begins anew."""
+    """A restart after 10 s starts a new grid and is no overrun."""
     clock = _Clock()
     pace = WallPace(lambda: TIMING, clock)
     pace.begin()
@@ -93,7 +93,7 @@ def test_a_pause_is_not_an_overrun() -> None:
 
 
 def test_lockstep_steps_for_commands_only() -> None:
-    """Ask with and without a command: whether the last step converged plays no part."""
+    """In lockstep a step starts only for a command, whether or not the last step converged."""
     pace = LockstepPace(lambda: TIMING)
     assert pace.delay(pending=False, settled=False) is None
     assert pace.delay(pending=True, settled=True) == 0.0
@@ -102,7 +102,7 @@ def test_lockstep_steps_for_commands_only() -> None:
 
 @pytest.mark.parametrize("ahead", [1000.0, 1.7e9])
 def test_a_clock_that_jumps_ahead_is_gone_on_from(ahead: float) -> None:
-    """Jump ahead by far, as to epoch time: reported once, nothing is made up for, and steps go on from there."""
+    """A jump of the clock far ahead is reported once and skipped; steps continue from there."""
     clock, told = [5 * 10**9], []
     pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
     assert pace.delay(pending=True, settled=False) is None
@@ -125,7 +125,7 @@ def test_a_clock_that_jumps_ahead_is_gone_on_from(ahead: float) -> None:
 
 
 def test_a_clock_that_goes_on_is_caught_up_with() -> None:
-    """Go on by 5 s at once, which is no jump: all steps are due, and how far it is behind is known."""
+    """After the clock advances by 5 s without a jump, all steps are due, and the time behind the clock is known."""
     clock, told = [5 * 10**9], []
     pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
     clock[0] += 5 * 10**9
@@ -138,7 +138,7 @@ def test_a_clock_that_goes_on_is_caught_up_with() -> None:
 
 
 def test_a_clock_that_goes_back_is_told() -> None:
-    """Go back: the pace goes on from there, and says so."""
+    """If the clock goes back, steps continue from there, with a message."""
     clock, told = [5 * 10**9], []
     pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
     clock[0] = 10**9

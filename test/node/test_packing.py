@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Patched bytes are the messages that rclpy itself would make of the same numbers."""
+"""The packed bytes equal the messages that rclpy makes of the same numbers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ HEAD = messages.header(12_250_000_000, FRAME)
 
 @pytest.fixture(scope="module")
 def bent() -> Simulation:
-    """Give a small bar, bent."""
+    """Return a small bent bar."""
     simulation = Simulation(load_scene("bend5", overrides={"mesh.bar.cells": [5, 2, 2]}))
     simulation.step(Command(handles={"tip": Pose((0.0, 0.0, 0.1), (0.0, -0.3, 0.0))}))
     return simulation
@@ -37,7 +37,7 @@ def _same(data: bytes, message: Any) -> bool:
 
 
 def test_clouds_are_those_of_rclpy(bent: Simulation) -> None:
-    """Pack rest, then the bent state: the second message has nothing left of the first."""
+    """A packed cloud of the bent state equals rclpy's, also after one of the undeformed state."""
     rest, fields = bent.mesh.vertices, bent.fields()
     mesh, strain = MeshPacker(rest, FRAME), StrainPacker(fields, FRAME)
     mesh.pack(1, rest)
@@ -47,7 +47,7 @@ def test_clouds_are_those_of_rclpy(bent: Simulation) -> None:
 
 
 def test_velocities_are_those_of_rclpy(bent: Simulation) -> None:
-    """Pack velocities after others."""
+    """A packed cloud of velocities equals rclpy's, also after another one."""
     packer, velocities = VelocityPacker(bent.mesh.vertices, FRAME), np.sin(bent.positions)
     packer.pack(1, bent.mesh.vertices, np.ones_like(velocities))
     made = packer.pack(12_250_000_000, bent.positions, velocities)
@@ -56,7 +56,7 @@ def test_velocities_are_those_of_rclpy(bent: Simulation) -> None:
 
 @pytest.mark.parametrize("rotation", [(0.0, 0.0, 0.0), (0.0, -0.3, 0.0), (5.0, 0.1, 0.0), (1e-9, 0.0, 0.0)])
 def test_poses_are_those_of_rclpy(rotation: tuple[float, float, float]) -> None:
-    """Pack poses without a turn, with one, beyond half a turn, and hardly turned."""
+    """A packed pose equals rclpy's, for no rotation, a tiny one, and one beyond half a turn."""
     packer, pose = PosePacker(FRAME), Pose((0.1, -0.2, 0.3), rotation)
     message = messages.pose_stamped(HEAD, pose)
     assert isinstance(message, PoseStamped)
@@ -65,7 +65,7 @@ def test_poses_are_those_of_rclpy(rotation: tuple[float, float, float]) -> None:
 
 
 def test_wrenches_are_those_of_rclpy() -> None:
-    """Pack a reaction after another one."""
+    """A packed wrench equals rclpy's, also after another one."""
     packer, reaction = WrenchPacker(FRAME), np.array([1.0, -2.0, 3.0, -4.0, 5.0, 1e-12])
     message = messages.wrench_stamped(HEAD, reaction)
     assert isinstance(message, WrenchStamped)
@@ -74,7 +74,7 @@ def test_wrenches_are_those_of_rclpy() -> None:
 
 
 def test_readings_of_inertial_units_are_those_of_rclpy() -> None:
-    """Pack a reading after another one; covariances are unknown, which all zeros say."""
+    """A packed IMU reading equals rclpy's, also after another one; covariances are zeros, for unknown."""
     packer, turn = ImuPacker(FRAME), Rotation.from_rotvec([0.1, -0.2, 3.0])
     first, second = (
         ImuReading(orientation=each, angular_velocity=np.arange(3.0) * sign, linear_acceleration=np.full(3, sign / 3.0))
@@ -88,7 +88,7 @@ def test_readings_of_inertial_units_are_those_of_rclpy() -> None:
 
 
 def test_fields_of_a_body_far_away_are_published_where_it_is() -> None:
-    """Put a bar 50 m away and evaluate its fields later, as the node does: the centroids are in world coordinates."""
+    """The fields of a bar 50 m away, evaluated later as in the node, have centroids in world coordinates."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [5, 2, 2]})
     mesh = dataclasses.replace(scene.mesh, vertices=scene.mesh.vertices + np.array([50.0, 0.0, 0.0]))
     simulation = Simulation(dataclasses.replace(scene, mesh=mesh))

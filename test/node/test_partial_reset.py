@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Resets of commands, of rigid bodies and of the shape alone: what is not named goes on."""
+"""Resets of commands, rigid bodies or the shape alone: everything else stays."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _trigger(client: Any, name: str) -> str:
 def test_commands_go_back_to_rest_with_the_next_step(
     client: Any, start: Callable, coarse: dict, tmp_path: Path
 ) -> None:
-    """Lead the tip by a velocity that stays in force, reset the commands: it comes back, and a bag replays."""
+    """After a reset of the commands, a tip with a constant velocity returns, and the bag replays."""
     start(**coarse, velocity_timeout=1000.0, record=True, bag_path=str(tmp_path / "bag"))
     twist = TwistStamped()
     twist.twist.linear.z = 0.02
@@ -44,7 +44,7 @@ def test_commands_go_back_to_rest_with_the_next_step(
 
 
 def test_the_shape_goes_back_and_time_goes_on(client: Any, start: Callable, coarse: dict) -> None:
-    """Lift the tip, reset the shape: undeformed at once, the time stays; not while a bag is written."""
+    """A reset of the shape makes a lifted bar undeformed at once, at the same time; it is refused while recording."""
     start(**coarse)
     client.target(0.05)
     client.wait(lambda: client.mesh()[:, 5].max() > 0.049)
@@ -59,7 +59,7 @@ def test_the_shape_goes_back_and_time_goes_on(client: Any, start: Callable, coar
 
 
 def test_bodies_go_back_and_the_rest_goes_on(client: Any, start: Callable, slab: Path) -> None:
-    """Let a box fall, put it back by the service: it is where it began, without velocity, and falls again."""
+    """A fallen box is put back by the service without velocity, and falls again."""
     start(scene=str(slab), scene_overrides=["bodies.part.at=[0.05, 0, 0.061]"], clock="lockstep", dt=0.01)
     client.wait(client.records)
     for _ in range(5):
@@ -73,7 +73,7 @@ def test_bodies_go_back_and_the_rest_goes_on(client: Any, start: Callable, slab:
 
 
 def test_a_simulation_goes_back_to_its_shape_alone(slab: Path) -> None:
-    """Let a box press a slab, reset the shape: the slab is undeformed, the box where it was, both still; time stays."""
+    """After a reset of the shape, a pressed slab is undeformed, the box stays, both without velocity; time stays."""
     simulation = Simulation(load_scene(slab))
     for _ in range(10):
         simulation.step(Command(loads={"weight": 5.0}), dt=0.01)

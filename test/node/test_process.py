@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signals: the first asks for an orderly end, one that comes much later ends the process at once."""
+"""Signals: the first one requests an orderly end, a much later one ends the process at once."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ print("goes on")
 
 
 def _run(insist: float) -> subprocess.CompletedProcess[str]:
-    """Send two signals in a process of its own, which counts the second if it comes later than ``insist`` [s]."""
+    """Run a process that gets two signals; the second one counts if it comes later than ``insist`` [s]."""
     command = [sys.executable, "-c", _CODE, str(insist)]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
 
 def test_signals_in_quick_succession_are_one() -> None:
-    """Send SIGINT and SIGTERM at once: the process goes on to its orderly end."""
+    """SIGINT and SIGTERM in quick succession lead to an orderly end."""
     done = _run(60.0)
     assert (done.returncode, done.stdout) == (0, "goes on\n"), done.stderr
 
 
 def test_a_later_signal_ends_the_process_at_once() -> None:
-    """Insist: the status names the signal, stderr tells how to get at the bag."""
+    """A later second signal ends the process with its status, and stderr says how to recover the bag."""
     done = _run(-1.0)
     assert (done.returncode, done.stdout) == (128 + 15, "")
     assert done.stderr == "ended at once; `gdfe recover` completes a bag that was cut off\n"

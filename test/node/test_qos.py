@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which packages of messages count as installed."""
+"""The check for installed message packages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gdfe_ros.node.qos import installed
 
 
 def test_a_folder_of_the_same_name_is_no_installed_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Put the sources of a package on Python's path: not installed, as the package itself is."""
+    """A folder with a package's name on Python's path is not an installed package; the built package is."""
     (tmp_path / "made_msgs" / "action").mkdir(parents=True)
     monkeypatch.syspath_prepend(tmp_path)
     assert not installed("made_msgs/action/Made")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bad commands: refused with a reason, counted, and the state stays."""
+"""Bad commands are refused with a reason and counted, and the state stays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
 
 
 def test_bad_commands_change_nothing(client: Any, start: Callable, coarse: dict) -> None:
-    """Send NaN, a long quaternion, a leap, a fixed and an unknown handle: each is counted, the mesh stays."""
+    """NaN, a long quaternion, a far pose, a fixed and an unknown handle are each counted, and the mesh stays."""
     process = start(**coarse)
     client.target(0.05)
     client.wait(lambda: client.mesh()[:, 5].max() > 0.049)
@@ -44,7 +44,7 @@ def test_bad_commands_change_nothing(client: Any, start: Callable, coarse: dict)
 
 
 def test_a_best_effort_publisher_is_told_of(client: Any, start: Callable, coarse: dict) -> None:
-    """Command by a publisher that is best effort: diagnostics name it and its topic, until it is gone."""
+    """Diagnostics name a best effort publisher and its topic until it is destroyed."""
     start(**coarse)
     publisher = client.node.create_publisher(PoseStamped, client.full("handles/tip/target"), qos_profile_sensor_data)
     told = "client on /gdfe_sim/handles/tip/target: best effort; allowed: reliable"
@@ -55,7 +55,7 @@ def test_a_best_effort_publisher_is_told_of(client: Any, start: Callable, coarse
 
 
 def test_an_unknown_parameter_is_told(client: Any, start: Callable, coarse: dict) -> None:
-    """Misspell a parameter in a file: the log names it and the one that was meant; known ones pass."""
+    """A misspelt parameter in a file is logged with the likely name; known ones give no message."""
     process = start(**coarse, ratee=5.0, **{"materials.rubber.young": 1e6, "use_sim_time": False})
     client.wait(lambda: client.received["mesh"])
     assert "parameter 'ratee' is unknown and does nothing; did you mean 'rate'?" in process.log
@@ -63,7 +63,7 @@ def test_an_unknown_parameter_is_told(client: Any, start: Callable, coarse: dict
 
 
 def test_each_refusal_is_published_at_once(client: Any, start: Callable, coarse: dict) -> None:
-    """Refuse a target twice within a second: each is on ~/refused, with topic, reason and text."""
+    """Two refused targets within a second are both on ~/refused, with topic, reason and text."""
     start(**coarse)
     told: list[Any] = []
     client.node.create_subscription(String, client.full("refused"), lambda text: told.append(json.loads(text.data)), 10)
@@ -78,7 +78,7 @@ def test_each_refusal_is_published_at_once(client: Any, start: Callable, coarse:
 
 
 def test_warnings_are_throttled_by_input_and_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Refuse often: one warning in five seconds for each input and reason, the next says how many it stands for."""
+    """There is one warning in five seconds per input and reason; the next one gives the number of omitted ones."""
     now = [100.0]
     monkeypatch.setattr("gdfe_ros.node.throttle.time.monotonic", lambda: now[0])
     warnings: list[str] = []
@@ -100,7 +100,7 @@ def test_warnings_are_throttled_by_input_and_reason(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_refusal_of_any_length_makes_a_short_line() -> None:
-    """Refuse a message that names two hundred thousand actuators: the log line stays under 600 characters."""
+    """A message that names two hundred thousand actuators is refused in a log line below 600 characters."""
     warnings: list[str] = []
     names = ", ".join(f"actuator_{k}" for k in range(200_000))
     RefusalLog(warnings.append).refuse("/a", Refusal(Reason.UNKNOWN, f"no actuator {names}; actuators: flexor"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node that is busy still answers, and what takes long can be ended."""
+"""A busy node answers, and long work can be ended."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
 
 
 def _parts(client: Any) -> dict[str, DiagnosticStatus]:
-    """Give the statuses of the node by part."""
+    """Return a dict of the node's diagnostics by part."""
     client.status()
     return {status.name.partition(": ")[2]: status for status in client.last("/diagnostics").status}
 
 
 def _reasons(client: Any) -> list[str]:
-    """Give the reasons of every part in all diagnostics so far."""
+    """Return the messages of every part of all diagnostics so far."""
     client.spin(0.1)
     return [status.message for message in client.received["/diagnostics"] for status in message.status]
 
 
 def _begin(client: Any, kind: type, name: str, request: Any) -> Any:
-    """Call a service without waiting for its answer."""
+    """Call a service without waiting for its answer; return the future."""
     service = client.node.create_client(kind, client.full(name))
     client.wait(service.service_is_ready)
     await_discovery(client.node, "/gdfe_sim", client.wait)
@@ -47,7 +47,7 @@ def _begin(client: Any, kind: type, name: str, request: Any) -> Any:
 
 
 def test_many_steps_leave_the_node_responsive_and_can_be_ended(client: Any, start: Callable, coarse: dict) -> None:
-    """Ask for a million steps: other services answer while they are made, a second call is refused, ~/pause ends it."""
+    """During a million requested steps, other services answer, a second request is refused, and ~/pause ends them."""
     start(**coarse, clock="lockstep", step_count=1_000_000)
     client.wait(client.records)
     walk = _begin(client, Trigger, "step", Trigger.Request())
@@ -68,7 +68,7 @@ def test_many_steps_leave_the_node_responsive_and_can_be_ended(client: Any, star
 
 
 def test_a_node_that_ends_answers_those_who_wait(client: Any, start: Callable, coarse: dict) -> None:
-    """Deactivate in the middle of a million steps: the call is answered with the reason."""
+    """A deactivation during a million requested steps answers their request with the reason."""
     start(**coarse, clock="lockstep", step_count=1_000_000)
     client.wait(client.records)
     walk = _begin(client, Trigger, "step", Trigger.Request())
@@ -79,7 +79,7 @@ def test_a_node_that_ends_answers_those_who_wait(client: Any, start: Callable, c
 
 
 def test_a_node_that_is_being_configured_answers(client: Any, start: Callable, tmp_path: Path) -> None:
-    """Hold the table of a material back: meanwhile the node tells state and parameters, and takes no transition."""
+    """While configure waits for a material table, the node gives state and parameters, and refuses transitions."""
     table = tmp_path / "table.csv"
     os.mkfifo(table)
     (tmp_path / "bar.yaml").write_text(WAITING, encoding="utf-8")
@@ -101,7 +101,7 @@ def test_a_node_that_is_being_configured_answers(client: Any, start: Callable, t
 
 
 def test_a_long_solve_is_ended_where_somebody_waits_for_its_end(client: Any, start: Callable) -> None:
-    """Turn a fine bar to and fro: its solves tell how far they are, and deactivate, reset and SIGINT cut them."""
+    """Long solves report their progress, and deactivate, reset and SIGINT cut them."""
     fine = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 8, 8]", "solver.tolerance=1e-12"]}
     process = start(**fine, clock="lockstep")
 
@@ -125,7 +125,7 @@ def test_a_long_solve_is_ended_where_somebody_waits_for_its_end(client: Any, sta
 
 
 def test_diagnostics_come_in_parts(client: Any, start: Callable, coarse: dict) -> None:
-    """Refuse a command in lockstep: the part of the commands warns with the reason, and says what a step waits for."""
+    """After a refused command in lockstep, diagnostics of commands warn with the reason and the awaited inputs."""
     start(**coarse, clock="lockstep", command_set=["handles/tip/target", "handles/tip/velocity"])
     client.target(0.01)
     client.wait_taken(1)
@@ -142,7 +142,7 @@ def test_diagnostics_come_in_parts(client: Any, start: Callable, coarse: dict) -
 
 
 def test_a_second_node_and_a_second_clock_are_told(client: Any, start: Callable, coarse: dict) -> None:
-    """Start two nodes of one name that both publish /clock: both warn, in the log and on /diagnostics."""
+    """Two nodes with one name that both publish /clock warn in the log and on /diagnostics."""
     first = start(**coarse, clock="lockstep", publish_clock=True)
     start(**coarse, clock="lockstep", publish_clock=True)
     client.wait(lambda: "2 nodes are called /gdfe_sim" in first.log and "2 publishers of /clock" in first.log)
@@ -162,7 +162,7 @@ def test_a_second_node_and_a_second_clock_are_told(client: Any, start: Callable,
 def test_bad_arguments_end_with_a_line_not_a_traceback(
     tmp_path: Path, arguments: list[str], status: int, said: list[str]
 ) -> None:
-    """Start with help, unknown arguments, parameter files that are missing or broken: a clear text, no traceback."""
+    """Help, unknown arguments, and missing or broken parameter files give a clear text without a traceback."""
     broken = tmp_path / "broken.yaml"
     broken.write_text("a: [b\n c: d", encoding="utf-8")
     given = [str(broken) if argument == "BROKEN" else argument for argument in arguments]

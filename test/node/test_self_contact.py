@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of a body with itself through a node: published, felt by sensors, recorded and replayed."""
+"""Self-contact in a node: published, measured by sensors, recorded and replayed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ sensors: {pad: {where: {box: {x: [0.0499, 0.0501]}}}}
 
 
 def test_who_touches_whom_is_told_and_replayed(tmp_path: Path) -> None:
-    """Press a block on another: points name both sides, the sensor feels the press, the replay has the same bits."""
+    """With a block pressed on another, points name both blocks, the sensor has the force, and the bag replays."""
     path, bag = tmp_path / "pair.yaml", tmp_path / "bag"
     path.write_text(PAIR)
     with Simulator(path, bag=bag) as simulator:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services: reset, pause, step, record, save and load state; and the moduli."""
+"""Services: reset, pause, step, record, save and load a state; and changes of moduli."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _switch(client: Any, name: str, on: bool) -> tuple[bool, str]:
 
 
 def test_services_say_why_not(client: Any, start: Callable, coarse: dict) -> None:
-    """Call services of a node that is unconfigured, then running: each refusal gives its reason."""
+    """Services of an unconfigured or running node that refuse give their reason."""
     start(**coarse, autostart=False)
     assert _trigger(client, "reset") == (False, "the node is unconfigured; call the transition `configure` first")
     assert client.transition("configure")
@@ -45,7 +45,7 @@ def test_services_say_why_not(client: Any, start: Callable, coarse: dict) -> Non
 
 
 def test_reset_goes_back_to_rest_at_time_zero(client: Any, start: Callable, coarse: dict) -> None:
-    """Lift the tip, reset: time 0, no displacement, and the record says so; commands work again."""
+    """A reset of a lifted tip leads to time 0 without displacement, says so in the record, and commands work again."""
     start(**coarse, clock="lockstep")
     client.target(0.1)
     client.wait_steps(2)
@@ -60,7 +60,7 @@ def test_reset_goes_back_to_rest_at_time_zero(client: Any, start: Callable, coar
 
 
 def test_a_paused_node_steps_on_demand_only(client: Any, start: Callable, coarse: dict) -> None:
-    """Pause: commands wait; ~/step makes as many steps as requested and answers when they are published."""
+    """In a paused node commands wait; ~/step makes the requested steps and answers after they are published."""
     start(**coarse, step_count=3, heartbeat=0.0)
     client.wait(client.records)
     assert _switch(client, "pause", True) == (True, "paused")
@@ -83,7 +83,7 @@ def test_a_paused_node_steps_on_demand_only(client: Any, start: Callable, coarse
 def test_a_bag_begun_in_the_middle_replays_from_the_state_it_holds(
     client: Any, start: Callable, coarse: dict, tmp_path: Path
 ) -> None:
-    """Record from the middle of a motion: state and records of the bag give its meshes, bit for bit."""
+    """A bag started during a motion has a state and records that reproduce its meshes bit for bit."""
     process = start(**coarse, clock="lockstep", bag_path=str(tmp_path / "bag"))
     for z in (0.01, 0.02, 0.04):
         client.target(z)
@@ -113,7 +113,7 @@ def test_a_bag_begun_in_the_middle_replays_from_the_state_it_holds(
 
 
 def test_a_saved_state_is_gone_on_from_bit_for_bit(client: Any, start: Callable, coarse: dict, tmp_path: Path) -> None:
-    """Save, move on, load, repeat the same motion: the meshes are equal bit for bit."""
+    """After a saved state is loaded, the same motion gives the same meshes bit for bit."""
     start(**coarse, clock="lockstep", state_path=str(tmp_path / "folder" / "state.bin"))
     for z in (0.01, 0.02):
         client.target(z)
@@ -134,7 +134,7 @@ def test_a_saved_state_is_gone_on_from_bit_for_bit(client: Any, start: Callable,
 
 
 def test_a_modulus_is_a_parameter(client: Any, start: Callable, coarse: dict) -> None:
-    """Make the softest segment five times stiffer under the same command: the reaction grows, the pose stays."""
+    """A softest segment five times stiffer under the same command increases the reaction and keeps the pose."""
     start(**coarse, clock="lockstep")
     client.target(0.05)
     client.wait_steps(2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several soft meshes through a node: one mesh on its topics, places by name, recorded and replayed without files."""
+"""Several soft meshes in a node: one mesh on its topics, positions by name, bags without files."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ solver: {tolerance: 1.0e-5}
 
 
 def test_a_part_is_held_told_and_replayed(tmp_path: Path) -> None:
-    """Close two pads on a block and let go of nothing: it stays, each side feels it, the replay has the same bits."""
+    """A block held by two pads stays, each pad has its force, and the replay has the same bits."""
     mesh = bar([0.02, 0.02, 0.02], [2, 2, 2])
     meshio.Mesh(mesh.vertices, [("hexahedron", mesh.cells)]).write(tmp_path / "pad.vtk", binary=False)
     path, bag = tmp_path / "pads.yaml", tmp_path / "bag"

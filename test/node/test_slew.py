@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of actuators that are too far for a step: followed at a rate that steps keep up with."""
+"""Large actuator commands are followed at a rate at which steps converge."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from gdfe_ros.simulation import Command, Simulation
 
 
 class _Finger:
-    """The flexor's command, limited over steps whose outcome a function of the command tells."""
+    """The flexor's limited command over steps whose outcome is a function of the command."""
 
     def __init__(self, outcome: Callable[[float], tuple[bool, bool, int]] = lambda value: (True, False, 10)) -> None:
         self.slew, self._outcome = Slew(load_scene("tendon_finger").actuators), outcome
         self.present = {"flexor": 0.0, "extensor": 0.0}
 
     def step(self, goal: float | None = None, *, dt: float = 0.05, slew_time: float = 0.5) -> float:
-        """Make a step, with a new goal or without, and give the command that it was given."""
+        """Make a step, with a new goal or none; return the applied command."""
         command = Command() if goal is None else Command(actuators={"flexor": goal})
         self.present |= self.slew.limit(command, self.present, dt=dt, slew_time=slew_time).actuators
         converged, cut, iterations = self._outcome(self.present["flexor"])
@@ -32,12 +32,12 @@ class _Finger:
         return self.present["flexor"]
 
     def go(self, goal: float, steps: int) -> list[float]:
-        """Make steps towards a goal, and give their commands."""
+        """Make steps towards a goal; return their commands."""
         return [self.step(goal), *(self.step() for _ in range(steps - 1))]
 
 
 def test_a_command_crosses_the_range_in_its_time() -> None:
-    """Command 20 N of a range of 20 N at once: 2 N a step of 0.05 s in 0.5 s; without a time all at once."""
+    """A goal of 20 N, the whole range, is reached by 2 N per 0.05 s in 0.5 s, or at once with a slew time of zero."""
     finger = _Finger()
     np.testing.assert_allclose(finger.go(20.0, 11), [*np.arange(2.0, 21.0, 2.0), 20.0])
     assert not finger.slew.goals
@@ -46,7 +46,7 @@ def test_a_command_crosses_the_range_in_its_time() -> None:
 
 
 def test_a_command_is_held_until_a_step_converges() -> None:
-    """Let four steps of six be cut: the command stays until one converges, the next change is half as large."""
+    """While steps are cut the command stays; after one converges the next change is half as large."""
     outcomes = iter([True, False, False, False, False, True, True, True])
     finger = _Finger(lambda value: ((good := next(outcomes)), not good, 10))
     np.testing.assert_allclose(finger.go(20.0, 8), [2.0, 4.0, 4.0, 4.0, 4.0, 4.0, 5.2, 6.64])
@@ -55,7 +55,7 @@ def test_a_command_is_held_until_a_step_converges() -> None:
 
 
 def test_a_goal_is_held_until_a_step_converges() -> None:
-    """Let steps at the goal be cut: the command counts as not arrived until one of them converges."""
+    """A command at its goal counts as moving until a step there converges."""
     outcomes = iter([False, False, True, True])
     finger = _Finger(lambda value: ((good := next(outcomes)), not good, 10))
     seen = [(finger.step(1.0 if step == 0 else None), finger.slew.moving) for step in range(4)]
@@ -63,14 +63,14 @@ def test_a_goal_is_held_until_a_step_converges() -> None:
 
 
 def test_a_change_that_does_not_converge_is_taken_back() -> None:
-    """Let no step beyond 5 N converge: after 200 iterations the command goes back, then on by half of the change."""
+    """If no step beyond 5 N converges, the command goes back after 200 iterations, and on by half the change."""
     finger = _Finger(lambda value: ((good := value <= 5.0), not good, 100))
     seen = finger.go(20.0, 8)
     np.testing.assert_allclose(seen, [2.0, 4.0, 6.0, 6.0, 4.0, 5.0, 6.2, 6.2])
 
 
 def test_steps_without_iterations_count_too() -> None:
-    """Let steps beyond 5 N be cut before their first iteration: after 50 of them the command goes back."""
+    """If steps beyond 5 N are cut before an iteration, the command goes back after 50 of them."""
     finger = _Finger(lambda value: ((good := value <= 5.0), not good, 0))
     seen = finger.go(20.0, 53)
     assert seen[2:52] == pytest.approx([6.0] * 50)
@@ -78,7 +78,7 @@ def test_steps_without_iterations_count_too() -> None:
 
 
 def test_an_edge_of_stability_is_passed() -> None:
-    """Let every step from 6 to 8 N be cut: small changes fail there, large ones pass it."""
+    """If every step from 6 to 8 N is cut, large changes of the command pass that range."""
     finger = _Finger(lambda value: ((bad := 6.0 < value < 8.0) is False, bad, 200))
     seen = [finger.step(15.0, dt=0.02), *(finger.step(dt=0.02) for _ in range(299))]
     assert seen[-1] == 15.0
@@ -87,7 +87,7 @@ def test_an_edge_of_stability_is_passed() -> None:
 
 
 def test_a_goal_that_no_step_converges_at_is_left() -> None:
-    """Let no step beyond 6 N converge: the command stays at the last one that did, and goes on to another goal."""
+    """If no step beyond 6 N converges, the command stays at the last converged one, and follows another goal."""
     finger = _Finger(lambda value: ((good := value <= 6.0), not good, 200))
     seen = finger.go(20.0, 300)
     assert finger.slew.stopped
@@ -100,20 +100,20 @@ def test_a_goal_that_no_step_converges_at_is_left() -> None:
 
 
 def test_what_does_not_converge_at_rest_either_is_not_held_for_long() -> None:
-    """Let every step be cut, as of a body in motion that is too large: the command gets to its goal all the same."""
+    """If every step is cut, the command reaches its goal all the same."""
     finger = _Finger(lambda value: (False, True, 100))
     assert finger.go(15.0, 60)[-1] == 15.0
 
 
 def test_a_failure_that_time_does_not_mend_slows_nothing() -> None:
-    """Let a step fail that no deadline cut: the command goes on at its full rate, and is over at its goal."""
+    """If a step fails without a deadline's cut, the command continues at its full rate and stops at the goal."""
     finger = _Finger(lambda value: (False, False, 2000))
     np.testing.assert_allclose(finger.go(5.0, 3), [2.0, 4.0, 5.0])
     assert not finger.slew.moving
 
 
 def test_the_slender_finger_converges_again_and_again_in_little_time() -> None:
-    """Pull the flexor too far, three iterations a step: changes are held, and one step of eight converges or more.
+    """With three iterations per step, changes are held, and at least one step of eight converges.
 
     Iterations stand for a deadline of some milliseconds, so that the count is the same on every machine.
     """
@@ -135,7 +135,7 @@ def test_the_slender_finger_converges_again_and_again_in_little_time() -> None:
 
 @pytest.mark.parametrize("clock", ["wall", "lockstep"])
 def test_a_hurried_node_steps_as_far_as_it_converges(client: Any, start: Callable, clock: str) -> None:
-    """Pull the flexor to 5 N, half a second for a step: under the wall clock by and by, in lockstep at once."""
+    """A tension of 5 N with a slow step is reached gradually with the wall clock, and at once in lockstep."""
     hurried = {"deadline": 0.5, "slew_time": 12.0} if clock == "wall" else {"deadline": 0.0}
     start(scene="tendon_finger", clock=clock, dt=0.02, rate=50.0, **hurried)
     client.publish("actuation", JointState(name=["flexor"], effort=[5.0]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stamps and frames: what headers say, and which the node takes."""
+"""Stamps and frames of headers: those that the node publishes, and those that it accepts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gdfe_ros.testing import Simulator
 
 
 class _Clock:
-    """Another's /clock, as Gazebo or a bag gives it."""
+    """A /clock of another program, such as Gazebo or a bag."""
 
     def __init__(self, client: Any) -> None:
         qos = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -41,7 +41,7 @@ def _target(z: float, *, stamp: Time | None = None, frame: str = "") -> PoseStam
 
 
 def test_commands_in_other_frames_are_refused(client: Any, start: Callable, coarse: dict) -> None:
-    """Command the tip in odom and tool0: both are refused by name; poses and wrenches say whose frames theirs are."""
+    """Commands of the tip in odom and tool0 are refused by name; poses and wrenches have their own frames."""
     process = start(**coarse)
     twist = TwistStamped()
     twist.header.frame_id, twist.twist.linear.z = "tool0", 0.1
@@ -60,7 +60,7 @@ def test_commands_in_other_frames_are_refused(client: Any, start: Callable, coar
 
 
 def test_one_wrong_stamp_blocks_nothing(client: Any, start: Callable, coarse: dict) -> None:
-    """Stamp a target a day ahead: it is refused with the limit, and the next one is taken."""
+    """A target stamped a day ahead is refused with the limit, and the next one is accepted."""
     process = start(**coarse, clock="lockstep")
     now = time.time_ns()
     client.publish("handles/tip/target", _target(0.05, stamp=to_time(now + 86_400 * 10**9)))
@@ -72,7 +72,7 @@ def test_one_wrong_stamp_blocks_nothing(client: Any, start: Callable, coarse: di
 
 
 def test_commands_are_taken_up_again_after_the_clock_went_back(client: Any, start: Callable, coarse: dict) -> None:
-    """Follow a /clock that jumps from 100 s back to 5 s, as a bag that is played again: stamps of 5 s are taken."""
+    """After /clock jumps from 100 s back to 5 s, as for a repeated bag, stamps of 5 s are accepted."""
     start(**coarse, clock="lockstep", use_sim_time=True)
     client.wait(client.records)
     clock = _Clock(client)
@@ -87,7 +87,7 @@ def test_commands_are_taken_up_again_after_the_clock_went_back(client: Any, star
 
 
 def _shown(client: Any, clock: _Clock, milliseconds: int) -> bool:
-    """Show a time, and tell whether a step that was made since is stamped with it."""
+    """Publish a time; return whether a step made since then is stamped with it."""
     clock.show(milliseconds)
     client.publish("handles/tip/target", _target(0.0))
     client.spin(0.05)
@@ -95,7 +95,7 @@ def _shown(client: Any, clock: _Clock, milliseconds: int) -> bool:
 
 
 def test_headers_tell_the_nodes_time_and_records_both(client: Any, start: Callable, coarse: dict) -> None:
-    """Make a step in lockstep: its headers are stamped with the wall clock, its record has the simulation time, too."""
+    """In lockstep, headers have the wall clock's stamp, and records also the simulation time."""
     before = time.time_ns()
     start(**coarse, clock="lockstep")
     client.target(0.1)
@@ -107,7 +107,7 @@ def test_headers_tell_the_nodes_time_and_records_both(client: Any, start: Callab
 
 
 def test_headers_tell_the_simulations_time_where_the_node_gives_it(client: Any, start: Callable, coarse: dict) -> None:
-    """Publish /clock: headers are stamped with simulation time."""
+    """With /clock published, headers have the simulation time."""
     start(**coarse, clock="lockstep", publish_clock=True, dt=0.25)
     client.target(0.1)
     client.wait_steps(2)
@@ -116,7 +116,7 @@ def test_headers_tell_the_simulations_time_where_the_node_gives_it(client: Any, 
 
 
 def test_steps_follow_anothers_clock(client: Any, start: Callable, coarse: dict) -> None:
-    """Show times at odd intervals: steps come one each dt, stamped on the clock's grid, and none while it stands."""
+    """With irregular times on /clock, steps come every dt, stamped on its grid, and none while it stands still."""
     start(**coarse, clock="external", use_sim_time=True, velocity_timeout=100.0, dt=0.02)
     clock = _Clock(client)
     # /clock is best effort: it is shown again until a step tells that it was seen.
@@ -140,7 +140,7 @@ def test_steps_follow_anothers_clock(client: Any, start: Callable, coarse: dict)
 
 
 def test_a_clock_that_jumps_ahead_is_not_made_up_for(client: Any, start: Callable) -> None:
-    """Let /clock jump by 1000 s, and to epoch time, under a body with mass: the run goes on from there, and says so."""
+    """After jumps of /clock by 1000 s and to epoch time, a body with mass continues from there, with a message."""
     mesh = "mesh.bar.cells=[10, 1, 1]"
     process = start(scene="drop", scene_overrides=[mesh], clock="external", use_sim_time=True, dt=0.02)
     clock = _Clock(client)
@@ -158,14 +158,14 @@ def test_a_clock_that_jumps_ahead_is_not_made_up_for(client: Any, start: Callabl
 
 
 def _arrived(client: Any, clock: _Clock, now: int, wanted: int) -> bool:
-    """Show a time, and tell whether the last step is stamped as wanted [ms]."""
+    """Publish a time; return whether the last step has the wanted stamp [ms]."""
     clock.show(now)
     client.spin(0.05)
     return wanted == 100_000 or _is_at(client, wanted)
 
 
 def _stamped(client: Any, seconds: int) -> bool:
-    """Tell whether diagnostics have seen a time on the clock [s]."""
+    """Return whether diagnostics stamped with this second of the clock have arrived."""
     client.spin(0.05)
     return any(message.header.stamp.sec == seconds for message in client.received["/diagnostics"])
 
@@ -175,14 +175,14 @@ def _is_at(client: Any, milliseconds: int) -> bool:
 
 
 def test_another_clock_must_be_there_to_be_followed(client: Any, start: Callable, coarse: dict) -> None:
-    """Ask for clock external without use_sim_time: activate says what is missing."""
+    """With clock external and without use_sim_time, activate fails and names what is missing."""
     process = start(**coarse, clock="external")
     client.wait(lambda: "could not be activated" in process.log)
     assert "set use_sim_time true and publish_clock false" in process.log
 
 
 def test_a_shortening_cable_reads_back_its_command() -> None:
-    """Shorten a tendon by 3 and 5 mm: its position is what was commanded."""
+    """The joint position of a tendon shortened by 3 and 5 mm is its command."""
     overrides = {"actuators.flexor.cable.command": "shortening"}
     with Simulator("tendon_finger", overrides=overrides) as simulator:
         states = [simulator.step(Command(actuators={"flexor": shortening})) for shortening in (0.003, 0.005)]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The services of simulation_interfaces, answered as Gazebo and Isaac Sim do.
+"""The services of simulation_interfaces, answered as by Gazebo and Isaac Sim.
 
-The package is not among the wheels of ROS: where it is not installed, it is built from its definitions.
+The package is not available as a wheel: where it is not installed, it is built from its definitions.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ STOPPED, PLAYING, PAUSED, QUITTING = range(4)
 
 
 class _Standard:
-    """Calls the standard services of a node."""
+    """A client of a node's standard services."""
 
     def __init__(self, client: Any) -> None:
         from simulation_interfaces import action, srv
@@ -50,7 +50,7 @@ class _Standard:
 def test_a_node_is_played_paused_stepped_stopped_and_quit(
     client: Any, start: Callable, coarse: dict, interfaces: Callable
 ) -> None:
-    """Go through the states with the fast clock: reports, steps that need a pause, a stop that resets, an end."""
+    """With the fast clock, all states are passed: play, pause, steps that need a pause, a stop that resets, an end."""
     interfaces("simulation_interfaces")
     standard = _Standard(client)
     process = start(**coarse, clock="fast", publish_clock=True, autostart=False)
@@ -88,7 +88,7 @@ def test_a_node_is_played_paused_stepped_stopped_and_quit(
 def test_steps_are_an_action_with_feedback_that_can_be_cancelled(
     client: Any, start: Callable, coarse: dict, interfaces: Callable
 ) -> None:
-    """Make five steps, then a million that are cancelled: feedback tells each, and the result how it went."""
+    """The action of five steps gives feedback for each and a result; a million steps are cancelled."""
     from action_msgs.msg import GoalStatus
 
     interfaces("simulation_interfaces")
@@ -127,7 +127,7 @@ def test_steps_are_an_action_with_feedback_that_can_be_cancelled(
 def test_nothing_is_played_while_steps_are_made_on_demand(
     client: Any, start: Callable, coarse: dict, interfaces: Callable
 ) -> None:
-    """Ask to play, by both services, while the action makes steps under the wall clock: refused; the action goes on."""
+    """Requests to play by either service are refused while the action makes steps with the wall clock."""
     from action_msgs.msg import GoalStatus
 
     interfaces("simulation_interfaces")

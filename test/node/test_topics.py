@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A second process commands the node over topics and sees the mesh follow."""
+"""A second process commands the node over topics and receives the mesh."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gdfe_ros.simulation import Command, Simulation
 
 
 def test_the_mesh_follows_the_commands(client: Any, start: Callable, coarse: dict) -> None:
-    """Lift the tip by 0.1 m: vertices, pose, wrench, strain and topology say so."""
+    """A tip lifted by 0.1 m is seen in vertices, pose, wrench, strain and topology."""
     start(**coarse)
     client.target(0.1)
     client.wait(lambda: np.isclose(client.mesh()[:, 5].max(), 0.1, atol=1e-6))
@@ -41,7 +41,7 @@ def test_the_mesh_follows_the_commands(client: Any, start: Callable, coarse: dic
 
 
 def test_a_handle_turns_on_and_on(client: Any, start: Callable, coarse: dict) -> None:
-    """Command quaternions of a growing angle: the targets consumed pass half a turn without a jump."""
+    """Commanded quaternions of a growing angle give targets that pass half a turn without a jump."""
     start(**{**coarse, "scene": "twist90", "clock": "lockstep"})
     for angle in np.arange(0.5, 4.6, 0.5):
         client.target(turn=(angle, 0, 0))
@@ -54,7 +54,7 @@ def test_a_handle_turns_on_and_on(client: Any, start: Callable, coarse: dict) ->
 def test_a_signal_leaves_a_whole_bag_that_others_read(
     client: Any, start: Callable, coarse: dict, tmp_path: Path, number: signal.Signals
 ) -> None:
-    """End a recording node by a signal: rosbags and mcap-ros2 read the meshes that were published."""
+    """A node that records and is ended by a signal leaves a bag whose meshes rosbags and mcap-ros2 can read."""
     process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))
     for z in np.linspace(0.01, 0.1, 10):
         client.target(z)
@@ -84,7 +84,7 @@ def _stamped(message: Any) -> tuple[int, int, bytes]:
 
 
 def test_a_bag_of_the_wall_clock_replays_to_the_bit(client: Any, start: Callable, coarse: dict, tmp_path: Path) -> None:
-    """Feed the step records of a bag to a simulation of the bag's scene: every mesh is the same, bit for bit."""
+    """The step records of a bag, applied to its scene, give every mesh bit for bit."""
     process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))
     for z in np.linspace(0.01, 0.1, 10):
         client.target(z, turn=(0, -z, 0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""FollowJointTrajectory: goals, feedback, tolerances, ends; built from its definitions where it is not installed."""
+"""FollowJointTrajectory: goals, feedback, tolerances, ends; its messages are built where they are not installed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class _Follower:
         self._action = client.action(FollowJointTrajectory, "follow_joint_trajectory")
 
     def send(self, values: list[float], *, name: str = "flexor", seconds: int = 1, **more: Any) -> Any:
-        """Send a goal with a point every so many seconds, and give its handle; tolerances by keyword."""
+        """Send a goal with a point every ``seconds``; return its handle. Keywords set tolerances."""
         self.told.clear()
         points = [
             JointTrajectoryPoint(positions=[value], time_from_start=Duration(sec=seconds * place))
@@ -42,7 +42,7 @@ class _Follower:
         return sent.result()
 
     def result(self, goal: Any) -> tuple[int, int, str]:
-        """Wait for the end of a goal: status, code, reason."""
+        """Wait for the end of a goal; return status, error code and reason."""
         future = goal.get_result_async()
         self._client.wait(future.done)
         result = future.result().result
@@ -59,7 +59,7 @@ def follower(client: Any, start: Callable, interfaces: Callable) -> _Follower:
 
 
 def test_a_trajectory_is_followed_with_feedback(client: Any, follower: _Follower) -> None:
-    """Send a goal of two points: it succeeds at its end, feedback tells where it is to be and where it is."""
+    """A goal of two points succeeds at its end, with feedback of desired and actual values."""
     status, code, reason = follower.result(follower.send([1.0, 0.5], goal_tolerance=1e-9))
     assert (status, code, reason) == (GoalStatus.STATUS_SUCCEEDED, 0, "")
     client.wait(lambda: sum(bool(record.actuators) for record in client.records()) >= 20)
@@ -72,7 +72,7 @@ def test_a_trajectory_is_followed_with_feedback(client: Any, follower: _Follower
 
 
 def test_a_bad_goal_ends_with_its_code(client: Any, follower: _Follower) -> None:
-    """Name an unknown joint, leave the range, send no points: aborted with the code and what is allowed."""
+    """An unknown joint, a value out of range, or no point aborts the goal with an error code and allowed values."""
     status, code, reason = follower.result(follower.send([1.0], name="biceps"))
     assert (status, code) == (GoalStatus.STATUS_ABORTED, -2)
     assert "no actuator biceps; actuators: flexor, extensor" in reason
@@ -84,7 +84,7 @@ def test_a_bad_goal_ends_with_its_code(client: Any, follower: _Follower) -> None
 
 
 def test_a_goal_ends_by_what_others_do(client: Any, follower: _Follower) -> None:
-    """Cancel a goal, command its actuator, reset: each ends it, the tension stays or returns to its initial value."""
+    """A cancellation, a command of the actuator, and a reset end a goal; the tension stays or is reset."""
     goal = follower.send([2.0], seconds=1000)
     client.wait(lambda: follower.told)
     client.wait(goal.cancel_goal_async().done)
@@ -103,7 +103,7 @@ def test_a_goal_ends_by_what_others_do(client: Any, follower: _Follower) -> None
 
 
 def test_tolerances_hold_what_a_rate_limit_holds_back(client: Any, start: Callable, interfaces: Callable) -> None:
-    """Ask a tendon with a rate of 0.5 N/s for 1 N in a second: out of the path's tolerance, then of the goal's."""
+    """A rate of 0.5 N/s violates the path tolerance, or the goal tolerance, of a goal of 1 N in a second."""
     interfaces("control_msgs")
     start(**FINGER, scene_overrides=["actuators.flexor.cable.rate=0.5"])
     client.wait(client.records)

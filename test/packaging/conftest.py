@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A copy of the source tree to build from, so that builds leave nothing behind."""
+"""A copy of the source tree to build from, so that builds change nothing in the tree."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ PARTS = [
 
 @pytest.fixture(scope="session")
 def root() -> Path:
-    """Give the source tree."""
+    """Return the source tree."""
     return ROOT
 
 
 @pytest.fixture(scope="module")
 def source_copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give a fresh copy of what is built: no caches, no build products."""
+    """Return a fresh copy of all build inputs, without caches and build products."""
     copy = tmp_path_factory.mktemp("source") / "gdfe_ros"
     copy.mkdir()
     for name in PARTS:
@@ -47,7 +47,7 @@ def source_copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def run() -> Callable[..., str]:
-    """Give a function that runs a command away from the source tree and returns what it printed."""
+    """Give a function that runs a command outside of the source tree and returns its output."""
 
     def call(*command: object, **environment: str) -> str:
         inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CHANGELOG.rst as bloom reads it, and in step with CHANGELOG.md."""
+"""CHANGELOG.rst can be read by bloom and agrees with CHANGELOG.md."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 from catkin_pkg.changelog import Changelog, populate_changelog_from_rst
 
 UNRELEASED = "Forthcoming\n-----------\n"
-"""What catkin_prepare_release puts version and date in place of."""
+"""Heading that catkin_prepare_release replaces by version and date."""
 
 
 @pytest.fixture
 def released(root: Path) -> Changelog:
-    """Give CHANGELOG.rst as it will be when the version of package.xml is released, read by bloom's own parser."""
+    """Return the parsed CHANGELOG.rst, as bloom reads it after the release of package.xml's version."""
     version = ElementTree.parse(root / "package.xml").findtext("version")
     title = f"{version} (2026-12-31)"
     text = (root / "CHANGELOG.rst").read_text(encoding="utf-8")
@@ -27,14 +27,14 @@ def released(root: Path) -> Changelog:
 
 
 def test_bloom_can_read_the_changelog(root: Path, released: Changelog) -> None:
-    """Release the version of package.xml: bloom finds it, and has something to say of each version."""
+    """After a release of package.xml's version, bloom finds it, and each version has entries."""
     versions = {version: entries for version, _, entries in released.foreach_version()}
     assert ElementTree.parse(root / "package.xml").findtext("version") in versions
     assert all(versions.values())
 
 
 def test_both_changelogs_have_the_same_versions(root: Path, released: Changelog) -> None:
-    """Compare headings: the same versions, unreleased in both, or with the same date."""
+    """Both changelogs have the same versions with the same dates, or unreleased in both."""
     text = (root / "CHANGELOG.md").read_text(encoding="utf-8")
     expected = dict(re.findall(r"^## (\S+) - (\S+)$", text, re.MULTILINE))
     found = {version: f"{date:%Y-%m-%d}" for version, date, _ in released.foreach_version()}

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tree builds with colcon, and ROS tools find what they look for.
+"""The tree builds with colcon, and ROS tools find the result.
 
-colcon comes from the registry into an environment of its own (it needs setuptools below 80), which pytest's
-cache directory keeps between runs. What was built is then used by the Python that runs the tests, as a
-sourced workspace would be.
+colcon comes from the registry into its own environment (it needs setuptools below 80), which pytest's cache directory
+keeps between runs. The Python that runs the tests then uses the built package, as after sourcing a workspace.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ import pytest
 
 @pytest.fixture(scope="module")
 def colcon(pytestconfig: pytest.Config, run: Callable[..., str]) -> Path:
-    """Give a colcon executable."""
+    """Return a colcon executable."""
     place = pytestconfig.cache.mkdir(f"colcon-{sys.version_info.major}.{sys.version_info.minor}")
     done = place / "installed"
     if not done.exists():
@@ -37,7 +36,7 @@ def workspace(
     tmp_path_factory: pytest.TempPathFactory,
     run: Callable[..., str],
 ) -> Path:
-    """Give a built workspace."""
+    """Return a built workspace."""
     place = tmp_path_factory.mktemp("workspace")
     bases = [
         "--base-paths",
@@ -64,7 +63,7 @@ def in_workspace(workspace: Path, run: Callable[..., str]) -> Callable[[str], st
 
 
 def test_ament_index_finds_the_package(workspace: Path, in_workspace: Callable[[str], str]) -> None:
-    """Ask the ament index for the share directory, in a shell that sourced the workspace."""
+    """With the workspace sourced, the ament index has the package's share directory."""
     found = in_workspace(
         "from ament_index_python.packages import get_package_share_directory as find; print(find('gdfe_ros'))"
     )
@@ -72,14 +71,14 @@ def test_ament_index_finds_the_package(workspace: Path, in_workspace: Callable[[
 
 
 def test_executables_lie_where_ros2_run_looks(workspace: Path) -> None:
-    """Find both commands in lib/gdfe_ros, executable."""
+    """Both commands are executables in lib/gdfe_ros."""
     place = workspace / "install" / "gdfe_ros" / "lib" / "gdfe_ros"
     programs = {file.name for file in place.iterdir() if os.access(file, os.X_OK)}
     assert programs == {"gdfe", "sim_node", "tip_tracking", "carrying_arm"}
 
 
 def test_share_holds_scenes_parameters_and_launch_files(workspace: Path, root: Path) -> None:
-    """Find every file of config/ and launch/ in the package's share directory."""
+    """The package's share directory has every file of config/ and launch/."""
     share = workspace / "install" / "gdfe_ros" / "share" / "gdfe_ros"
     for part in ("config", "launch"):
         files = [p.relative_to(root) for p in (root / part).rglob("*") if p.suffix in {".yaml", ".csv", ".py"}]
@@ -88,7 +87,7 @@ def test_share_holds_scenes_parameters_and_launch_files(workspace: Path, root: P
 
 
 def test_the_built_package_finds_its_scenes(workspace: Path, in_workspace: Callable[[str], str]) -> None:
-    """Load a scene by its name from the workspace's code and the files that belong to it."""
+    """The built package loads a scene by name from its own files."""
     code = "import gdfe_ros; print(gdfe_ros.__file__); print(gdfe_ros.load_scene('bend5').path)"
     module, scene = (Path(line).resolve() for line in in_workspace(code).splitlines())
     assert scene.name == "bend5.yaml"
@@ -96,7 +95,7 @@ def test_the_built_package_finds_its_scenes(workspace: Path, in_workspace: Calla
 
 
 def test_the_command_starts(workspace: Path, in_workspace: Callable[[str], str]) -> None:
-    """Run the installed command's script with the Python of the tests."""
+    """The installed command's script starts and prints help."""
     script = workspace / "install" / "gdfe_ros" / "lib" / "gdfe_ros" / "gdfe"
     start = f"sys.argv = ['gdfe', '--help']; runpy.run_path({str(script)!r}, run_name='__main__')"
     assert "solve" in in_workspace(f"import runpy, sys; {start}")

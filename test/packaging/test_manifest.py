@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What package.xml asks rosdep for, and what happens on a machine where that is too old."""
+"""Dependencies in package.xml for rosdep, and the error on a machine with a too old package."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROS = {"launch", "launch_ros", "rclpy", "ament_index_python"}
 
 
 def _imports(folder: Path) -> set[str]:
-    """Name the top-level packages that the Python files of a folder import."""
+    """Return the top-level packages that the Python files of a folder import."""
     found = set()
     for path in folder.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -28,7 +28,7 @@ def _imports(folder: Path) -> set[str]:
 
 
 def test_every_ros_package_that_is_imported_is_declared(root: Path) -> None:
-    """Compare imports of code and launch files with package.xml: rosdep installs what these need."""
+    """Every ROS package imported by code and launch files is declared in package.xml."""
     declared = {entry.text for entry in ElementTree.parse(root / "package.xml").getroot().findall("exec_depend")}
     used = _imports(root / "gdfe_ros") | _imports(root / "launch")
     wanted = {name for name in used if name in ROS or name.endswith(("_msgs", "_interfaces", "_srvs"))}
@@ -38,7 +38,7 @@ def test_every_ros_package_that_is_imported_is_declared(root: Path) -> None:
 
 @pytest.mark.parametrize("words", [["-m", "gdfe_ros.node"], ["-m", "gdfe_ros.cli", "solve", "bend5"]], ids=str)
 def test_the_first_line_names_a_pydantic_that_is_too_old(root: Path, tmp_path: Path, words: list[str]) -> None:
-    """Put Ubuntu 24.04's version of pydantic first in the path: exit status 2, one line, what to install."""
+    """With Ubuntu 24.04's pydantic, a command ends with status 2 and one line that says what to install."""
     (tmp_path / "pydantic").mkdir()
     (tmp_path / "pydantic" / "__init__.py").write_text('VERSION = "1.10.14"\n')
     path = os.pathsep.join([str(tmp_path), str(root)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameter file that the package installs fits the node."""
+"""The installed parameter file agrees with the node."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gdfe_ros.node.interface.parameters import PARAMETERS
 
 
 def test_every_entry_is_a_parameter_of_the_node(root: Path) -> None:
-    """Compare names, types and values of config/sim.yaml with the node's own table: it shows the defaults."""
+    """config/sim.yaml has the names, types and default values of the node's own table."""
     content = yaml.safe_load((root / "config" / "sim.yaml").read_text())
     defaults = {spec.name: spec.default for spec in PARAMETERS}
     shown = content["/**"]["ros__parameters"]

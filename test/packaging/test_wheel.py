@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ``pip install .`` installs, and what it asks for."""
+"""The contents and the requirements of the wheel that ``pip install .`` builds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import gdfe_ros
 
 @pytest.fixture(scope="module")
 def wheel(source_copy: Path, tmp_path_factory: pytest.TempPathFactory, run: Callable[..., str]) -> Path:
-    """Give the package as a wheel."""
+    """Return the package as a wheel."""
     place = tmp_path_factory.mktemp("wheel")
     run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", place, source_copy)
     return next(place.glob("gdfe_ros-*.whl"))
@@ -26,7 +26,7 @@ def wheel(source_copy: Path, tmp_path_factory: pytest.TempPathFactory, run: Call
 
 @pytest.fixture(scope="module")
 def requirements(wheel: Path) -> list[str]:
-    """Give the lines of the wheel's metadata that name a requirement."""
+    """Return the requirement lines of the wheel's metadata."""
     with zipfile.ZipFile(wheel) as archive:
         name = next(name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
         text = archive.read(name).decode()
@@ -35,7 +35,7 @@ def requirements(wheel: Path) -> list[str]:
 
 @pytest.fixture(scope="module")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory, run: Callable[..., str]) -> Path:
-    """Give an empty environment with the wheel alone; its dependencies are looked up where the tests have theirs."""
+    """Return the bin folder of an environment with only the wheel; its dependencies are those of the tests."""
     place = tmp_path_factory.mktemp("venv")
     run(sys.executable, "-m", "venv", "--without-pip", place)
     packages = sysconfig.get_path("purelib", vars={"base": str(place), "platbase": str(place)})
@@ -47,7 +47,7 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory, run: Callab
 
 
 def test_the_wheel_holds_the_package_and_its_share_files_only(wheel: Path, root: Path) -> None:
-    """Compare wheel and tree: a directory without __init__.py, or a flat glob, would leave files out."""
+    """The wheel has exactly the package and share files, also of directories without __init__.py and nested ones."""
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
     modules = {str(path.relative_to(root)) for path in (root / "gdfe_ros").rglob("*.py")}
@@ -64,7 +64,7 @@ def test_the_wheel_holds_the_package_and_its_share_files_only(wheel: Path, root:
 
 
 def test_an_installed_package_finds_its_files(installed: Path, run: Callable[..., str]) -> None:
-    """Import every module from there, and look up a scene by its name and the launch files."""
+    """Every installed module can be imported, and a scene and the launch files are found."""
     code = """
 import importlib, pkgutil
 import gdfe_ros
@@ -84,7 +84,7 @@ print(*sorted(path.name for path in (share_dir() / "launch").iterdir()))
 
 
 def test_installed_commands_run(installed: Path, tmp_path: Path, run: Callable[..., str]) -> None:
-    """Solve a scene, and play it through the node over topics into a bag, which is replayed."""
+    """The installed commands solve a scene, and play it through the node into a bag, which replays."""
     scene, quick = tmp_path / "small.yaml", {"NUMBA_DISABLE_JIT": "1"}  # to compile would take a minute
     scene.write_text(
         "name: small\n"
@@ -105,7 +105,7 @@ def test_installed_commands_run(installed: Path, tmp_path: Path, run: Callable[.
 
 @pytest.mark.slow
 def test_a_wheel_installs_with_its_dependencies(wheel: Path, tmp_path: Path, run: Callable[..., str]) -> None:
-    """Install the wheel with extras from the registry into an empty environment: the commands compile and run."""
+    """The wheel with extras, installed from the registry into an empty environment, has working commands."""
     run(sys.executable, "-m", "venv", tmp_path / "venv")
     programs = tmp_path / "venv" / "bin"
     run(programs / "python", "-m", "pip", "install", "--quiet", f"{wheel}[ros,mcap,fast,plot]")
@@ -115,7 +115,7 @@ def test_a_wheel_installs_with_its_dependencies(wheel: Path, tmp_path: Path, run
 
 
 def test_ros_is_asked_for_by_its_extra_only(requirements: list[str]) -> None:
-    """Find the ROS wheels pinned exactly, and never without the extra."""
+    """The ROS wheels are required with exact versions, and only by their extra."""
     ros = [line for line in requirements if line.startswith("ros-")]
     assert len(ros) == 3
     for line in ros:
@@ -124,12 +124,12 @@ def test_ros_is_asked_for_by_its_extra_only(requirements: list[str]) -> None:
 
 
 def test_the_changelog_gives_a_reason_for_each_dependency(requirements: list[str], root: Path) -> None:
-    """Look every required package up in CHANGELOG.md."""
+    """CHANGELOG.md names every required package."""
     changelog = (root / "CHANGELOG.md").read_text().lower()
     names = [re.match(r"[\w.-]+", line)[0].lower().removeprefix("ros-jazzy") for line in requirements]
     assert [name for name in names if name not in changelog] == []
 
 
 def test_versions_agree(root: Path) -> None:
-    """Hold package.xml and the module to one version."""
+    """package.xml and the module have the same version."""
     assert ElementTree.parse(root / "package.xml").findtext("version") == gdfe_ros.__version__

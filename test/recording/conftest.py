@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clouds to record, made without our own code, and a process to record them in."""
+"""Clouds for recordings, made without our own code, and a process that records them."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def _store() -> object:
 
 @pytest.fixture
 def mesh_topic() -> TopicInfo:
-    """Give a topic of point clouds."""
+    """Return a topic of point clouds."""
     return MESH
 
 
 @pytest.fixture
 def command_topic() -> TopicInfo:
-    """Give a topic of poses."""
+    """Return a topic of poses."""
     return COMMAND
 
 
@@ -71,7 +71,7 @@ def make_cloud() -> Callable[..., bytes]:
 
 @pytest.fixture
 def start_process() -> Callable[..., subprocess.Popen[str]]:
-    """Give a function that starts Python code in a process of its own, with this package importable."""
+    """Give a function that starts Python code in its own process, with this package importable."""
 
     def start(code: str, *arguments: object) -> subprocess.Popen[str]:
         path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])

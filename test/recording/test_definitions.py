@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Definitions and hashes agree with those that rosbags has of its own."""
+"""Message definitions and hashes agree with those that rosbags has."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ TYPES = [
 
 @pytest.mark.parametrize("name", TYPES)
 def test_hash_is_that_of_rosbags(name: str) -> None:
-    """Compare the type hash with one computed by another library from its own definitions."""
+    """The type hash equals the one that rosbags computes from its own definitions."""
     assert type_hash(name) == get_typestore(Stores.ROS2_JAZZY).hash_rihs01(name)
 
 
 @pytest.mark.parametrize("name", TYPES)
 def test_definition_parses_to_the_same_fields(name: str) -> None:
-    """Let rosbags parse our text: the type and all its parts are there, field by field as it knows them."""
+    """The library rosbags parses our definition to the same type and parts, field by field."""
     store = get_typestore(Stores.ROS2_JAZZY)
     parsed = get_types_from_msg(message_definition(name), name)
     assert name in parsed
@@ -39,7 +39,7 @@ def test_definition_parses_to_the_same_fields(name: str) -> None:
 
 
 def test_definition_begins_with_the_type_itself_and_sorts_its_parts() -> None:
-    """Put the root first and then each part once, by name, as rosbag2 does."""
+    """A definition starts with the type itself, followed by each part once, by name, as in rosbag2."""
     text = message_definition("geometry_msgs/msg/PoseStamped")
     heads = [line.removeprefix("MSG: ") for line in text.splitlines() if line.startswith("MSG: ")]
     assert heads == [
@@ -63,6 +63,6 @@ def test_definition_begins_with_the_type_itself_and_sorts_its_parts() -> None:
     ],
 )
 def test_unknown_types_are_refused_with_a_remedy(name: str, message: str) -> None:
-    """Name the type and what is missing."""
+    """An unknown type is refused with its name and what is missing."""
     with pytest.raises(RecordingError, match=message):
         message_definition(name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real node whose bag finds no more room: said at once, counted the same everywhere, and the simulation goes on."""
+"""A real node whose bag runs out of disk space reports it at once, counts consistently, and continues."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ PARAMETERS = {
     "record": True,
 }
 ROOM = 5 << 20
-"""More than is reserved at first [B]: what was promised then can still be written."""
+"""Room [B], more than is reserved at first, so that the reserved part can still be written."""
 
 
 class Watcher(Client):
-    """Follows steps and the recording's part of the diagnostics.
+    """Follows steps and the diagnostics of the recording.
 
     Attributes:
         step: number of the last step; -1 before the first.
-        report: messages dropped, messages written and the bag's error, by the last diagnostics.
+        report: messages dropped, messages written and the bag's error, from the last diagnostics.
     """
 
     def __init__(self, process: NodeProcess) -> None:
@@ -45,12 +45,12 @@ class Watcher(Client):
         self.meet([self._record])
 
     def wait_for_steps(self, count: int) -> None:
-        """Wait until so many more steps are made."""
+        """Wait until ``count`` more steps are made."""
         last = self.step
         self.wait(lambda: self.step >= last + count, f"{count} steps")
 
     def stop_recording(self) -> SetBool.Response:
-        """Ask the node to end the bag."""
+        """Request the end of the bag."""
         return self.call(self._record, SetBool.Request(data=False))
 
     def _see(self, message: String) -> None:
@@ -63,7 +63,7 @@ class Watcher(Client):
 
 @pytest.mark.parametrize("clock", ["wall", "fast"])
 def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str) -> None:
-    """Let a file grow to 5 MiB only: log, diagnostics, bag and ~/record agree, and steps go on being made."""
+    """With files limited to 5 MiB, log, diagnostics, bag and ~/record agree, and steps continue."""
     bag = tmp_path / "bag"
     with (
         NodeProcess({**PARAMETERS, "clock": clock, "bag_path": str(bag)}) as process,
@@ -89,7 +89,7 @@ def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str)
 
 
 def test_a_node_whose_disk_is_full_ends_in_order(tmp_path: Path) -> None:
-    """Let a file grow to 5 MiB only, then end the node by SIGINT: no traceback, and the bag holds what was counted."""
+    """A node with files limited to 5 MiB, ended by SIGINT, leaves no traceback and a bag with the counted messages."""
     bag = tmp_path / "bag"
     with (
         NodeProcess({**PARAMETERS, "clock": "fast", "bag_path": str(bag)}) as process,

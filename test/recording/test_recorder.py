@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recording beside a simulation: cheap, never silent about loss, and whole at the end."""
+"""Recording during a simulation: cheap, with every loss reported, and complete at the end."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ print("steps", step + 1, "taken", taken, "error", recorder.error, flush=True)
 
 @pytest.fixture
 def stalled(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
-    """Make the disk stand still until the event is set."""
+    """Block the disk until the event is set."""
     released = threading.Event()
     write = BagWriter.write
 
@@ -67,7 +67,7 @@ def stalled(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
 def test_every_message_arrives_in_order(
     tmp_path: Path, mesh_topic: TopicInfo, make_cloud: Callable[..., bytes]
 ) -> None:
-    """Record 200 clouds and read them back with rosbags, byte for byte."""
+    """200 recorded clouds are read back with rosbags byte for byte."""
     values = np.random.default_rng(2).normal(size=(200, 50, 6)).astype(np.float32)
     clouds = [make_cloud(cloud, index) for index, cloud in enumerate(values)]
     with Recorder(tmp_path / "bag", [mesh_topic]) as recorder:
@@ -79,7 +79,7 @@ def test_every_message_arrives_in_order(
 
 @pytest.mark.bench
 def test_record_costs_less_than_a_tenth_of_a_millisecond(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """Time `record` at 100 Hz with 1836 vertices: the median of the processor time stays under 0.1 ms."""
+    """At 100 Hz with 1836 vertices, the median processor time of `record` is below 0.1 ms."""
     data = b"\0\1\0\0" + np.random.default_rng(3).bytes(24 * 1836)
     costs = []
     with Recorder(tmp_path / "bag", [mesh_topic]) as recorder:
@@ -93,7 +93,7 @@ def test_record_costs_less_than_a_tenth_of_a_millisecond(tmp_path: Path, mesh_to
 
 
 def test_messages_are_on_disk_within_the_flush_interval(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """Find a message in the file soon after it was recorded, long before a chunk is full."""
+    """A recorded message is in the file soon, long before a chunk is full."""
     with Recorder(tmp_path / "bag", [mesh_topic], queue=QueueOptions(flush_seconds=0.01)) as recorder:
         recorder.record(mesh_topic.name, b"\0\1\0\0needle", 0)
         deadline = time.monotonic() + 60
@@ -103,7 +103,7 @@ def test_messages_are_on_disk_within_the_flush_interval(tmp_path: Path, mesh_top
 
 
 def test_drop_refuses_at_once_and_counts(tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event) -> None:
-    """Fill the queue of a standing disk: the rest is refused without a wait, counted, and noted in the bag."""
+    """With a blocked disk and a full queue, messages are refused at once, counted, and noted in the bag."""
     queue = QueueOptions(max_bytes=5 << 20)
     with Recorder(tmp_path / "bag", [mesh_topic], queue=queue) as recorder:
         taken = [recorder.record(mesh_topic.name, MEGABYTE, step) for step in range(20)]
@@ -118,7 +118,7 @@ def test_drop_refuses_at_once_and_counts(tmp_path: Path, mesh_topic: TopicInfo, 
 
 
 def test_block_waits_for_room(tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event) -> None:
-    """Let the disk stand for 0.2 s: under BLOCK every message gets in."""
+    """With the policy BLOCK and a disk blocked for 0.2 s, every message is accepted."""
     queue = QueueOptions(max_bytes=2 << 20, back_pressure=BackPressure.BLOCK, block_seconds=300)
     with Recorder(tmp_path / "bag", [mesh_topic], queue=queue) as recorder:
         threading.Timer(0.2, stalled.set).start()
@@ -128,7 +128,7 @@ def test_block_waits_for_room(tmp_path: Path, mesh_topic: TopicInfo, stalled: th
 
 
 def test_block_gives_up_after_its_bound(tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event) -> None:
-    """Let the disk stand for longer than `block_seconds`: the message is refused and counted."""
+    """With a disk blocked for longer than `block_seconds`, the message is refused and counted."""
     queue = QueueOptions(max_bytes=1 << 20, back_pressure=BackPressure.BLOCK, block_seconds=0.1)
     with Recorder(tmp_path / "bag", [mesh_topic], queue=queue) as recorder:
         assert recorder.record(mesh_topic.name, MEGABYTE, 0)
@@ -140,7 +140,7 @@ def test_block_gives_up_after_its_bound(tmp_path: Path, mesh_topic: TopicInfo, s
 def test_a_failing_writer_stops_the_recording_only(
     tmp_path: Path, mesh_topic: TopicInfo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Break the writer: `record` does not raise, one report is made, bag and status agree on what was lost."""
+    """With a broken writer `record` does not raise, one report is made, and bag and status agree on the loss."""
 
     def broken(*_: object) -> None:
         raise TypeError("broken on purpose")
@@ -165,7 +165,7 @@ def test_a_failing_writer_stops_the_recording_only(
 
 
 def test_topics_can_be_added_while_recording(tmp_path: Path, mesh_topic: TopicInfo, command_topic: TopicInfo) -> None:
-    """Declare a second topic after the first messages; an undeclared one is a mistake and raises."""
+    """A second topic can be declared after the first messages; an undeclared one raises."""
     with Recorder(tmp_path / "bag", [mesh_topic]) as recorder:
         recorder.record(mesh_topic.name, b"\0\1\0\0", 0)
         with pytest.raises(RecordingError, match="is not in bag"):
@@ -176,7 +176,7 @@ def test_topics_can_be_added_while_recording(tmp_path: Path, mesh_topic: TopicIn
 
 
 def test_closing_twice_is_harmless_and_later_messages_are_refused(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """Close twice, record once more: refused without an error, and the status is what the bag says."""
+    """After two closes, a message is refused without an error, and the status agrees with the bag."""
     recorder = Recorder(tmp_path / "bag", [mesh_topic])
     recorder.close()
     assert not recorder.record(mesh_topic.name, b"", 0)
@@ -193,7 +193,7 @@ def test_closing_twice_is_harmless_and_later_messages_are_refused(tmp_path: Path
     ],
 )
 def test_queue_options_out_of_range_are_refused(options: dict, message: str) -> None:
-    """Name the option, its value and the range."""
+    """Queue options out of range are refused with option, value and range."""
     with pytest.raises(ValueError, match=message):
         QueueOptions(**options)
 
@@ -208,7 +208,7 @@ def _finish(process: subprocess.Popen[str]) -> str:
 def test_an_interrupted_process_leaves_a_whole_bag(
     tmp_path: Path, start_process: Callable[..., subprocess.Popen[str]], ending: str
 ) -> None:
-    """Send SIGINT to a recording process that then closes, or runs to its end without closing."""
+    """After SIGINT, a recording process that closes, or runs to its end without closing, leaves a complete bag."""
     process = start_process(CHILD, tmp_path / "bag", 0, ending)
     assert process.stdout.readline() == "begun\n"
     assert process.stdout.readline() == "recording\n"
@@ -224,7 +224,7 @@ def test_an_interrupted_process_leaves_a_whole_bag(
 def test_a_full_disk_stops_the_recording_and_leaves_a_whole_bag(
     tmp_path: Path, start_process: Callable[..., subprocess.Popen[str]]
 ) -> None:
-    """Limit the file size to 3 MB: the simulation ends its 200 steps, the error is clear, the bag reads."""
+    """With files limited to 3 MB, the simulation makes its 200 steps, the error is clear, and the bag is readable."""
     output = _finish(start_process(CHILD, tmp_path / "bag", 3_000_000, "close"))
     assert "steps 200 " in output
     assert "takes no more messages: [Errno 27] File too large" in output

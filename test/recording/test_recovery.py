@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags that were cut off come back, but for the last moments."""
+"""Bags that were cut off are recovered except for the last moments."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ with open(tally, "r+b") as file, mmap.mmap(file.fileno(), 16) as count:
 
 @pytest.fixture
 def bag(tmp_path: Path, mesh_topic: TopicInfo) -> Path:
-    """Give a whole bag of two files with 30 messages in chunks of one message each."""
+    """Return a complete bag of two files with 30 messages, one message per chunk."""
     writer = BagWriter(
         tmp_path / "bag",
         [mesh_topic],
@@ -72,7 +72,7 @@ def bag(tmp_path: Path, mesh_topic: TopicInfo) -> Path:
 
 @pytest.fixture
 def kill(tmp_path: Path, start_process: Callable[..., subprocess.Popen[str]]) -> Callable[[int, float], list[int]]:
-    """Give a function that kills recordings in their first ``seconds``, recovers them, and counts what was lost."""
+    """Give a function that kills four recordings in their first seconds and returns how many messages each has lost."""
 
     def lose(attempt: int, seconds: float) -> int:
         path, tally = tmp_path / f"bag{attempt}", tmp_path / f"tally{attempt}"
@@ -104,7 +104,7 @@ def kill(tmp_path: Path, start_process: Callable[..., subprocess.Popen[str]]) ->
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_killed_recording_loses_nothing_that_was_flushed(kill: Callable[[int, float], list[int]], seed: int) -> None:
-    """SIGKILL at 4 random moments (8 in all): what comes back is whole, and holds all that had left the process."""
+    """After SIGKILL at 4 random moments (8 in all), a recovered bag is complete and has all flushed messages."""
     assert len(kill(seed, 0.3)) == 4
     assert QueueOptions().flush_seconds < 0.1
 
@@ -114,12 +114,12 @@ def test_a_killed_recording_loses_nothing_that_was_flushed(kill: Callable[[int, 
 def test_a_killed_recording_loses_at_most_a_tenth_of_a_second(
     kill: Callable[[int, float], list[int]], seed: int
 ) -> None:
-    """SIGKILL at 4 random moments (8 in all), 100 Hz, 1836 vertices: at most 10 messages are missing."""
+    """After SIGKILL at 4 random moments (8 in all), at 100 Hz with 1836 vertices, at most 10 messages are missing."""
     assert max(kill(seed, 0.9)) <= 10
 
 
 def test_a_whole_bag_is_recovered_whole(bag: Path, tmp_path: Path) -> None:
-    """Recover a bag that lacks nothing: all messages, all files complete, the run and the topic kept."""
+    """A complete bag is recovered with all messages, files, the run and the topic."""
     report = recover(bag, tmp_path / "new")
     assert (report.total, report.cut_files, report.damaged_chunks, report.orphans) == (30, (), 0, 0)
     old, new = BagReader(bag), BagReader(tmp_path / "new")
@@ -130,7 +130,7 @@ def test_a_whole_bag_is_recovered_whole(bag: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("compression", Compression)
 def test_a_file_cut_anywhere_gives_a_prefix(tmp_path: Path, mesh_topic: TopicInfo, compression: Compression) -> None:
-    """Cut a file at 60 lengths: whatever comes back is a prefix of what was written, and it grows."""
+    """A file cut at any of 60 lengths gives a prefix of its messages, which grows with the length."""
     options = BagOptions(chunk_size=1024, compression=compression)
     writer = BagWriter(tmp_path / "bag", [mesh_topic], options=options)
     written = [np.random.default_rng(number).bytes(1100) for number in range(20)]
@@ -150,7 +150,7 @@ def test_a_file_cut_anywhere_gives_a_prefix(tmp_path: Path, mesh_topic: TopicInf
 
 
 def test_the_reserved_tail_of_zeros_does_no_harm(bag: Path) -> None:
-    """Add 4 MiB of zeros, as a killed process leaves them: everything comes back."""
+    """With 4 MiB of zeros at the end, as after a kill, everything is recovered."""
     (bag / "metadata.yaml").unlink()
     last = bag / "bag_1.mcap"
     end = last.read_bytes().rfind(b"\x0f\x04\0\0\0\0\0\0\0")
@@ -162,7 +162,7 @@ def test_the_reserved_tail_of_zeros_does_no_harm(bag: Path) -> None:
 
 
 def test_a_damaged_chunk_costs_only_its_messages(bag: Path) -> None:
-    """Flip bytes in the middle of a file: the message there is missing and counted, the others come back."""
+    """Flipped bytes in the middle cost the message there, which is counted, and no other."""
     file = bag / "bag_0.mcap"
     content = bytearray(file.read_bytes())
     place = content.find(np.random.default_rng(10).bytes(2000)[500:600])
@@ -176,7 +176,7 @@ def test_a_damaged_chunk_costs_only_its_messages(bag: Path) -> None:
 
 
 def test_messages_whose_topic_is_lost_are_counted(bag: Path) -> None:
-    """Damage the chunk that declares the topic in a file without its end: the rest has no type and is counted out."""
+    """In a file without its end, a damaged topic declaration leaves the rest without a type, and it is counted."""
     (bag / "metadata.yaml").unlink()
     content = bytearray((bag / "bag_0.mcap").read_bytes())
     del content[content.rfind(b"\x0f\x04\0\0\0\0\0\0\0") :]
@@ -188,7 +188,7 @@ def test_messages_whose_topic_is_lost_are_counted(bag: Path) -> None:
 
 
 def test_a_finished_file_tells_its_topics_twice(bag: Path) -> None:
-    """Damage the chunk that declares the topic: the index repeats the declaration, and one message is lost."""
+    """With a damaged topic declaration, its copy in the index is used, and one message is lost."""
     content = bytearray((bag / "bag_0.mcap").read_bytes())
     place = content.find(np.random.default_rng(0).bytes(2000)[500:600])
     content[place : place + 4] = b"\xff\xff\xff\xff"
@@ -198,7 +198,7 @@ def test_a_finished_file_tells_its_topics_twice(bag: Path) -> None:
 
 
 def test_a_bit_in_the_first_records_costs_a_chunk_at_most(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """Flip a bit in every 37th byte up to the third chunk: all but one chunk come back, with the scene."""
+    """A bit flipped in any 37th byte before the third chunk costs at most one chunk, and the scene is kept."""
     scene_topic = TopicInfo(name="/gdfe_sim/scene", type="std_msgs/msg/String")
     quick = BagOptions(chunk_size=1024, compression=Compression.NONE, fsync=FsyncPolicy.NEVER)
     writer = BagWriter(tmp_path / "bag", [scene_topic, mesh_topic], run=RunInfo(scene=SCENE), options=quick)
@@ -220,7 +220,7 @@ def test_a_bit_in_the_first_records_costs_a_chunk_at_most(tmp_path: Path, mesh_t
 
 
 def test_damaged_places_all_over_a_file_cost_their_chunks(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """Destroy the heads of five records in the middle: each costs its chunk, the messages between come back."""
+    """Five destroyed record headers cost their five chunks, and all other messages are recovered."""
     quick = BagOptions(chunk_size=1024, fsync=FsyncPolicy.NEVER)
     writer = BagWriter(tmp_path / "bag", [mesh_topic], options=quick)
     for number in range(40):
@@ -238,7 +238,7 @@ def test_damaged_places_all_over_a_file_cost_their_chunks(tmp_path: Path, mesh_t
 
 
 def test_what_cannot_be_recovered_is_said(tmp_path: Path, bag: Path) -> None:
-    """Refuse an empty directory, a file without messages and an occupied output."""
+    """An empty directory, a file without messages and an existing output are refused."""
     (tmp_path / "empty").mkdir()
     with pytest.raises(RecordingError, match="no MCAP file"):
         recover(tmp_path / "empty")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Step records: nothing is lost between a step and its replay."""
+"""Step records keep all that a replay needs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TRIPLE = st.tuples(_NUMBER, _NUMBER, _NUMBER)
 
 @given(time=_NUMBER, translation=_TRIPLE, rotation=_TRIPLE, command=_NUMBER)
 def test_every_double_survives(time: float, translation: tuple, rotation: tuple, command: float) -> None:
-    """Write and read records of any numbers: they are equal, bit for bit."""
+    """Any numbers in a record are read back bit for bit."""
     record = StepRecord(
         step=7,
         begin=Begin.LOADED,
@@ -35,7 +35,7 @@ def test_every_double_survives(time: float, translation: tuple, rotation: tuple,
 
 
 def test_an_unknown_error_survives_and_older_records_are_read() -> None:
-    """Write an infinite error estimate: it is read back, also under its former name."""
+    """An infinite error estimate is read back, also under its former name."""
     record = StepRecord(step=0, begin=Begin.REST, time=0.0, dt=0.0, error_estimate=math.inf)
     assert StepRecord.from_json(record.to_json()).error_estimate == math.inf
     older = record.to_json().replace('"error_estimate"', '"residual"')
@@ -44,20 +44,20 @@ def test_an_unknown_error_survives_and_older_records_are_read() -> None:
 
 @pytest.mark.parametrize("text", ["", "{}", "[1]", "null", '{"format": 99}', '{"format": 1, "step": 1}'])
 def test_other_texts_are_refused(text: str) -> None:
-    """Read what is no record, or one of another format: the error shows it."""
+    """A text that is no record, or of another format, is refused with the text."""
     with pytest.raises(RecordingError, match="cannot be read"):
         StepRecord.from_json(text)
 
 
 def test_the_text_is_plain_json() -> None:
-    """Read a record with any JSON parser: six numbers for each handle."""
+    """Any JSON parser can read a record, with six numbers for each handle."""
     text = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5, handles={"tip": Pose((1, 2, 3))}).to_json()
     assert json.loads(text)["handles"] == {"tip": [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]}
     assert text.startswith('{"format": 1, "step": 1, "begin": "last"')
 
 
 def test_a_record_of_before_stamps_is_read() -> None:
-    """Read a record that has no stamp, as bags of before hold them: it is that of simulation time."""
+    """A record without a stamp, as in older bags, is read with the stamp None."""
     record = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5)
     entries = json.loads(record.to_json())
     del entries["stamp"]
@@ -67,7 +67,7 @@ def test_a_record_of_before_stamps_is_read() -> None:
 
 
 def test_energies_are_told_of_bodies_in_motion_only() -> None:
-    """Write records with and without energies: the text of a body without mass is what it always was."""
+    """Energies are written for bodies in motion only; without them the text is as before."""
     still = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5)
     assert "energies" not in json.loads(still.to_json())
     assert StepRecord.from_json(still.to_json()) == still

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reservation: a file can always be ended, whatever the disk does."""
+"""Reservation of disk space: a file can always be completed, whatever the disk does."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from gdfe_ros.recording.writer import BagOptions, BagWriter
 
 
 class Disk:
-    """Stands in for ``os.posix_fallocate`` with a limited number of bytes."""
+    """A replacement of ``os.posix_fallocate`` with a limited number of bytes."""
 
     def __init__(self, capacity: int) -> None:
         self.capacity = capacity
         self._fallocate = os.posix_fallocate
 
     def __call__(self, fd: int, offset: int, length: int) -> None:
-        """Allocate, or say that there is no room."""
+        """Allocate, or raise ENOSPC."""
         if offset + length > self.capacity:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self._fallocate(fd, offset, length)
@@ -40,7 +40,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Disk:
 
 
 def test_a_file_is_cut_to_what_was_written(tmp_path: Path) -> None:
-    """Write less than was reserved: the closed file has the length written."""
+    """A closed file has the written length, although more was reserved."""
     file = ReservedFile(tmp_path / "file")
     file.reserve(100)
     file.write(b"abc")
@@ -54,7 +54,7 @@ def test_a_file_is_cut_to_what_was_written(tmp_path: Path) -> None:
 
 
 def test_a_reservation_that_fails_leaves_the_last_one(tmp_path: Path, disk: Disk) -> None:
-    """Ask for too much, then use what was granted before."""
+    """After a failed reservation, the space reserved before can be used."""
     file = ReservedFile(tmp_path / "file")
     file.reserve(250_000)
     with pytest.raises(OSError, match="No space left"):
@@ -65,7 +65,7 @@ def test_a_reservation_that_fails_leaves_the_last_one(tmp_path: Path, disk: Disk
 
 
 def test_without_reservation_files_are_written_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Take a file system that cannot reserve: writing goes on; another error is not hidden."""
+    """On a file system without reservation, files are written; other errors are raised."""
 
     def refuse(code: int) -> None:
         def fallocate(*_: int) -> None:
@@ -85,7 +85,7 @@ def test_without_reservation_files_are_written_all_the_same(tmp_path: Path, monk
 
 
 def _fill(writer: BagWriter, topic: TopicInfo, accepted: list[bytes], count: int = 1000) -> None:
-    """Write messages that cannot be compressed, and note those that were accepted."""
+    """Write incompressible messages; append the accepted ones to ``accepted``."""
     for _ in range(count):
         message = os.urandom(1500)
         writer.write(topic.name, message, len(accepted))
@@ -96,7 +96,7 @@ def _fill(writer: BagWriter, topic: TopicInfo, accepted: list[bytes], count: int
 def test_a_bag_on_a_full_disk_can_be_closed(
     tmp_path: Path, disk: Disk, mesh_topic: TopicInfo, compression: Compression
 ) -> None:
-    """Write incompressible messages until there is no room: each one that was accepted is in the bag."""
+    """On a full disk, every accepted message is in the closed bag."""
     options = BagOptions(compression=compression, chunk_size=1024)
     writer = BagWriter(tmp_path / "bag", [mesh_topic], options=options)
     accepted: list[bytes] = []
@@ -109,7 +109,7 @@ def test_a_bag_on_a_full_disk_can_be_closed(
 
 
 def test_no_room_for_the_next_part_leaves_the_last_one(tmp_path: Path, disk: Disk, mesh_topic: TopicInfo) -> None:
-    """Fill the disk between two files of a split bag: the first ones are whole, no empty one is left."""
+    """On a disk that is full between two files of a split bag, the first are complete, and no empty one is left."""
     writer = BagWriter(tmp_path / "bag", [mesh_topic], options=BagOptions(split_bytes=1 << 16))
     accepted: list[bytes] = []
     _fill(writer, mesh_topic, accepted, count=100)
@@ -123,7 +123,7 @@ def test_no_room_for_the_next_part_leaves_the_last_one(tmp_path: Path, disk: Dis
 
 
 def test_a_bag_without_room_for_its_beginning_is_refused(tmp_path: Path, disk: Disk, mesh_topic: TopicInfo) -> None:
-    """Begin a bag on a full disk: a clear error, and no file is left."""
+    """A bag on a full disk is refused with a clear error, and no file is left."""
     disk.capacity = 0
     with pytest.raises(RecordingError, match=r"cannot be begun.*No space left"):
         BagWriter(tmp_path / "bag", [mesh_topic])

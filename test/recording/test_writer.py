@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What BagWriter writes is read back by two readers that are not ours, and by ours."""
+"""Bags of BagWriter are read back by two foreign readers and by ours."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ SCENE = "name: bar\ndescription: Übung, 5 µm\n"
 
 @pytest.fixture
 def values() -> np.ndarray:
-    """Give 40 clouds of 100 vertices, (40, 100, 6) float32."""
+    """Return 40 clouds of 100 vertices, (40, 100, 6) float32."""
     return np.random.default_rng(1).normal(size=(40, 100, 6)).astype(np.float32)
 
 
 @pytest.fixture
 def write_bag(tmp_path: Path, values: np.ndarray, mesh_topic: TopicInfo, make_cloud: Callable[..., bytes]):
-    """Give a function that writes the clouds, one every 10 ms, with the options given."""
+    """Give a function that writes the clouds, one every 10 ms, with given options."""
 
     def write(**options: object) -> Path:
         path = tmp_path / "bag"
@@ -55,7 +55,7 @@ def _as_array(message: object) -> np.ndarray:
 
 @pytest.mark.parametrize("compression", Compression)
 def test_rosbags_reads_equal_arrays(write_bag: Callable, values: np.ndarray, compression: Compression) -> None:
-    """Read every cloud back with rosbags."""
+    """The library rosbags reads every cloud back."""
     store = get_typestore(Stores.ROS2_JAZZY)
     with Reader(write_bag(compression=compression)) as reader:
         found = [(stamp, _as_array(store.deserialize_cdr(raw, c.msgtype))) for c, stamp, raw in reader.messages()]
@@ -66,7 +66,7 @@ def test_rosbags_reads_equal_arrays(write_bag: Callable, values: np.ndarray, com
 
 
 def test_mcap_ros2_reads_equal_arrays(write_bag: Callable, values: np.ndarray) -> None:
-    """Read every cloud back with mcap's reader and its ROS 2 decoder, checksums checked."""
+    """The reader of mcap and its ROS 2 decoder read every cloud back, with checksums checked."""
     with (write_bag() / "bag_0.mcap").open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         assert reader.get_header().profile == "ros2"
@@ -76,7 +76,7 @@ def test_mcap_ros2_reads_equal_arrays(write_bag: Callable, values: np.ndarray) -
 
 @pytest.mark.parametrize("use_rclpy", [False, True])
 def test_our_reader_gives_messages_and_run(write_bag: Callable, values: np.ndarray, use_rclpy: bool) -> None:
-    """Read messages, topic, times, notes and the embedded run back with BagReader."""
+    """BagReader reads back messages, topic, times, notes and the embedded run."""
     reader = BagReader(write_bag())
     decode = rclpy_decoder() if use_rclpy else array_decoder(reader.topics.values())
     messages = list(reader.messages())
@@ -90,7 +90,7 @@ def test_our_reader_gives_messages_and_run(write_bag: Callable, values: np.ndarr
 
 
 def test_our_reader_selects_topics_and_times(tmp_path: Path, mesh_topic: TopicInfo, command_topic: TopicInfo) -> None:
-    """Keep one topic and a half-open range of log times; refuse a topic that is not there."""
+    """BagReader selects one topic and a half-open range of log times, and refuses an unknown topic."""
     writer = BagWriter(tmp_path / "bag", [mesh_topic, command_topic])
     for index in range(10):
         writer.write(mesh_topic.name, b"\0\1\0\0mesh", index)
@@ -106,7 +106,7 @@ def test_our_reader_selects_topics_and_times(tmp_path: Path, mesh_topic: TopicIn
 
 
 def test_metadata_is_version_9(write_bag: Callable) -> None:
-    """Hold metadata.yaml to rosbag2's version 9, with the notes as custom data."""
+    """metadata.yaml conforms to rosbag2's version 9, with the notes as custom data."""
     path = write_bag()
     info = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     assert (info["version"], info["storage_identifier"], info["message_count"]) == (9, "mcap", 40)
@@ -122,7 +122,7 @@ def test_metadata_is_version_9(write_bag: Callable) -> None:
 
 
 def test_quality_of_service_survives(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """Write a latched best-effort topic and find its profile again."""
+    """The profile of a latched best-effort topic is read back."""
     qos = Qos(
         reliability=Reliability.BEST_EFFORT,
         durability=Durability.TRANSIENT_LOCAL,
@@ -134,14 +134,14 @@ def test_quality_of_service_survives(tmp_path: Path, mesh_topic: TopicInfo) -> N
 
 
 def test_qos_is_taken_from_rclpy() -> None:
-    """Translate rclpy's sensor profile."""
+    """The sensor profile of rclpy is converted."""
     from rclpy.qos import qos_profile_sensor_data
 
     assert Qos.from_rclpy(qos_profile_sensor_data) == Qos(reliability=Reliability.BEST_EFFORT, depth=5)
 
 
 def test_splits_by_size(write_bag: Callable, values: np.ndarray) -> None:
-    """Begin new files near the size given; rosbags and our reader see one bag."""
+    """Files are split near the given size, and rosbags and our reader see one bag."""
     path = write_bag(split_bytes=65536, chunk_size=4096, compression=Compression.NONE, fsync=FsyncPolicy.NEVER)
     files = sorted(path.glob("*.mcap"))
     assert [file.name for file in files] == ["bag_0.mcap", "bag_1.mcap"]
@@ -156,7 +156,7 @@ def test_splits_by_size(write_bag: Callable, values: np.ndarray) -> None:
 
 
 def test_splits_by_time(write_bag: Callable) -> None:
-    """Begin a new file after every 0.15 s of log time."""
+    """Files are split every 0.15 s of log time."""
     info = yaml.safe_load((write_bag(split_seconds=0.15) / "metadata.yaml").read_text())
     files = info["rosbag2_bagfile_information"]["files"]
     assert [file["message_count"] for file in files] == [15, 15, 10]
@@ -164,7 +164,7 @@ def test_splits_by_time(write_bag: Callable) -> None:
 
 
 def test_chunks_are_small(write_bag: Callable) -> None:
-    """Give many small chunks, compressed with lz4, by default."""
+    """By default a bag has many small chunks, compressed with lz4."""
     with (write_bag() / "bag_0.mcap").open("rb") as stream:
         chunks = make_reader(stream).get_summary().chunk_indexes
     assert {chunk.compression for chunk in chunks} == {"lz4"}
@@ -172,7 +172,7 @@ def test_chunks_are_small(write_bag: Callable) -> None:
 
 
 def test_a_flushed_message_is_in_the_file(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """Find the bytes of a message on disk as soon as it was flushed, under every fsync policy."""
+    """A flushed message is in the file at once, with every fsync policy."""
     for policy in FsyncPolicy:
         path = tmp_path / policy.value
         options = BagOptions(fsync=policy, compression=Compression.NONE)
@@ -185,7 +185,7 @@ def test_a_flushed_message_is_in_the_file(tmp_path: Path, mesh_topic: TopicInfo)
 
 
 def test_an_empty_bag_is_whole(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """Close without a message: both readers accept it."""
+    """A bag closed without a message is accepted by both readers."""
     BagWriter(tmp_path / "bag", [mesh_topic]).close()
     assert len(BagReader(tmp_path / "bag")) == 0
     with Reader(tmp_path / "bag") as reader:
@@ -193,7 +193,7 @@ def test_an_empty_bag_is_whole(tmp_path: Path, mesh_topic: TopicInfo) -> None:
 
 
 def test_mistakes_are_refused(tmp_path: Path, mesh_topic: TopicInfo, command_topic: TopicInfo) -> None:
-    """Refuse an occupied directory, an unknown topic, a changed type and a closed bag."""
+    """An existing directory, an unknown topic, a changed type and a closed bag are refused."""
     writer = BagWriter(tmp_path / "bag", [mesh_topic])
     with pytest.raises(RecordingError, match="exists and is not empty"):
         BagWriter(tmp_path / "bag")
@@ -218,6 +218,6 @@ def test_mistakes_are_refused(tmp_path: Path, mesh_topic: TopicInfo, command_top
     ],
 )
 def test_options_out_of_range_are_refused(options: dict, message: str) -> None:
-    """Name the option, its value and the range."""
+    """Options out of range are refused with option, value and range."""
     with pytest.raises(ValueError, match=message):
         BagOptions(**options)

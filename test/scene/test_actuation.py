@@ -54,7 +54,7 @@ program:
 
 
 def test_every_kind_is_built() -> None:
-    """Find modes, ranges, chambers and loads as the file says."""
+    """Modes, ranges, chambers and loads are those of the file."""
     scene = scene_from_text(HOLLOW + ACTUATORS)
     tendon, large, small, heat = scene.actuators
     assert isinstance(tendon, Cable)
@@ -74,7 +74,7 @@ def test_every_kind_is_built() -> None:
 
 
 def test_program_starts_from_what_does_nothing() -> None:
-    """Come from the rest length, the rest volume and no load; keep the last command."""
+    """A program starts from the undeformed length and volume and from no load, and keeps its last command."""
     program = scene_from_text(HOLLOW + ACTUATORS).program
     assert program.times == (0.0, 1.0, 2.0)
     assert program.actuator_values(0.0) == pytest.approx({"tendon": 0.1, "large": 4e-6})
@@ -104,7 +104,7 @@ def test_program_starts_from_what_does_nothing() -> None:
     ],
 )
 def test_defects_are_named(old: str, new: str, expected: str) -> None:
-    """Break one entry and find its key, its value and the remedy in the message."""
+    """An entry with one defect is refused with its key, its value and the remedy."""
     assert old in HOLLOW + ACTUATORS
     with pytest.raises(SceneError, match=expected):
         scene_from_text((HOLLOW + ACTUATORS).replace(old, new, 1))

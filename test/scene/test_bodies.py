@@ -29,7 +29,7 @@ BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.02)
 
 
 def stretched(length: float) -> trimesh.Trimesh:
-    """Return a fine capsule of a radius of 1 cm: a ball whose halves are moved apart."""
+    """Return a fine capsule with a radius of 1 cm: a ball whose halves are moved apart by ``length`` [m]."""
     surface = trimesh.creation.icosphere(subdivisions=5, radius=0.01)
     surface.vertices[:, 2] += np.where(surface.vertices[:, 2] >= 0.0, 0.5, -0.5) * length
     return surface
@@ -37,7 +37,7 @@ def stretched(length: float) -> trimesh.Trimesh:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a folder with surfaces: a ball, the same in mm, open, and inside out."""
+    """Return a folder with surfaces of a ball: in metres, in millimetres, open, and with inward triangles."""
     BALL.export(tmp_path / "ball.stl")
     BALL.copy().apply_scale(1000.0).export(tmp_path / "ball_mm.stl")
     trimesh.Trimesh(BALL.vertices, BALL.faces[:-5]).export(tmp_path / "open.stl")
@@ -48,13 +48,13 @@ def folder(tmp_path: Path) -> Path:
 
 
 def load(folder: Path, part: str) -> RigidBody:
-    """Return the body of a scene with this entry."""
+    """Return the body of a scene with the given entry."""
     (folder / "scene.yaml").write_text(SCENE % part)
     return load_scene(folder / "scene.yaml").handles[-1]
 
 
 def test_mass_and_density_agree(folder: Path) -> None:
-    """A ball of a mass and one of a density weigh what its volume says; its inertia is 2/5 m r^2."""
+    """The mass of a body given by density is that of its volume, and a ball's inertia is 2/5 m r^2."""
     by_density = load(folder, "{sphere: {radius: 0.02}, density: 1200, at: [0.2, 0, 0]}")
     by_mass = load(folder, "{sphere: {radius: 0.02}, mass: 0.0402, at: [0.2, 0, 0]}")
     assert by_density.mass == pytest.approx(1200 * 4 / 3 * np.pi * 0.02**3)
@@ -71,7 +71,7 @@ def test_mass_and_density_agree(folder: Path) -> None:
     ids=["sphere", "capsule"],
 )
 def test_closed_forms_agree_with_fine_surfaces(form: Form, surface: trimesh.Trimesh) -> None:
-    """Volume and moments of round shapes are those of fine surfaces, and of trimesh, to the facets' error."""
+    """The volume and moments of round shapes equal those of fine surfaces, and trimesh's, up to the facets' error."""
     found = inertia_of(np.array(surface.vertices), np.array(surface.faces))
     assert found.volume == pytest.approx(form.volume, rel=5e-3)
     np.testing.assert_allclose(found.moments, form.moments, rtol=6e-3)
@@ -83,7 +83,7 @@ def test_closed_forms_agree_with_fine_surfaces(form: Form, surface: trimesh.Trim
 
 
 def test_the_frame_of_a_mesh_has_its_principal_axes(folder: Path) -> None:
-    """A turned brick beside its file's origin gets the brick's moments, about its middle, in the nearest axes."""
+    """A rotated brick away from its file's origin has the brick's moments about its centre, in the nearest axes."""
     turn = trimesh.transformations.rotation_matrix(0.3, [1.0, 2.0, 3.0])
     brick = trimesh.creation.box((0.03, 0.02, 0.01))
     brick.apply_transform(turn)
@@ -114,21 +114,21 @@ def test_the_frame_of_a_mesh_has_its_principal_axes(folder: Path) -> None:
     ],
 )
 def test_unusable_bodies_are_named_with_the_remedy(folder: Path, part: str, message: str) -> None:
-    """Name the key, the defect and what to do."""
+    """An unusable body is refused with its key, its defect and the remedy."""
     with pytest.raises(SceneError, match=message):
         load(folder, part.replace("density", "at: [0.2, 0, 0], density") if "at:" not in part else part)
 
 
 @pytest.mark.parametrize("shape", ["sphere: {radius: 0.02}", "capsule: {radius: 0.01, length: 0.02}", "mesh: BALL"])
 def test_a_start_inside_of_the_body_is_refused(folder: Path, shape: str) -> None:
-    """Name the depth and the shift for each shape."""
+    """A body that starts inside the soft body is refused with the depth and a shift, for each shape."""
     entry: Any = shape.replace("BALL", "{file: ball.stl}")
     with pytest.raises(SceneError, match=r"body 'part' is .*inside of the soft body"):
         load(folder, f"{{{entry}, density: 900, at: [0.045, 0, 0]}}")
 
 
 def test_defects_of_the_dynamics_are_the_only_ones(folder: Path) -> None:
-    """Misspell a key of the dynamics: no message asks for dynamics, which are there."""
+    """A misspelt key of the dynamics is the only defect: no message says that dynamics are missing."""
     entry = "{sphere: {radius: 0.02}, mass: 0.1, at: [0.2, 0, 0]}"
     text = (SCENE % entry).replace("dynamics: {", "dynamics: {damping: {viscosty: 1.0}, ", 1)
     (folder / "scene.yaml").write_text(text)

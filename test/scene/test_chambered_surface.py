@@ -26,7 +26,7 @@ probes: {top: [0, 0, 0.01]}
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Write a hollow box in millimetres with a cavity off its centre, and a scene for it."""
+    """Write a hollow box in millimetres with a cavity off its centre, and its scene; return the folder."""
     outer = trimesh.creation.box([40, 20, 20])
     inner = trimesh.creation.box([32, 12, 12])
     inner.apply_translation([0, 0, 2])
@@ -37,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_surface_with_a_cavity_becomes_a_robot(folder: Path) -> None:
-    """Fill, find the chamber, blow it up: the thin roof rises, the volume grows."""
+    """The filled box has the chamber, and under pressure its thin roof rises and the volume grows."""
     simulation = Simulation(load_scene(folder / "blown.yaml"))
     assert simulation.actuator_states()["air"].extent == pytest.approx(32 * 12 * 12 * 1e-9)
     result = simulation.step(Command(actuators={"air": 2e4}))
@@ -48,7 +48,7 @@ def test_surface_with_a_cavity_becomes_a_robot(folder: Path) -> None:
 
 
 def test_inspect_names_the_cavity(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Print counts and the cavity; ask for the scale where millimetres cannot be metres."""
+    """``inspect`` prints counts and the cavity, and requests the scale of a file in millimetres."""
     assert main(["inspect", str(folder / "body.stl"), "--scale", "0.001"]) == 0
     shown = capsys.readouterr().out
     assert "bodies, cavities" in shown
@@ -58,7 +58,7 @@ def test_inspect_names_the_cavity(folder: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_inspect_draws_hexahedra(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Write a picture of a mesh file, and say what is missing where there is no file."""
+    """``inspect`` draws a mesh file, and reports a missing file."""
     import meshio
 
     from gdfe_ros.mesh import bar

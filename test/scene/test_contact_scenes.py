@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every shipped scene in which something is touched plays its program and does what it is for."""
+"""Every shipped scene with contact converges over its program and has its expected behaviour."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Played = tuple[Simulation, list[StepResult], list[np.ndarray]]
 
 @pytest.fixture(scope="module")
 def played() -> Callable[[str], Played]:
-    """Play each scene's program once: the simulation, its results, and where its rigid body was from rest [m]."""
+    """Play each scene's program once; return the simulation, its results, and its rigid body's displacements [m]."""
     done: dict[str, Played] = {}
 
     def play(name: str) -> Played:
@@ -36,7 +36,7 @@ def played() -> Callable[[str], Played]:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_program_converges(name: str, played: Callable[[str], Played]) -> None:
-    """Converge in every step without crushing an element, enter nothing by more than 1e-4 of the body's size."""
+    """Every step converges without a crushed element, and penetration is at most 1e-4 of the body's size."""
     simulation, results, _ = played(name)
     assert [(result.time, result.message) for result in results if not result.converged] == []
     assert min(result.min_det for result in results) > 0.1
@@ -46,7 +46,7 @@ def test_program_converges(name: str, played: Callable[[str], Played]) -> None:
 
 
 def test_the_finger_presses_with_the_tendon(played: Callable[[str], Played]) -> None:
-    """Press on the plate, harder with every newton of the tendon, and leave it."""
+    """The finger presses harder on the plate with every newton of the tendon, and separates later."""
     _, results, _ = played("finger_press")
     tensions = np.array([result.actuators["flexor"].effort for result in results])
     forces = np.array([result.reactions["plate"][2] for result in results])
@@ -58,7 +58,7 @@ def test_the_finger_presses_with_the_tendon(played: Callable[[str], Played]) -> 
 
 
 def test_the_gripper_carries_the_box(played: Callable[[str], Played]) -> None:
-    """Lift the box by 5 cm, hold it for 10 s without creeping, put it down where it was, and let go of it."""
+    """The gripper lifts the box by 5 cm, holds it for 10 s without creep, puts it down at its place, and opens."""
     simulation, results, places = played("grasp")
     times, way = np.array([result.time for result in results]), np.array(places)
     held = (times > 2.5) & (times < 12.39)
@@ -76,14 +76,14 @@ def test_the_gripper_carries_the_box(played: Callable[[str], Played]) -> None:
 
 
 def test_what_is_held_costs_few_iterations(played: Callable[[str], Played]) -> None:
-    """Solve a step of the grasp in 5 iterations on average and 100 at most: tangents know what fingers hold."""
+    """A step of the grasp takes fewer than 5 iterations on average and fewer than 100 at most."""
     iterations = [result.iterations for result in played("grasp")[1]]
     assert np.mean(iterations) < 5.0
     assert max(iterations) < 100
 
 
 def test_the_ball_bounces_and_rolls(played: Callable[[str], Played]) -> None:
-    """Leave the slope with less energy at each bounce, and roll down, turning as it goes."""
+    """The ball bounces with less energy each time, then rolls down the slope and turns."""
     simulation, results, _ = played("ball_drop")
     totals = np.array(
         [sum(result.energies[name] for name in ("kinetic", "elastic", "potential")) for result in results]
@@ -105,7 +105,7 @@ def test_the_ball_bounces_and_rolls(played: Callable[[str], Played]) -> None:
 
 
 def test_the_crawler_advances(played: Callable[[str], Played]) -> None:
-    """Come forward with every wave of the muscles, and have its own shape again after the last."""
+    """The crawler moves forward with every wave of the muscles, and has its own length after the last."""
     simulation, results, _ = played("crawler")
     times = np.array([result.time for result in results])
     middles = np.array([result.positions[:, 0].mean() for result in results])
@@ -117,7 +117,7 @@ def test_the_crawler_advances(played: Callable[[str], Played]) -> None:
 
 
 def test_soft_fingers_carry_a_soft_ball(played: Callable[[str], Played]) -> None:
-    """Lift a mesh by two others: each bears half of its weight while it hangs, nothing creeps, and it is let go."""
+    """Two soft fingers lift a soft ball, each with half of its weight and without creep, and release it."""
     simulation, results, _ = played("soft_pinch")
     scene, times = simulation.scene, np.array([result.time for result in results])
     ball, rest = scene.mesh.parts["ball"].first_vertex, scene.mesh.vertices
@@ -134,7 +134,7 @@ def test_soft_fingers_carry_a_soft_ball(played: Callable[[str], Played]) -> None
 
 
 def test_the_peg_widens_the_hole(played: Callable[[str], Played]) -> None:
-    """Resist the peg moving in, drag at it moving out by friction, and close again behind it."""
+    """The hole resists the peg on the way in, drags at it by friction on the way out, and closes again."""
     simulation, results, _ = played("peg_in_soft_hole")
     times, along = (
         np.array(values) for values in zip(*((r.time, r.reactions["peg"][0]) for r in results), strict=True)

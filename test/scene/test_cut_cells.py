@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes with cells that their surface cuts: solved, rebuilt without the file, refused where faces would lie."""
+"""Scenes with cells cut by their surface: solved, rebuilt without the file, refused where faces are needed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ loads: {{weight: {{gravity: [0, 0, -1]}}}}
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a folder with the surface of a rod of 4 x 4 cubes of which the outer ones are filled to 70 %."""
+    """Return a folder with the surface of a rod of 4 x 4 cubes whose outer cubes are filled to 70 %."""
     trimesh.creation.box((0.05, 0.017, 0.017)).export(tmp_path / "rod.stl")
     return tmp_path
 
@@ -38,7 +38,7 @@ def load(folder: Path, *, cells: str = "cut", more: str = "", **options: object)
 
 
 def test_a_rod_that_no_grid_line_bounds_weighs_and_sags_as_it_should(folder: Path) -> None:
-    """Hang a rod of 17 mm on cubes of 5 mm: its weight within 1 %, its sag within 5 % of a fitted mesh."""
+    """A rod of 17 mm on cubes of 5 mm has its weight within 1 %, and the sag of a fitted mesh within 5 %."""
     scene = load(folder)
     result = Simulation(scene).step()
     assert result.converged
@@ -54,14 +54,14 @@ def test_a_rod_that_no_grid_line_bounds_weighs_and_sags_as_it_should(folder: Pat
 
 
 def lowest(scene: object, positions: np.ndarray) -> float:
-    """Return how far the axis' end has moved down [m]."""
+    """Return how far the end of the axis has moved down [m]."""
     rest = scene.mesh.vertices
     end = (rest[:, 0] > rest[:, 0].max() - 1e-9) & (np.abs(rest[:, 1:] - rest[:, 1:].mean(axis=0)) < 1e-3).all(axis=1)
     return float((rest - positions)[end, 2].mean())
 
 
 def test_a_cut_body_is_rebuilt_without_its_file(folder: Path) -> None:
-    """Take the scene from its own text: the same motion to the bit."""
+    """A cut body rebuilt from its scene's text moves with the same bits."""
     scene = load(folder, more="dynamics: {step: 0.01}")
     again = scene_from_text(scene.source)
     first, second = (Simulation(item) for item in (scene, again))
@@ -71,7 +71,7 @@ def test_a_cut_body_is_rebuilt_without_its_file(folder: Path) -> None:
 
 
 INNER, OUTER, PRESSURE = 0.01, 0.02, 200.0
-"""Radii of a hollow ball [m], and the pressure in it [Pa]."""
+"""Inner and outer radius of a hollow ball [m], and the pressure in it [Pa]."""
 BALL = """
 name: ball
 mesh: {{voxels: {{surface: ball.stl, cell: {cell}, cells: cut}}}}
@@ -84,7 +84,7 @@ actuators: {{air: {{chamber: {chamber}}}}}
 
 
 def hollow(folder: Path, *, detail: int = 4, flip: bool = False) -> trimesh.Trimesh:
-    """Write a hollow ball; return its inside."""
+    """Write the surface of a hollow ball; return its inner surface."""
     inside = trimesh.creation.icosphere(detail, INNER)
     if flip:
         inside.invert()
@@ -93,7 +93,7 @@ def hollow(folder: Path, *, detail: int = 4, flip: bool = False) -> trimesh.Trim
 
 
 def blown(folder: Path, *, cell: float, flip: bool = False) -> float:
-    """Blow up a hollow ball; return the change of the chamber's volume over Lame's."""
+    """Pressurise a hollow ball; return the chamber's change of volume divided by Lame's."""
     inside = hollow(folder, flip=flip)
     (folder / "ball.yaml").write_text(BALL.format(cell=cell, skin="skin: {file: ball.stl}", chamber="{}"))
     simulation = Simulation(load_scene(folder / "ball.yaml"))
@@ -109,7 +109,7 @@ def blown(folder: Path, *, cell: float, flip: bool = False) -> float:
 
 
 def test_a_chamber_of_cut_cells_blows_up_as_it_should(folder: Path) -> None:
-    """Blow up a hollow ball: Lame's change of volume within 5 % at three cells a wall, an error of second order."""
+    """A hollow ball of cut cells has Lame's change of volume within 5 % at three cells per wall, at second order."""
     coarse, fine = (1.0 - blown(folder, cell=cell) for cell in (0.005, 0.0035))
     assert abs(fine) < 0.05
     assert np.log(coarse / fine) / np.log(0.005 / 0.0035) > 1.7
@@ -117,7 +117,7 @@ def test_a_chamber_of_cut_cells_blows_up_as_it_should(folder: Path) -> None:
 
 
 def test_a_chamber_of_cut_cells_is_rebuilt_without_its_file(folder: Path) -> None:
-    """Take a blown up ball from its scene's own text: the same positions to the bit."""
+    """A pressurised ball rebuilt from its scene's text has the same positions to the bit."""
     hollow(folder, detail=3)
     (folder / "ball.yaml").write_text(BALL.format(cell=0.005, skin="skin: {file: ball.stl}", chamber="{}"))
     scene = load_scene(folder / "ball.yaml")
@@ -137,7 +137,7 @@ def test_a_chamber_of_cut_cells_is_rebuilt_without_its_file(folder: Path) -> Non
     ],
 )
 def test_a_chamber_that_no_skin_bounds_is_refused(folder: Path, skin: str, chamber: str, expected: str) -> None:
-    """Leave out the skin, name faces, another cavity, a skin without any: each is refused with its remedy."""
+    """A chamber in cut cells without a skin, by faces, or of a wrong cavity is refused with its remedy."""
     hollow(folder, detail=2)
     trimesh.creation.icosphere(4, OUTER).export(folder / "full.stl")
     (folder / "ball.yaml").write_text(BALL.format(cell=0.005, skin=skin, chamber=chamber))
@@ -157,13 +157,13 @@ def test_a_chamber_that_no_skin_bounds_is_refused(folder: Path, skin: str, chamb
     ],
 )
 def test_what_acts_on_faces_is_refused(folder: Path, more: str, expected: str) -> None:
-    """Refuse contact and the policy that has no weights, and load both with whole cubes or say something else."""
+    """With cut cells, contact and the policy relative are refused; the remedy is whole cells or a skin."""
     with pytest.raises(SceneError, match=expected + "(?s:.*)remedy: (`skin: .* or )?cells: whole"):
         load(folder, more=more)
 
 
 def test_a_traction_is_refused_and_a_force_is_taken(folder: Path) -> None:
-    """Name the remedy beside the key; the whole force acts."""
+    """A traction on cut cells is refused with its key and remedy, and a force is accepted and acts fully."""
     with pytest.raises(SceneError, match=r"loads.pull.*traction.*give the whole `force`"):
         load(folder, overrides={"loads": {"pull": {"surface": {"where": {"face": "x+"}, "traction": [1.0, 0, 0]}}}})
     scene = load(folder, overrides={"loads": {"pull": {"surface": {"where": {"face": "x+"}, "force": [0.1, 0, 0]}}}})
@@ -173,7 +173,7 @@ def test_a_traction_is_refused_and_a_force_is_taken(folder: Path) -> None:
 
 @pytest.mark.parametrize("where", [{"face": "z+"}, {"box": {"z": [0.0084, 0.0086]}}])
 def test_a_traction_acts_on_the_skin(folder: Path, where: dict[str, object]) -> None:
-    """Press on the top of the rod's skin: its true area times the traction, and its moment about the base."""
+    """A pressure on the top of a rod's skin has the force and moment of the true area."""
     press = {"where": where, "traction": [0.0, 0.0, -10.0]}
     skin = "skin: {file: rod.stl}"
     scene = load(folder, more=skin, overrides={"loads": {"press": {"surface": press}}})
@@ -189,7 +189,7 @@ def test_a_traction_acts_on_the_skin(folder: Path, where: dict[str, object]) -> 
 
 
 def test_a_whole_force_selects_faces_of_cells_beside_a_skin(folder: Path) -> None:
-    """Pull at faces that vertices name, with a skin and without: the same forces."""
+    """A force on faces selected by vertices has the same vertex forces with a skin and without."""
     ids = load(folder).mesh.surface()[0].tolist()
     pull = {"loads": {"pull": {"surface": {"where": {"vertices": ids}, "force": [0.1, 0.0, 0.0]}}}}
     made = [load(folder, more=more, overrides=pull) for more in ("", "skin: {file: rod.stl}")]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every defect of a scene is named at once, with key, line, value, range and remedy."""
+"""Every defect of a scene is reported at once, with key, line, value, range and remedy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .conftest import SOUND
 
 
 def defects(text: str) -> list[str]:
-    """Return the defects that a text raises."""
+    """Return the defects of a text."""
     with pytest.raises(SceneError) as caught:
         scene_from_text(text)
     return caught.value.defects
@@ -49,7 +49,7 @@ solver: {policy: energy, tolerance: 0}
 
 
 def test_ten_defects_are_named_in_one_message() -> None:
-    """Find ten mistakes of ten kinds, in the order of the file."""
+    """Ten mistakes of ten kinds are reported in the order of the file."""
     with pytest.raises(SceneError) as caught:
         scene_from_text(TEN, origin="ten.yaml")
     expected = [
@@ -139,7 +139,7 @@ def test_ten_defects_are_named_in_one_message() -> None:
     ],
 )
 def test_a_single_mistake_gives_a_single_clear_defect(old: str, new: str, expected: str) -> None:
-    """Break one thing of a sound scene and read exactly one defect about it."""
+    """One mistake in a sound scene gives exactly one defect about it."""
     assert old in SOUND
     found = defects(SOUND.replace(old, new))
     assert re.search(expected, found[0]), found
@@ -164,21 +164,21 @@ def test_a_single_mistake_gives_a_single_clear_defect(old: str, new: str, expect
     ],
 )
 def test_broken_yaml_is_explained(text: str, expected: str) -> None:
-    """Say what is wrong with the text and where."""
+    """Broken YAML is reported with the reason and the place."""
     found = defects(text)
     assert len(found) == 1
     assert re.search(expected, found[0]), found
 
 
 def test_missing_sections_are_all_named() -> None:
-    """List the four sections that a scene cannot do without."""
+    """All four required sections are named if they are missing."""
     found = defects("name: x\n")
     assert [text.split()[0] for text in found] == ["mesh", "materials", "regions", "handles"]
     assert all("is missing; needed" in text for text in found)
 
 
 def test_a_piece_that_nothing_holds_is_named() -> None:
-    """Hold one of two separate bars; join them along y by a handle that is free in y."""
+    """Of two separate bars, one that is not held is reported, also along an axis that is free."""
     one = bar([1, 1, 1], [1, 1, 1])
     mesh = HexMesh(np.vstack([one.vertices, one.vertices + 5]), np.vstack([one.cells, one.cells + 8]))
     base = Handle("base", np.array([0, 2], dtype=np.int32), fixed=True)
@@ -194,7 +194,7 @@ def test_a_piece_that_nothing_holds_is_named() -> None:
 
 
 def test_a_csv_with_mistakes_is_explained(tmp_path: object) -> None:
-    """Name header, rows and absence of a csv file."""
+    """A csv file that is missing, or has a wrong header or wrong rows, is reported."""
     for content, expected in [
         ("0,0\n1,1\n", r"line 1: the header is \['0', '0'\]; allowed"),
         ("strain,stress\n0,0\n1,x\n2\n", "not two finite numbers in line 3, 4"),
@@ -210,7 +210,7 @@ def test_a_csv_with_mistakes_is_explained(tmp_path: object) -> None:
 
 
 def paths(value: object, path: tuple = ()) -> list[tuple]:
-    """List the key path of every entry."""
+    """Return the key path of every entry."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [path] * bool(path) + [found for key, item in items for found in paths(item, (*path, key))]
 
@@ -229,7 +229,7 @@ JUNK = st.one_of(
 @settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(paths(parse_document(SOUND, heading="").data)), JUNK), max_size=3))
 def test_any_junk_gives_a_scene_or_a_scene_error(changes: list[tuple]) -> None:
-    """Replace entries by junk: nothing but SceneError ever comes out, and every defect says where."""
+    """A scene with entries replaced by junk loads or raises SceneError, and every defect has a place."""
     data = parse_document(SOUND, heading="").data
     for path, junk in changes:
         current = data

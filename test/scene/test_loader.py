@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes load by name, path and text, with overrides, and rebuild from their source."""
+"""Scenes are loaded by name, path and text, with overrides, and rebuilt from their source."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gdfe_ros.solver.settings import Policy
 
 
 def assert_same(one: Scene, two: Scene) -> None:
-    """Compare everything that the solver sees."""
+    """Compare everything that the solver uses."""
     np.testing.assert_array_equal(one.mesh.vertices, two.mesh.vertices)
     np.testing.assert_array_equal(one.mesh.cells, two.mesh.cells)
     np.testing.assert_array_equal(one.cell_material, two.cell_material)
@@ -37,14 +37,14 @@ def assert_same(one: Scene, two: Scene) -> None:
 
 @pytest.mark.parametrize("name", scene_names())
 def test_shipped_scenes_rebuild_from_their_source(name: str) -> None:
-    """Load each scene, then load its source, and get the same."""
+    """Each shipped scene is the same when it is rebuilt from its source."""
     scene = load_scene(name)
     assert scene.name == name
     assert_same(scene_from_text(scene.source), scene)
 
 
 def test_bend5_is_the_scene_of_section_5_1() -> None:
-    """Find 250 cells of each modulus from left to right, 36 vertices on each handle."""
+    """The scene bend5 has 250 cells of each modulus from left to right, and 36 vertices on each handle."""
     scene = load_scene("bend5")
     assert scene.mesh.n_cells == 1250
     np.testing.assert_allclose(scene.mesh.bounds, [[0, -0.025, -0.025], [0.5, 0.025, 0.025]], atol=1e-15)
@@ -60,7 +60,7 @@ def test_bend5_is_the_scene_of_section_5_1() -> None:
 
 
 def test_twist90_states_the_same_law_in_both_ways() -> None:
-    """Take Cheetah from its numbers and from the preset alike; turn by 90 degrees about x."""
+    """twist90's Cheetah is the same by its numbers and by the preset, and its program is 90 degrees about x."""
     scene = load_scene("twist90", overrides={"materials.cheetah": {"preset": "cheetah", "poisson": 0.495}})
     assert scene.materials == load_scene("twist90").materials
     assert all(isinstance(material, Ogden) for material in scene.materials.values())
@@ -69,7 +69,7 @@ def test_twist90_states_the_same_law_in_both_ways() -> None:
 
 
 def test_tensile_curve_uses_the_polynomials() -> None:
-    """Stretch 0.04 m by 100 % with the curve law."""
+    """tensile_curve stretches 0.04 m by 100 % with the curve law."""
     scene = load_scene("tensile_curve")
     assert all(isinstance(material, Curve) for material in scene.materials.values())
     assert scene.materials["cheetah"].data.initial_modulus == pytest.approx(19.13e6)
@@ -77,7 +77,7 @@ def test_tensile_curve_uses_the_polynomials() -> None:
 
 
 def test_calibration_gives_shape_factors() -> None:
-    """Set omega 0.9 and 0.03, policy relative, moduli in the ratio of Eq. 7."""
+    """The scene calibration has omega 0.9 and 0.03, the policy relative, and moduli in the ratio of Eq. 7."""
     scene = load_scene("calibration")
     left, right = scene.materials.values()
     assert (left.omega, right.omega) == (0.9, 0.03)
@@ -87,7 +87,7 @@ def test_calibration_gives_shape_factors() -> None:
 
 
 def test_later_regions_win(sound: str) -> None:
-    """Overwrite the soft material in the right half only."""
+    """A later region replaces the material of its cells only."""
     scene = scene_from_text(sound)
     np.testing.assert_array_equal(scene.cell_material, scene.mesh.centroids[:, 0] > 0.1)
     assert scene.cell_material.dtype == np.int32
@@ -95,14 +95,14 @@ def test_later_regions_win(sound: str) -> None:
 
 
 def test_numbers_such_as_1e5_are_numbers(sound: str) -> None:
-    """Read 1e5, which YAML 1.1 takes for text, and quoted numbers as numbers."""
+    """1e5, which is text in YAML 1.1, and quoted numbers are read as numbers."""
     assert scene_from_text(sound).materials["soft"] == Linear(young=1e5, poisson=0.45)
     quoted = scene_from_text(sound.replace("1e5", "'1E+5'"))
     assert quoted.materials["soft"].young == 1e5
 
 
 def test_overrides_replace_values_before_validation(sound: str) -> None:
-    """Set a number, a list, a list item, a text that is YAML, and a key that is not in the file."""
+    """Overrides set a number, a list, a list item, a text that is YAML, and a key that is not in the file."""
     scene = scene_from_text(
         sound,
         overrides={
@@ -129,14 +129,14 @@ def test_overrides_replace_values_before_validation(sound: str) -> None:
     ],
 )
 def test_overrides_that_lead_nowhere_are_defects(sound: str, key: str, expected: str) -> None:
-    """Name the override, not a line of the file."""
+    """A defect of an override names the override, not a line of the file."""
     with pytest.raises(SceneError) as caught:
         scene_from_text(sound, overrides={key: 1.0})
     assert expected in str(caught.value)
 
 
 def test_an_override_of_none_leaves_a_key_out(sound: str) -> None:
-    """Leave the program out: its source, as bags carry it, is read again as the same scene."""
+    """An override of None removes the program, and the source, as in bags, is read as the same scene."""
     for nothing in (None, "null"):
         scene = scene_from_text(sound, overrides={"program": nothing})
         assert scene.program is None
@@ -144,12 +144,12 @@ def test_an_override_of_none_leaves_a_key_out(sound: str) -> None:
 
 
 def test_source_is_the_file_itself_when_nothing_is_put_in(sound: str) -> None:
-    """Keep comments and layout of the file in the source."""
+    """Without overrides, the source is the file with its comments and layout."""
     assert scene_from_text("# mine\n" + sound).source == "# mine\n" + sound
 
 
 def test_curves_from_csv_are_put_into_the_source(tmp_path: Path, sound: str) -> None:
-    """Read the csv beside the scene; the source needs no file."""
+    """Curves from csv files beside the scene are put into the source, which needs no file."""
     strain = [0.0, 0.1, 0.35, 1.0]
     stress = [0.0, 1.1e4, 3.3e4, 7.123456789012345e4]
     rows = "\n".join(f"{e!r};{s!r}" for e, s in zip(strain, stress, strict=True))
@@ -164,7 +164,7 @@ def test_curves_from_csv_are_put_into_the_source(tmp_path: Path, sound: str) -> 
 
 
 def test_a_scene_is_found_by_name_and_by_path(tmp_path: Path, sound: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Prefer a shipped name; take anything with a folder or a suffix for a path."""
+    """A name with a folder or a suffix is a path; otherwise a shipped scene has priority."""
     (tmp_path / "mine.yml").write_text(sound)
     monkeypatch.chdir(tmp_path)
     assert load_scene("mine.yml").name == "sound"
@@ -173,7 +173,7 @@ def test_a_scene_is_found_by_name_and_by_path(tmp_path: Path, sound: str, monkey
 
 
 def test_a_missing_scene_lists_what_there_is(tmp_path: Path) -> None:
-    """Suggest the closest name and list all."""
+    """An unknown scene is refused with the closest name and all names."""
     with pytest.raises(
         SceneError, match=r"bend6: .*\n.*did you mean 'bend5'\? scenes: arm_grasp, arm_pneunet, ball_drop, bend5"
     ):
@@ -188,7 +188,7 @@ def test_a_missing_scene_lists_what_there_is(tmp_path: Path) -> None:
 
 
 def test_a_binary_file_is_not_a_scene(tmp_path: Path) -> None:
-    """Say that a bag is no YAML file."""
+    """A binary file, such as a bag, is refused as no YAML file."""
     (tmp_path / "run.mcap").write_bytes(b"\x89MCAP0\r\n\xff\xfe\x00")
     with pytest.raises(SceneError, match=r"cannot be read as text.*a scene is a YAML file"):
         load_scene(tmp_path / "run.mcap")
@@ -196,7 +196,7 @@ def test_a_binary_file_is_not_a_scene(tmp_path: Path) -> None:
 
 @pytest.mark.bench
 def test_loading_is_quick() -> None:
-    """Load the 1250 cells of bend5 within 50 ms of processor time once everything is imported (best of five)."""
+    """After all imports, the 1250 cells of bend5 load within 50 ms of processor time (best of five)."""
     times = []
     for _ in range(5):
         start = process_time()
@@ -206,7 +206,7 @@ def test_loading_is_quick() -> None:
 
 
 def test_importing_scenes_is_light() -> None:
-    """Import no ROS, plotting or data-frame library with gdfe_ros.scene, in a fresh process."""
+    """In a fresh process, gdfe_ros.scene imports no ROS, plotting or data-frame library."""
     heavy = "rclpy pandas pyvista matplotlib numba meshio trimesh"
     code = f"import sys, gdfe_ros.scene; print([m for m in '{heavy}'.split() if m in sys.modules])"
     root = Path(__file__).resolve().parents[2]

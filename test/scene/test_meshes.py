@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every kind of mesh loads from a scene, and the scene's source carries it."""
+"""Every kind of mesh is loaded from a scene, and is part of the scene's source."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def folder(tmp_path: Path) -> Path:
     ],
 )
 def test_each_kind_of_mesh_loads_and_rebuilds_without_files(folder: Path, mesh: str, where: str, cavities: int) -> None:
-    """Load from a file, then from the source alone, and get the same mesh with its sets."""
+    """A mesh loaded from a file and from the source alone is the same, with its sets."""
     (folder / "scene.yaml").write_text(SCENE.format(mesh=mesh, where=where))
     scene = load_scene(folder / "scene.yaml")
     assert len(find_cavities(scene.mesh)) == cavities
@@ -105,7 +105,7 @@ def test_each_kind_of_mesh_loads_and_rebuilds_without_files(folder: Path, mesh: 
     ],
 )
 def test_bad_meshes_are_defects_with_key_and_line(folder: Path, mesh: str, expected: str) -> None:
-    """Say where in the scene the mesh is named and what is wrong with it."""
+    """A bad mesh is reported with its key and line in the scene."""
     (folder / "scene.yaml").write_text(SCENE.format(mesh=mesh, where="{face: x-}"))
     with pytest.raises(SceneError) as caught:
         load_scene(folder / "scene.yaml")
@@ -114,6 +114,6 @@ def test_bad_meshes_are_defects_with_key_and_line(folder: Path, mesh: str, expec
 
 
 def test_text_cannot_name_files_by_relative_paths() -> None:
-    """Ask for a full path when there is no folder."""
+    """A text without a folder refuses relative paths, and requests a full path."""
     with pytest.raises(SceneError, match=r"a scene given as text has no folder"):
         scene_from_text(SCENE.format(mesh="{file: bar.vtu}", where="{face: x-}"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dynamics and attached masses of a scene: what is read, and what is refused by name."""
+"""Dynamics and attached masses of a scene: accepted keys, and refused values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.solver.settings import Policy, SolverSettings
 
 
 def test_all_keys_are_read() -> None:
-    """Give every key: the scene has it."""
+    """Every key of the dynamics is read."""
     given = {
         "dynamics": {
             "scheme": "generalised_alpha",
@@ -38,7 +38,7 @@ def test_all_keys_are_read() -> None:
 
 @pytest.mark.parametrize("place", [{"where": {"face": "x+"}}, {"probe": "tip"}], ids=["vertices", "probe"])
 def test_attached_masses_weigh(place: dict[str, Any]) -> None:
-    """Hang 100 g on a bar of 80 g, without dynamics: its clamp carries both."""
+    """The clamp carries an attached mass of 100 g and a bar of 80 g, without dynamics."""
     weights = {"masses": {"camera": {"mass": 0.1, **place}}, "dynamics": None}
     result = Simulation(load_scene("drop", overrides=weights)).step()
     assert result.reactions["base"][2] == pytest.approx(0.18 * 9.81, rel=1e-3)
@@ -68,14 +68,14 @@ def test_attached_masses_weigh(place: dict[str, Any]) -> None:
     ],
 )
 def test_bad_input_is_named(key: str, value: Any, said: str) -> None:
-    """Give one bad value: the error names the key, and what is allowed."""
+    """A bad value is refused with its key and what is allowed."""
     with pytest.raises(SceneError) as error:
         load_scene("drop", overrides={key: value})
     assert said in str(error.value)
 
 
 def test_the_policy_relative_does_not_move() -> None:
-    """Ask for both, in the file or later: refused, with the remedy."""
+    """The policy relative with dynamics is refused, in the file or later, with a remedy."""
     with pytest.raises(SceneError, match="finds equilibria only; remedy: policy: energy"):
         load_scene("drop", overrides={"solver.policy": "relative", "loads": {}, "program": None})
     scene = load_scene("drop", overrides={"loads": {}, "program": None})
@@ -84,7 +84,7 @@ def test_the_policy_relative_does_not_move() -> None:
 
 
 def test_an_empty_entry_is_no_silent_equilibrium() -> None:
-    """Write the key without anything: refused, with both remedies."""
+    """An empty entry of dynamics is refused with two remedies."""
     text = load_scene("drop").source.replace("dynamics: {scheme: generalised_alpha, step: 0.01}", "dynamics:")
     with pytest.raises(SceneError, match="for the defaults, or leave it out"):
         scene_from_text(text)

@@ -37,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("file", ["ball.stl", "ball.obj"])
 def test_a_scene_carries_its_obstacles_surface(folder: Path, file: str) -> None:
-    """Load from a file, then from the source alone, and get every bit of a pressed body again."""
+    """An obstacle's surface from a file and from the source alone gives a pressed body with the same bits."""
     (folder / "scene.yaml").write_text(SCENE.format(mesh=f"{{file: {file}, scale: 0.001}}"))
     scene = load_scene(folder / "scene.yaml")
     assert file not in scene.source
@@ -65,7 +65,7 @@ def test_a_scene_carries_its_obstacles_surface(folder: Path, file: str) -> None:
     ],
 )
 def test_bad_surfaces_are_defects_with_key_and_line(folder: Path, mesh: str, expected: str) -> None:
-    """Say which obstacle's surface cannot be used, why, and the remedy."""
+    """A bad surface of an obstacle is reported with its key, line, reason and remedy."""
     (folder / "scene.yaml").write_text(SCENE.format(mesh=mesh))
     with pytest.raises(SceneError) as caught:
         load_scene(folder / "scene.yaml")
@@ -73,7 +73,7 @@ def test_bad_surfaces_are_defects_with_key_and_line(folder: Path, mesh: str, exp
 
 
 def test_a_missing_library_is_named(folder: Path) -> None:
-    """Without trimesh a surface's file cannot be read: say what to install."""
+    """Without trimesh, a surface file is refused with what to install."""
     (folder / "scene.yaml").write_text(SCENE.format(mesh="{file: ball.stl, scale: 0.001}"))
     with (
         patch.dict("sys.modules", {"trimesh": None}),

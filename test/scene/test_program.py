@@ -29,17 +29,17 @@ PROGRAM = Program(
     ],
 )
 def test_poses_change_linearly(time: float, translation: tuple, rotation: tuple) -> None:
-    """Interpolate translation and rotation vector, beyond half a turn too, and hold both ends."""
+    """Translation and rotation vector are interpolated linearly, beyond half a turn too, and constant outside."""
     pose = PROGRAM.handle_poses(time)["tip"]
     np.testing.assert_allclose(pose.translation, translation, atol=1e-15)
     np.testing.assert_allclose(pose.rotation, rotation, atol=1e-15)
 
 
 def test_a_late_first_keyframe_starts_from_rest_at_time_zero() -> None:
-    """Ramp from rest to the only keyframe."""
+    """A single keyframe is reached linearly from the rest pose at time 0."""
     assert PROGRAM.handle_poses(1.0)["late"].translation == pytest.approx((0, 0, 0.05))
 
 
 def test_times_are_all_moments_of_change() -> None:
-    """List 0, the keyframes and the duration once each."""
+    """The program's times are 0, the keyframes and the duration, once each."""
     assert PROGRAM.times == (0.0, 2.0, 3.0, 4.0, 5.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The generated reference of the scene file: every key has a meaning, and examples that are valid use it."""
+"""The generated reference of the scene file: every key has a description, and the examples use it and are valid."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gdfe_ros.scene.reference import markdown, meaning_of, models
 
 @pytest.mark.parametrize("model", models(), ids=lambda model: model.__name__)
 def test_every_key_has_a_meaning_and_an_example(model: type[BaseModel], tmp_path: Path) -> None:
-    """Validate the examples of an entry: they are accepted and use each of its keys."""
+    """The examples of an entry are valid and use each of its keys."""
     (tmp_path / "measured.csv").write_text("strain,stress\n0.1,1.0e4\n0.5,4.0e4\n")
     assert [name for name, field in model.model_fields.items() if not meaning_of(field)] == []
     used = set()
@@ -29,12 +29,12 @@ def test_every_key_has_a_meaning_and_an_example(model: type[BaseModel], tmp_path
 
 
 def test_the_whole_example_can_be_simulated() -> None:
-    """Read the scene that uses every top-level key."""
+    """The scene that uses every top-level key can be loaded."""
     assert scene_from_text(SCENE).mesh.n_cells == 32
 
 
 def test_a_table_row_says_unit_range_and_default() -> None:
-    """Look at one row of each kind."""
+    """A table row of each kind has the unit, range and default."""
     text = markdown()
     assert "| `young` | Young's modulus | number | Pa | > 0, < 1e+13 | required |" in text
     meaning = "tolerance: allowed distance to the equilibrium, as a fraction of the body's size"
@@ -43,7 +43,7 @@ def test_a_table_row_says_unit_range_and_default() -> None:
 
 
 def test_no_entry_of_the_schema_is_left_out() -> None:
-    """Find every entry that the schema declares among those that are printed."""
+    """Every entry of the schema is printed."""
 
     def descendants(kind: type) -> set[type]:
         return {kind}.union(*(descendants(child) for child in kind.__subclasses__()))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Remarks on a scene: schemes under which what sticks slides, cells too coarse for what touches or fills them."""
+"""Remarks on a scene: schemes that slide where friction holds, cells too coarse for contact or pressure."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _slid(simulation: Simulation) -> float:
     ],
 )
 def test_schemes_that_slide_where_friction_holds_are_remarked(scheme: str, told: bool) -> None:
-    """Lay a block on a slope on which it sticks: it stands with the schemes that the remark names, and only there."""
+    """A block on a slope stays with the schemes that the remark recommends, and slides with the others."""
     simulation = _slope(scheme)
     notes = [text for text in simulation.remarks() if "friction of floor" in text]
     assert bool(notes) is told
@@ -78,7 +78,7 @@ obstacles: {{ball: {{sphere: {{radius: 0.01}}, at: [{0.5 * size}, 0, {0.25 * siz
 
 @pytest.mark.parametrize(("cells", "told"), [(1, True), (2, True), (3, False)])
 def test_a_ball_of_few_cells_is_remarked(cells: int, told: bool) -> None:
-    """Press balls of 1, 2 and 3 cells into a block: where there is no remark, the force is right within 8 %."""
+    """For pressed balls of 1, 2 and 3 cells, the force is right within 8 % where there is no remark."""
     simulation = _pressed(cells)
     notes = simulation.remarks()
     assert bool(notes) is told
@@ -94,7 +94,7 @@ def test_a_ball_of_few_cells_is_remarked(cells: int, told: bool) -> None:
     [(0.01, [4, 1], True), (0.014, [4, 1], True), (0.016, [4, 1], False), (0.01, [8, 4], False)],
 )
 def test_a_thick_ball_of_few_cells_is_remarked(inner: float, cells: list[int], told: bool) -> None:
-    """Inflate hollow balls: where there is no remark, the cavity opens as Lame says, within 4 %."""
+    """For inflated hollow balls, the cavity's growth is Lame's within 4 % where there is no remark."""
     simulation = Simulation(scene_from_text(SPHERE.replace("INNER", str(inner)).replace("CELLS", str(cells))))
     notes = [text for text in simulation.remarks() if "actuators 'fill': the cells around it are" in text]
     assert bool(notes) is told
@@ -107,6 +107,6 @@ def test_a_thick_ball_of_few_cells_is_remarked(inner: float, cells: list[int], t
 
 @pytest.mark.parametrize("name", SCENES)
 def test_shipped_scenes_touch_with_cells_that_are_fine_enough(name: str) -> None:
-    """Ask each shipped scene: none is remarked for cells that are too coarse, or for a scheme that slips."""
+    """No shipped scene has a remark on cells that are too coarse, or on a scheme that slides."""
     texts = Simulation(load_scene(name)).remarks()
     assert not [text for text in texts if "cells" in text or "friction of" in text]

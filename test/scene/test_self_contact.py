@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key `self_contact` of a scene: what is read, and what is refused by name."""
+"""The key `self_contact` of a scene: accepted values, and refused ones."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gdfe_ros.scene import scene_from_text
 
 
 def test_all_of_the_surface_takes_part_or_what_is_chosen(sound: str) -> None:
-    """Without `where` every boundary face may touch, with it those that lie there; without the key there is nothing."""
+    """Without `where` every boundary face can touch, with it those inside; without the key none."""
     whole = scene_from_text(sound + "self_contact: {friction: 0.5}").self_contact
     part = scene_from_text(sound + "self_contact: {where: {face: z+}}").self_contact
     assert (len(whole.quads), whole.friction, len(part.quads), part.friction) == (40, 0.5, 8, 0.0)
@@ -22,7 +22,7 @@ def test_all_of_the_surface_takes_part_or_what_is_chosen(sound: str) -> None:
 
 
 def test_the_body_is_the_last_of_the_names(sound: str) -> None:
-    """Contacts of the body with itself have their name behind all others, in results and on topics."""
+    """Self-contact is named after all other contacts, in results and on topics."""
     text = sound + "self_contact: {}\nobstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -1]}}"
     scene = scene_from_text(text)
     assert (
@@ -42,12 +42,12 @@ def test_the_body_is_the_last_of_the_names(sound: str) -> None:
     ],
 )
 def test_bad_input_is_named(sound: str, given: str, said: str) -> None:
-    """A coefficient below zero, an unknown key, a place without faces, an empty entry: each is refused with remedy."""
+    """A negative coefficient, an unknown key, a place without faces, and an empty entry are refused with a remedy."""
     with pytest.raises(SceneError, match=f"(?s){said}"):
         scene_from_text(f"{sound}self_contact: {given}")
 
 
 def test_no_newtons_no_contact(sound: str) -> None:
-    """The policy that knows no forces refuses it."""
+    """The policy relative, which has no forces, refuses self-contact."""
     with pytest.raises(SceneError, match="the policy 'relative' has no forces and cannot take self_contact"):
         scene_from_text(sound.replace("policy: energy", "policy: relative") + "self_contact: {}")

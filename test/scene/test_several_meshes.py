@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key `meshes` of a scene: several soft bodies by name, each in its place, and places within them."""
+"""The key `meshes` of a scene: several soft bodies by name, each with its pose, and positions in their frames."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def broken(text: str) -> str:
 
 
 def test_every_place_may_be_told_in_the_frame_of_a_mesh() -> None:
-    """Name a mesh in regions, handles, sensors, masses, probes, cables, loads, growth and self-contact."""
+    """Positions in the frame of a named mesh work in every section of a scene."""
     scene = scene_from_text(
         PAIR
         + """
@@ -76,7 +76,7 @@ self_contact: {where: {mesh: right}}
 
 
 def test_a_chamber_is_that_of_its_mesh() -> None:
-    """Give two closed tubes: each has one cavity of its own, both have two."""
+    """Each of two closed tubes has one cavity of its own, and the scene has two."""
     tube = "tube: {inner: 0.004, outer: 0.006, length: 0.03, cells: [1, 8, 3], cap: 0.002}"
     text = PAIR.replace(BAR, tube).replace("0.03, 0.04", "0.02, 0.04")
     chambers = "actuators: {one: {chamber: {mesh: right}}, two: {chamber: {mesh: left, near: [0.01, 0, 0]}}}"
@@ -92,7 +92,7 @@ def test_a_chamber_is_that_of_its_mesh() -> None:
 
 @pytest.mark.exact("one body is shifted otherwise than two")
 def test_it_moves_as_each_would_alone() -> None:
-    """Bend a bar beside another one, turned and moved: it takes the shape that it takes in a scene of its own."""
+    """A bar beside another one, rotated and moved, bends to the shape that it has in a scene of its own."""
     alone = f"name: x\nmesh: {{{BAR}}}\n" + PAIR[PAIR.index("materials:") :].replace("mesh: left, ", "")
     alone = alone[: alone.index("  right:")]
     load = "solver: {tolerance: 1.0e-7}\nloads: {push: {surface: {where: {%s face: x+}, force: [%s, 0.05]}}}\n"
@@ -106,7 +106,7 @@ def test_it_moves_as_each_would_alone() -> None:
 
 @pytest.mark.parametrize("apart", [0.05, 3.0])
 def test_fingers_move_as_one_alone_however_far_they_are_apart(apart: float) -> None:
-    """Curl a slender finger, and the same twice in one scene: within three tolerances, over a finger's size."""
+    """Each of two fingers in a scene curls as one alone, within three tolerances relative to a finger's size."""
     plain = {"loads": None, "program": None}
     alone = Simulation(load_scene("tendon_finger", overrides=plain))
     data = parse_document(alone.scene.path.read_text(), heading="scene").data
@@ -129,7 +129,7 @@ def test_fingers_move_as_one_alone_however_far_they_are_apart(apart: float) -> N
 
 
 def test_meshes_push_each_other() -> None:
-    """Press a bar against another: forces are equal and opposite, and between vertices of both."""
+    """Two bars pressed on each other have opposite forces, between vertices of both."""
     text = PAIR.replace("[0.1, 0, 0]", "[0.006, 0.03, 0]") + "self_contact: {friction: 0.3}\nsolver: {tolerance: 1e-5}"
     simulation = Simulation(scene_from_text(text))
     result = simulation.step(Command(handles={"left": Pose((0.003, 0.0, 0.0))}))
@@ -142,13 +142,13 @@ def test_meshes_push_each_other() -> None:
 
 
 def test_meshes_that_pass_through_each_other_are_remarked() -> None:
-    """Say so where there is no contact between them; one alone has nothing to touch."""
+    """Meshes without contact between them give a remark, and with self-contact none."""
     assert "self_contact: {friction: 0.5}" in " ".join(Simulation(scene_from_text(PAIR)).remarks())
     assert not Simulation(scene_from_text(PAIR + "self_contact: {}")).remarks()
 
 
 def test_what_came_from_files_is_carried_in_place(tmp_path: Path) -> None:
-    """Read a mesh, voxels and a skin from files: the text of the scene makes the same bodies without them."""
+    """A mesh, voxels and a skin from files are rebuilt from the scene's text as the same bodies."""
     mesh, rod = bar([0.04, 0.01, 0.01], [4, 1, 1]), trimesh.creation.box((0.04, 0.01, 0.01))
     meshio.Mesh(mesh.vertices, [("hexahedron", mesh.cells)]).write(tmp_path / "bar.vtk", binary=False)
     rod.apply_translation([0.02, 0, 0]).export(tmp_path / "rod.stl")
@@ -167,7 +167,7 @@ def test_what_came_from_files_is_carried_in_place(tmp_path: Path) -> None:
 
 
 def test_overrides_reach_into_a_mesh() -> None:
-    """Move a mesh and refine another from outside, as a sweep does; bags carry what was changed."""
+    """Overrides move one mesh and refine another, as in a sweep, and bags contain the changes."""
     scene = scene_from_text(PAIR, overrides={"meshes.right.at": [0.2, 0, 0], "meshes.left.bar.cells": [8, 1, 1]})
     assert (scene.mesh.n_cells, scene.mesh.bounds[1, 0]) == (12, pytest.approx(0.24))
     assert scene_from_text(scene.source).mesh.n_cells == 12
@@ -201,14 +201,14 @@ def test_overrides_reach_into_a_mesh() -> None:
     ],
 )  # fmt: skip
 def test_defects_are_named(old: str, new: str, said: str) -> None:
-    """Break the scene in one place: file, key, value and remedy are named."""
+    """A defect is reported with file, key, value and remedy."""
     assert old in PAIR
     found = broken(PAIR.replace(old, new, 1))
     assert re.search(said, found), found
 
 
 def test_scenes_without_a_body_and_names_without_meshes(sound: str) -> None:
-    """Leave the body out, or empty; speak of meshes where there is one."""
+    """A scene without a body, with empty meshes, or with a mesh name in a single mesh is refused."""
     assert "mesh (line 1): is missing; needed: the body" in broken("name: x\n")
     assert "mesh (line 2): is empty; needed" in broken("name: x\nmesh:\n")
     assert "there is no mesh; give e.g. {left:" in broken("name: x\nmeshes: {}\n")
@@ -217,7 +217,7 @@ def test_scenes_without_a_body_and_names_without_meshes(sound: str) -> None:
 
 
 def test_a_mesh_with_defects_hides_no_others() -> None:
-    """Break a mesh and a material: both are named at once."""
+    """A bad mesh and a bad material are both reported at once."""
     text = PAIR.replace("cells: [4, 1, 1]", "cells: [4, 1, 1], cut: [{cells: [0, 1, 2, 3]}]", 1)
     found = broken(text.replace("young: 1.0e6", "young: -1"))
     assert "meshes.left.bar" in found
@@ -228,7 +228,7 @@ def test_a_mesh_with_defects_hides_no_others() -> None:
 @pytest.mark.parametrize("cells", ["cut", "whole"])
 @pytest.mark.parametrize("skin", ["", ", skin: {file: ball.stl, contact: true}"])
 def test_the_remedy_for_meshes_that_do_not_touch_is_none_that_is_refused(tmp_path: Path, skin: str, cells: str) -> None:
-    """Put balls of cells, whole or cut, with a skin that touches or without, beside a bar; do as the warning says."""
+    """The remedy in the remark on meshes without contact is accepted, for whole and cut cells, with or without skin."""
     trimesh.creation.icosphere(subdivisions=3, radius=0.02).export(tmp_path / "ball.stl")
     path = tmp_path / "ball.yaml"
     ball = f"  ball: {{voxels: {{surface: ball.stl, cell: 0.008, cells: {cells}}}{skin}, at: [0, 0, 0.1]}}"

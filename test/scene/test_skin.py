@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A skin is carried by the cells, shown in their place, kept by bags, and refused where it lies beside the body."""
+"""A skin is attached to the cells, drawn in their place, stored in bags, and refused where it is beside the body."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RNG = np.random.default_rng(3)
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a folder with a rod in metres and in millimetres, an open half of it, and one beside it."""
+    """Return a folder with a rod in metres, in millimetres, an open half of it, and one beside the body."""
     rod = trimesh.creation.capsule(height=0.05, radius=0.01, count=[24, 24])
     rod.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
     rod.export(tmp_path / "rod.stl")
@@ -47,7 +47,7 @@ def load(folder: Path, skin: str = "{file: rod.stl}") -> Scene:
 
 
 def test_a_skin_is_where_its_file_is_and_follows_any_affine_motion(folder: Path) -> None:
-    """Put the undeformed skin on the file's surface in pieces that can bend, and move it as the cells move."""
+    """The undeformed skin is the file's surface, in parts short enough to bend, and moves with affine motions."""
     mesh = load(folder).mesh
     wanted = trimesh.load(folder / "rod.stl")
     at_rest = mesh.outside.at(mesh.vertices)
@@ -63,7 +63,7 @@ def test_a_skin_is_where_its_file_is_and_follows_any_affine_motion(folder: Path)
 
 @pytest.mark.parametrize("skin", ["{file: rod_mm.stl, scale: 0.001}", "{file: open.stl}"])
 def test_a_scene_carries_its_skin_without_the_file(folder: Path, skin: str) -> None:
-    """Rebuild the scene from its text, as a bag has it: the same skin to the bit, open ones, too."""
+    """A scene rebuilt from its text, as in a bag, has the same skin to the bit, also an open one."""
     scene = load(folder, skin)
     (folder / "scene.yaml").unlink()
     again = scene_from_text(scene.source).mesh.outside
@@ -73,7 +73,7 @@ def test_a_scene_carries_its_skin_without_the_file(folder: Path, skin: str) -> N
 
 
 def test_a_skin_that_faces_inwards_is_turned(folder: Path) -> None:
-    """Turn the triangles of a closed skin outwards, so that light falls on them."""
+    """Triangles of a closed skin that face inward are reversed."""
     inverted = trimesh.load(folder / "rod.stl")
     inverted.invert()
     inverted.export(folder / "rod.stl")
@@ -97,13 +97,13 @@ def test_a_skin_that_faces_inwards_is_turned(folder: Path) -> None:
     ],
 )
 def test_bad_skins_are_defects_with_key_and_remedy(folder: Path, skin: str, expected: str) -> None:
-    """Say what is wrong with a skin, where, and what to do."""
+    """A bad skin is reported with the reason, the place and a remedy."""
     with pytest.raises(SceneError, match=expected):
         load(folder, skin)
 
 
 def test_pictures_and_the_page_show_the_skin(folder: Path) -> None:
-    """Find the skin's own points in the page's glTF, and a picture that differs from the cells'."""
+    """The page's glTF has the skin's own points, and a picture differs from that of the cells."""
     scene = load(folder)
     mesh, bare = scene.mesh, load(folder, "null").mesh
     surface = DrawnSurface(mesh)
@@ -119,7 +119,7 @@ def test_pictures_and_the_page_show_the_skin(folder: Path) -> None:
 
 
 def test_a_body_that_was_made_once_is_recalled(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Load the same bits and the same source from the store, and make the body anew when its file changes."""
+    """The stored body has the same bits and source, and is made anew when its file changes."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder / "cache"))
     made, found = load(folder), None
     with monkeypatch.context() as patch:

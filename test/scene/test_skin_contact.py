@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes that touch by a skin: rods that roll, sensors, several meshes, rigid bodies, bags, and what is refused."""
+"""Scenes with contact by a skin: rolling rods, sensors, several meshes, rigid bodies, bags, and refusals."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CONTACT = "skin: {file: rod.stl, contact: true}"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a folder with a round rod along x, one that is open, and a box of its size."""
+    """Return a folder with a round rod along x, an open one, and a box of its size."""
     rod = trimesh.creation.cylinder(RADIUS, LENGTH, sections=64)
     rod.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
     rod.export(tmp_path / "rod.stl")
@@ -63,14 +63,14 @@ def load(
 
 
 def press(simulation: Simulation, depth: float, *, aside: float = 0.0):
-    """Press the rod's top down, perhaps aside, and return the result."""
+    """Move the rod's top down and sideways [m]; return the converged step."""
     result = simulation.step(Command(handles={"top": Pose((0.0, aside, -depth))}))
     assert result.converged, result.message
     return result
 
 
 def test_a_cut_rod_rolls_and_a_staircase_does_not(folder: Path) -> None:
-    """Release rods on a slope: the skin rolls 70 to 105 % of a round one's distance, the staircase stays in place."""
+    """On a slope, a skin rolls 70 to 105 % of a round rod's distance, and a staircase of cells stays."""
     ways = {}
     for name, skin, cells in (("skin", "skin: {file: rod.stl}", "cut"), ("faces", "", "whole")):
         simulation = Simulation(load(folder, skin, cells=cells, cell=RADIUS / 4.0, handles="{}", more=ROLLS))
@@ -84,7 +84,7 @@ def test_a_cut_rod_rolls_and_a_staircase_does_not(folder: Path) -> None:
 
 
 def test_a_rod_rests_at_its_radius(folder: Path) -> None:
-    """Lower a cut rod onto the floor: nothing touches 0.2 % of its radius above, something 1 % below."""
+    """A cut rod lowered onto the floor touches at its radius, between 0.2 % above and 1 % below."""
     simulation = Simulation(load(folder))
     for depth, touches in ((-0.002, False), (0.01, True)):
         pushed = press(simulation, 0.00005 + depth * RADIUS).contacts["floor"].presses
@@ -92,7 +92,7 @@ def test_a_rod_rests_at_its_radius(folder: Path) -> None:
 
 
 def test_wrenches_sensors_and_points_are_one(folder: Path) -> None:
-    """Press and drag a rod: handle, obstacle, the sum of points, and sensors on both halves agree."""
+    """For a pressed and dragged rod, the forces of handle, obstacle, points and two sensors agree."""
     halves = {"left": {"box": {"x": [-1, 0]}}, "right": {"box": {"x": [1e-9, 1]}}}
     overrides = {"sensors": {name: {"where": where} for name, where in halves.items()}, "solver.tolerance": 1e-8}
     scene = load(folder, overrides=overrides)
@@ -115,7 +115,7 @@ def test_wrenches_sensors_and_points_are_one(folder: Path) -> None:
 
 
 def test_faces_sides_and_lost_sensors(folder: Path) -> None:
-    """Place sensors at a side of the skin, where no point is, and by ids: found, or refused with what is there."""
+    """A sensor at a face of the skin is found; one without points, and one by vertices, is refused."""
     scene = load(folder, overrides={"sensors": {"end": {"where": {"face": "x+"}}}})
     centre = scene.sensors["end"].centre(scene.mesh.vertices)
     np.testing.assert_allclose(centre, [0.5 * LENGTH, 0.0, 0.0], atol=0.1 * RADIUS)
@@ -128,7 +128,7 @@ def test_faces_sides_and_lost_sensors(folder: Path) -> None:
 
 
 def test_what_a_handle_holds_touches_nothing(folder: Path) -> None:
-    """Push the floor up to the plate that holds the rod's lower half: nothing touches; the other half does."""
+    """The half of the rod that a handle holds has no contact with the floor; the other half has."""
     scene = load(folder, handles="{low: {where: {box: {z: [-1, 0]}}}}")
     simulation = Simulation(scene, terms=())
     assert simulation.step(Command(handles={"floor": Pose((0.0, 0.0, 0.001))})).contacts["floor"].presses.size == 0
@@ -137,7 +137,7 @@ def test_what_a_handle_holds_touches_nothing(folder: Path) -> None:
 
 
 def test_a_bag_a_checkpoint_and_the_file_give_the_same_bits(folder: Path) -> None:
-    """Take a rod that rolls from its own text, and from a checkpoint: the same positions to the bit."""
+    """A rolling rod from its own text, and from a checkpoint, has the same positions to the bit."""
     scene = load(folder, handles="{}", more=ROLLS)
     (folder / "rod.stl").unlink()
     first, again = Simulation(scene), Simulation(scene_from_text(scene.source))
@@ -151,7 +151,7 @@ def test_a_bag_a_checkpoint_and_the_file_give_the_same_bits(folder: Path) -> Non
 
 
 def test_rigid_bodies_lie_on_the_skin(folder: Path) -> None:
-    """Lay a box on a rod whose corner cells it would be in: it is taken, and rests on the skin with its weight."""
+    """A box that overlaps the rod's corner cells is accepted, and rests on the skin with its weight."""
     box = {"size": [0.02, 0.03, 0.004]}
     more = {"bodies": {"lid": {"box": box, "density": 2000, "at": [0, 0, 0.01205], "friction": 0.5}}}
     more |= {
@@ -194,7 +194,7 @@ sensors:
 
 
 def test_of_several_meshes_each_touches_by_what_it_has(folder: Path) -> None:
-    """Press a rod with a skin and a bar without one: each sensor feels its own, and one over both all of it."""
+    """A rod with a skin and a bar without one each have their own sensor's force, and a common sensor the sum."""
     (folder / "two.yaml").write_text(MESHES)
     scene = load_scene(folder / "two.yaml")
     down = Pose((0.0, 0.0, -0.0005))
@@ -210,7 +210,7 @@ def test_of_several_meshes_each_touches_by_what_it_has(folder: Path) -> None:
 
 
 def test_the_mesh_without_a_skin_is_named(folder: Path) -> None:
-    """Let a rod with a skin and a cut one without any lie on a floor: the latter is reported, in whatever order."""
+    """Of a rod with a skin and a cut one without, the second is reported on a floor, in either order."""
     bare = "  bare: {voxels: {surface: rod.stl, cell: 0.004, cells: cut}, at: [0, -0.1, 0]}\n"
     for place in ("  bar: ", "  rod:\n"):
         (folder / "bare.yaml").write_text(MESHES.replace(place, bare + place, 1))
@@ -233,13 +233,13 @@ def test_the_mesh_without_a_skin_is_named(folder: Path) -> None:
     ],
 )
 def test_bad_input_is_refused(folder: Path, skin: str, cells: str, more: str, expected: str) -> None:
-    """Ask for contact on no skin, an open one, with self-contact: each is refused with its key and remedy."""
+    """Contact of a missing or open skin, or with self-contact, is refused with its key and remedy."""
     with pytest.raises(SceneError, match=f"(?s:.*){expected}"):
         load(folder, skin, cells=cells, cell=RADIUS / 6.0, more=more)
 
 
 def test_a_skin_with_a_defect_is_told_once(folder: Path) -> None:
-    """Name a file that is not there for cut cells above a floor: one defect, not also that the skin is missing."""
+    """A missing skin file for cut cells above a floor is one defect; the missing skin is not reported again."""
     with pytest.raises(SceneError) as caught:
         load(folder, "skin: {file: nowhere.stl}")
     assert len(caught.value.defects) == 1
@@ -247,7 +247,7 @@ def test_a_skin_with_a_defect_is_told_once(folder: Path) -> None:
 
 
 def test_a_defect_of_a_probe_called_skin_hides_no_other(folder: Path) -> None:
-    """Put a probe called skin outside of cut cells above a floor: both defects are reported."""
+    """A defect of a probe named skin, outside of cut cells, is reported besides that of the cells."""
     with pytest.raises(SceneError) as caught:
         load(folder, "", more="probes: {skin: {at: [9, 9, 9]}}")
     told = "\n".join(caught.value.defects)
@@ -256,7 +256,7 @@ def test_a_defect_of_a_probe_called_skin_hides_no_other(folder: Path) -> None:
 
 
 def test_an_open_skin_is_still_shown_where_nothing_touches(folder: Path) -> None:
-    """Load an open skin on cut cells without obstacles, and a closed one on whole cells: neither touches."""
+    """An open skin on cut cells without obstacles, and a skin on whole cells, are drawn but have no contact."""
     scene = load(folder, "skin: {file: open.stl}", overrides={"obstacles": None})
     assert (scene.mesh.skin is not None, scene.mesh.touching) == (True, None)
     scene = load(folder, cells="whole", cell=RADIUS / 6.0)

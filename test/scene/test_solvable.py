@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes whose materials do not go together."""
+"""Scenes whose materials differ too much."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HALVES = (BAR.centroids[:, 0] > 0.2).astype(np.int32)
 
 @pytest.mark.parametrize("policy", list(Policy))
 def test_too_large_a_contrast_is_refused(policy: Policy) -> None:
-    """Join materials 3e10 apart: both are named; unused ones do not count."""
+    """Materials with moduli 3e10 apart are refused by name, unless one is unused."""
     soft, hard = Linear(young=1.0, poisson=0.3), Linear(young=3.0 * LARGEST_CONTRAST, poisson=0.3)
     scene = make_scene(BAR, [soft, hard], policy=policy, cell_material=HALVES)
     with pytest.raises(SceneError, match=r"'m1' is 3e\+10 times as stiff at rest as 'm0'; allowed: up to 1e\+10"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes with bodies of tetrahedra: chambers, cables, loads, contact and motion; what they lack is refused."""
+"""Scenes with bodies of tetrahedra: chambers, cables, loads, contact and motion; unsupported features are refused."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def scene_of(mesh: HexMesh | TetMesh, **entries: Any) -> Any:
 
 
 def test_a_plate_presses_evenly() -> None:
-    """Press a slab of nu = 0 by a tenth: the force of uniaxial compression to 1e-3, no sideways motion to 1e-3."""
+    """A slab of nu = 0 pressed by a tenth has the force of uniaxial compression and no lateral motion, to 1e-3."""
     plate = {"plate": {"plane": [0, 0, -1], "at": [0.05, 0.0, 0.02]}}
     simulation = Simulation(scene_of(divided(SLAB), obstacles=plate, solver={"tolerance": 1e-5}))
     for down in (0.001, 0.002, 0.003, 0.004):
@@ -54,7 +54,7 @@ def test_a_plate_presses_evenly() -> None:
 
 
 def test_a_chamber_pushes_as_its_pressure_says() -> None:
-    """Hold a hollow block at one side: forces on a closed chamber balance, and its volume grows with the pressure."""
+    """The forces on a closed chamber balance, and its volume grows with the pressure."""
     block = bar([0.09, 0.09, 0.09], [3, 3, 3])
     hollow = divided(keep_cells(block, np.arange(27) != 13))
     air = {"air": {"chamber": {"cavity": 0, "command": "pressure", "range": [0, 2e4]}}}
@@ -68,7 +68,7 @@ def test_a_chamber_pushes_as_its_pressure_says() -> None:
 
 
 def test_weight_and_cable_reach_the_handle() -> None:
-    """Carry the weight, a traction and a point load at the base; a cable between body points adds nothing."""
+    """The base carries the weight, a traction and a point load; a cable between body points adds no force."""
     loads = {
         "weight": {"gravity": [0, 0, -9.81]},
         "pull": {"surface": {"where": {"face": "z+"}, "traction": [50.0, 0, 0]}},
@@ -84,7 +84,7 @@ def test_weight_and_cable_reach_the_handle() -> None:
 
 
 def test_a_body_falls_as_it_should() -> None:
-    """Fall freely by g t^2 / 2 with consistent mass, without strain; viscosity resists no rigid motion."""
+    """A free body falls by g t^2 / 2 without strain, and viscosity does not resist rigid motion."""
     mesh = divided(bar([0.1, 0.1, 0.1], [1, 1, 1]))
     dynamics = {"scheme": "newmark", "step": 0.01, "damping": {"viscosity": 50.0}}
     loads = {"weight": {"gravity": [0, 0, -9.81]}}
@@ -96,7 +96,7 @@ def test_a_body_falls_as_it_should() -> None:
 
 
 def test_a_shaken_body_keeps_its_period_and_damps() -> None:
-    """Swing about the static stretch with the period 4 L / c of a bar held at one end; viscosity damps."""
+    """A bar held at one end swings about its static stretch with the period 4 L / c, and viscosity damps it."""
     mesh = divided(bar([0.02, 0.02, 0.2], [1, 1, 6]))
     period = 4.0 * 0.2 / np.sqrt(YOUNG / 1000.0)
     loads = {"pull": {"surface": {"where": {"face": "z+"}, "traction": [0, 0, 200.0]}}}
@@ -113,7 +113,7 @@ def test_a_shaken_body_keeps_its_period_and_damps() -> None:
 
 
 def test_what_tetrahedra_lack_is_refused() -> None:
-    """Name self-contact, growth and the policy `relative` in one message with its remedy."""
+    """Self-contact, growth and the policy `relative` are refused in one message with a remedy."""
     swelling = {"swell": {"growth": {"stretch": [1.1, 1.1, 1.1]}}}
     with pytest.raises(SceneError, match=r"tetrahedra cannot have growth 'swell', self_contact yet; remedy"):
         scene_of(divided(SLAB), actuators=swelling, self_contact={})
@@ -124,7 +124,7 @@ def test_what_tetrahedra_lack_is_refused() -> None:
 
 
 def test_meshes_of_two_kinds_are_refused() -> None:
-    """Say which mesh has which cells."""
+    """Meshes of two kinds of cells are refused by name."""
     packed = {name: {"embedded": pack_mesh(mesh)} for name, mesh in {"a": SLAB, "b": divided(SLAB)}.items()}
     packed["b"]["at"] = [0.5, 0.0, 0.0]
     text = {"name": "two", "meshes": packed, "materials": {"m": {"law": "linear", "young": 1e5, "poisson": 0.3}}}
@@ -133,7 +133,7 @@ def test_meshes_of_two_kinds_are_refused() -> None:
 
 
 def test_raised_tetrahedra_are_told() -> None:
-    """Remark that linear tetrahedra of a file were raised to second order."""
+    """A remark says that linear tetrahedra of a file were converted to second order."""
     tets = divided(SLAB)
     corners = np.unique(tets.cells[:, :4])
     mesh = raised(tets.vertices[corners], np.searchsorted(corners, tets.cells[:, :4]), linear=True)

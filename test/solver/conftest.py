@@ -35,7 +35,7 @@ def law(request: pytest.FixtureRequest) -> Material:
 
 @pytest.fixture(scope="session")
 def distorted() -> HexMesh:
-    """Mesh a block of 3 x 3 x 3 general hexahedra: every vertex off its place by up to a fifth of an edge."""
+    """Return a mesh of 3 x 3 x 3 general hexahedra: each vertex is displaced by up to a fifth of an edge."""
     mesh = bar([0.3, 0.3, 0.3], [3, 3, 3])
     return HexMesh(mesh.vertices + np.random.default_rng(5).uniform(-0.02, 0.02, mesh.vertices.shape), mesh.cells)
 
@@ -58,7 +58,7 @@ MakeBody = Callable[..., Body]
 
 @pytest.fixture(scope="session")
 def make_body() -> MakeBody:
-    """Make a body of one material, or of several where ``cell_material`` says which cell has which."""
+    """Return a function that makes a body of one material, or of several with an index of the material per cell."""
 
     def make(
         mesh: HexMesh,
@@ -78,7 +78,7 @@ def make_body() -> MakeBody:
 
 @pytest.fixture(scope="session")
 def end() -> Callable[[HexMesh, str], NDArray[np.int32]]:
-    """Return the vertices of a face of a bar, 'x-' or 'x+'."""
+    """Return a function from a bar and 'x-' or 'x+' to the indices of the vertices on that face."""
 
     def vertices(mesh: HexMesh, face: str) -> NDArray[np.int32]:
         x = mesh.vertices[:, 0]
@@ -89,7 +89,7 @@ def end() -> Callable[[HexMesh, str], NDArray[np.int32]]:
 
 @pytest.fixture(scope="session")
 def boundary() -> Callable[[HexMesh], Handle]:
-    """Return a handle that holds every vertex of the surface."""
+    """Return a function from a mesh to a handle that holds every vertex of its surface."""
 
     def handle(mesh: HexMesh) -> Handle:
         return Handle("surface", np.unique(mesh.surface()).astype(np.int32))

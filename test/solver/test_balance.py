@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The energy balance of an increment: smooth paths pass, jumps are reported, and what folds is not accepted."""
+"""The energy balance of an increment: smooth load paths pass, jumps are reported, inverted elements are refused."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from gdfe_ros.solver.stepping.stepper import Stepper
 
 @pytest.fixture(scope="module")
 def stepper() -> Stepper:
-    """Solve a bar that a handle pulls, held at its other end."""
+    """Return the stepper of a bar that is clamped at one end and pulled by a handle at the other."""
     mesh = bar([0.1, 0.1, 0.1], [1, 1, 1])
     x = mesh.vertices[:, 0]
     handles = [Handle(name, np.flatnonzero(x == end).astype(np.int32)) for name, end in (("base", 0.0), ("tip", 0.1))]
@@ -37,7 +37,7 @@ def stepper() -> Stepper:
 
 
 def _spring(stepper: Stepper, stretch: float, lost: float = 0.0) -> Solution:
-    """Return an equilibrium of a spring of 2 N/m, pulled by a handle along x."""
+    """Return an equilibrium of a spring of 2 N/m pulled along x by a handle, with ``lost`` [J] less energy."""
     rest = stepper.at_rest()
     wrench = {"base": np.zeros(6), "tip": np.array([2.0 * stretch, 0.0, 0.0, 0.0, 0.0, 0.0])}
     summary = dataclasses.replace(rest.summary, energy=stretch**2 - lost, reactions=wrench)
@@ -55,7 +55,7 @@ def _solution_of(state: State) -> Solution:
 
 
 def test_a_spring_keeps_its_energy(stepper: Stepper) -> None:
-    """Pull a spring: the work is exact and nothing is lost; without a tenth of it, a short increment proves a jump."""
+    """The work on a spring is exact; a short increment that loses energy is a jump, a long one may not be."""
     handles, begin, end = stepper.equilibrium.handles, _spring(stepper, 1.0).state, _spring(stepper, 1.1)
     work, doubt = work_between(begin, end, handles)
     assert work == pytest.approx(0.21)
@@ -66,7 +66,7 @@ def test_a_spring_keeps_its_energy(stepper: Stepper) -> None:
 
 
 def test_moments_work_on_turns_in_world_axes(stepper: Stepper) -> None:
-    """Turn a handle further about another axis: the motion is that of the turn between, not of rotation vectors."""
+    """The rotation of a handle between two poses is the relative rotation, not the difference of rotation vectors."""
     begin, end = (1.0, 0.4, -0.3), (1.01, 0.41, -0.28)
     turn = (Rotation.from_rotvec(end) * Rotation.from_rotvec(begin).inv()).as_rotvec()
     rest = stepper.at_rest()
@@ -83,7 +83,7 @@ def test_moments_work_on_turns_in_world_axes(stepper: Stepper) -> None:
 
 @pytest.mark.parametrize("name", ["tendon_finger", "gripper", "three_chamber_arm"])
 def test_driven_scenes_balance(name: str) -> None:
-    """Play a program in small steps: potential and slopes of cables, chambers, weights add up, no jump is reported."""
+    """In small steps of a program, energy and work of cables, chambers and weights balance, and no jump is reported."""
     scene = load_scene(name)
     scene = dataclasses.replace(scene, solver=dataclasses.replace(scene.solver, tolerance=1e-6))
     simulation, last, worst = Simulation(scene), None, 0.0
@@ -100,7 +100,7 @@ def test_driven_scenes_balance(name: str) -> None:
 
 @pytest.mark.parametrize("name", SHELLS)
 def test_snapping_through_is_told_once(name: str) -> None:
-    """Load a shallow shell in small steps: exactly one step says that it jumped, and the next goes on."""
+    """A shallow shell loaded in small steps reports a jump in exactly one step, and the next steps converge."""
     shell = SHELLS[name]
     driver = Driver(shell.scene(LAWS["linear"](), 1e-6))
     told = [JUMPED in driver.step(loads={"push": share * shell.weight}).message for share in np.linspace(0.05, 1.0, 20)]
@@ -109,7 +109,7 @@ def test_snapping_through_is_told_once(name: str) -> None:
 
 
 def test_nothing_is_left_inside_out() -> None:
-    """Evacuate a ball far beyond reason: it stays at its last sound equilibrium, says so, and comes back."""
+    """A ball evacuated far too much stops at its last sound equilibrium, says so, and returns when released."""
     simulation = Simulation(scene_from_text(scene_text(DRIVES["vacuum of 10 bar"], "linear", Policy.ENERGY)))
     result = simulation.step(Command(actuators={"a": -1e6}))
     assert not result.converged

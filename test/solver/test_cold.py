@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps far from the last equilibrium: where they say converged, they are within the tolerance."""
+"""Steps far from the last equilibrium: a step reported as converged is within the tolerance."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _turned(angle: float) -> list[Any]:
 
 
 def _bent(length: float) -> list[Any]:
-    """Shorten, lift and turn in two steps."""
+    """Return two poses, shift [m] and rotation vector [rad], that shorten, lift and turn a bar."""
     ways = ((-0.05, 0.0, 0.2), (90.0, 20.0, 0.0)), ((-0.1, 0.1, 0.3), (180.0, 20.0, 0.0))
     return [(tuple(length * np.array(shift)), tuple(np.radians(turn))) for shift, turn in ways]
 
@@ -50,7 +50,7 @@ def _bent(length: float) -> list[Any]:
 def test_a_bar_held_at_both_ends_is_as_near_as_it_says(
     length: float, cells: list[int], poses: list[Any], tolerance: float, torsion: str
 ) -> None:
-    """Turn and bend by much in one or two steps: converged, and within two tolerances of what 1e-8 finds."""
+    """A bar bent far in one or two steps is within two tolerances of a solution with a tolerance of 1e-8."""
     keys = {"size": [length, 0.01, 0.01], "cells": cells, "torsion": torsion}
     loose, exact = (_led(poses, **keys, tolerance=value) for value in (tolerance, 1e-8))
     assert loose.converged

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The constant matrix: symmetric positive definite, one solution from every library, sliding handles eliminated."""
+"""The constant matrix: symmetric, semi-definite, the same solution by every library, sliding handles eliminated."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ FACTORS = list(Factorisation)
 
 
 def stiffness() -> sparse.csc_matrix:
-    """Assemble a matrix whose left half is 100 times stiffer than its right half."""
+    """Assemble the matrix of a bar whose left half is 100 times stiffer than its right half."""
     weight = np.where(MESH.centroids[:, 0] < 0.2, 1e7, 1e5)
     return assemble(SHAPE, weight, 0.05 * weight)
 
 
 @pytest.fixture
 def sliding(end: End) -> Unknowns:
-    """Hold x-, let x+ slide along x and z and two vertices in the middle along y and x."""
+    """Return the unknowns of a bar with a clamped end, and the other end and two middle vertices on sliding handles."""
     handles = [
         Handle("base", end(MESH, "x-"), fixed=True),
         Handle("tip", end(MESH, "x+"), free=(Axis.X, Axis.Z)),
@@ -49,7 +49,7 @@ def sliding(end: End) -> Unknowns:
 
 @pytest.mark.parametrize("matrix", [stiffness(), assemble_centring(SHAPE)], ids=["energy", "relative"])
 def test_matrix_is_symmetric_and_positive(matrix: sparse.csc_matrix) -> None:
-    """Look at all eigenvalues: one zero, for a motion of all vertices alike, the others positive."""
+    """The matrix has one zero eigenvalue, for a uniform translation, and positive others."""
     dense = matrix.toarray()
     np.testing.assert_allclose(dense, dense.T, atol=1e-12 * np.abs(dense).max())
     np.testing.assert_allclose(dense @ np.ones(len(dense)), 0.0, atol=1e-12 * np.abs(dense).max())
@@ -59,7 +59,7 @@ def test_matrix_is_symmetric_and_positive(matrix: sparse.csc_matrix) -> None:
 
 
 def test_centring_matrix_is_the_papers(end: End) -> None:
-    """Assemble one element: its volume times N, 7/8 on the diagonal and -1/8 beside it (Sec. 3.1)."""
+    """One element's centring matrix is its volume times N: 7/8 on the diagonal, -1/8 elsewhere (Sec. 3.1)."""
     mesh = bar([0.2, 0.1, 0.3], [1, 1, 1])
     matrix = assemble_centring(shape_operators(mesh.vertices, mesh.cells)).toarray()
     np.testing.assert_allclose(matrix, 0.006 * (np.eye(8) - 0.125), rtol=1e-12)
@@ -67,7 +67,7 @@ def test_centring_matrix_is_the_papers(end: End) -> None:
 
 @pytest.mark.parametrize("library", FACTORS)
 def test_every_library_solves_the_full_system(library: Factorisation, sliding: Unknowns) -> None:
-    """Solve for free vertices and sliding handles: the same as one dense system for each axis."""
+    """With sliding handles, every library gives the solution of one dense system per axis."""
     matrix = stiffness()
     found = solve(ConstantMatrix(matrix, MESH.vertices, sliding, library=library), gradient(sliding), sliding)
     expected = np.zeros_like(found)
@@ -87,7 +87,7 @@ def test_every_library_solves_the_full_system(library: Factorisation, sliding: U
 @pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.4, -1.1, 0.7)], ids=["rest", "turned"])
 @pytest.mark.parametrize("library", FACTORS)
 def test_turning_handles_are_eliminated(library: Factorisation, turn: tuple[float, float, float], end: End) -> None:
-    """Let a handle turn about two axes and slide along one: the same as one dense system of all axes."""
+    """With a handle that turns about two axes and slides along one, the solution is that of one dense system."""
     tip = Handle("tip", end(MESH, "x+"), free=(Axis.X,), turning=(Axis.Y, Axis.Z))
     unknowns = number_unknowns(MESH.vertices, MESH.cells, [Handle("base", end(MESH, "x-"), fixed=True), tip])
     matrix, rotation = stiffness(), Rotation.from_rotvec(turn).as_matrix()
@@ -112,14 +112,14 @@ def test_turning_handles_are_eliminated(library: Factorisation, turn: tuple[floa
 
 @pytest.mark.parametrize("library", FACTORS)
 def test_constant_motion_of_all_handles_extends_to_the_body(library: Factorisation, sliding: Unknowns) -> None:
-    """Move every handle alike: the harmonic predictor moves every vertex alike."""
+    """Where all handles move by the same translation, the harmonic predictor translates every vertex by it."""
     motion = np.tile([1.0, -2.0, 3.0], (len(sliding.prescribed), 1))
     spread = ConstantMatrix(stiffness(), MESH.vertices, sliding, library=library).extend(motion)
     np.testing.assert_allclose(spread, np.tile([1.0, -2.0, 3.0], (len(sliding.free), 1)), rtol=1e-9)
 
 
 def test_harmonic_predictor_stays_between_the_handles(end: End) -> None:
-    """Hold one end and lift the other: every vertex rises by something between."""
+    """With one end held and the other lifted, the predictor lifts each vertex in proportion to its x."""
     handles = [Handle("base", end(MESH, "x-"), fixed=True), Handle("tip", end(MESH, "x+"))]
     unknowns = number_unknowns(MESH.vertices, MESH.cells, handles)
     motion = np.repeat([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], 9, axis=0)
@@ -129,7 +129,7 @@ def test_harmonic_predictor_stays_between_the_handles(end: End) -> None:
 
 
 def test_small_systems_take_an_explicit_inverse() -> None:
-    """Choose: dense up to a few hundred vertices, supernodes beyond."""
+    """Small bodies use the dense inverse, bodies of more than a few hundred vertices the supernodes."""
     small, large = bar([1.0, 1.0, 1.0], [3, 3, 3]), bar([1.0, 1.0, 1.0], [7, 7, 7])
     assert small.n_vertices <= DENSE_UP_TO < large.n_vertices
     kinds = [kind_of(mesh) for mesh in (small, large)]
@@ -137,7 +137,7 @@ def test_small_systems_take_an_explicit_inverse() -> None:
 
 
 def test_a_body_held_everywhere_has_nothing_to_solve(end: End) -> None:
-    """Prescribe every vertex: an empty system is no error."""
+    """A system without unknowns, where every vertex is prescribed, is no error."""
     handle = Handle("all", np.arange(MESH.n_vertices, dtype=np.int32))
     unknowns = number_unknowns(MESH.vertices, MESH.cells, [handle])
     matrix = ConstantMatrix(stiffness(), MESH.vertices, unknowns)
@@ -145,14 +145,14 @@ def test_a_body_held_everywhere_has_nothing_to_solve(end: End) -> None:
 
 
 def kind_of(mesh: HexMesh) -> Factorisation:
-    """Return what solves a mesh held at its first vertex."""
+    """Return the kind of factor chosen for a mesh that is held at its first vertex."""
     unknowns = number_unknowns(mesh.vertices, mesh.cells, [Handle("one", np.zeros(1, np.int32))])
     matrix = assemble_centring(shape_operators(mesh.vertices, mesh.cells))
     return ConstantMatrix(matrix, mesh.vertices, unknowns).kind
 
 
 def gradient(unknowns: Unknowns) -> NDArray[np.float64]:
-    """Return a right-hand side for every row; rows of prescribed axes are zero."""
+    """Return a right-hand side for every row, zero in the rows of prescribed axes."""
     right = np.random.default_rng(0).normal(size=(unknowns.rows, 3))
     right[len(unknowns.free) :] *= unknowns.slides
     return right
@@ -161,7 +161,7 @@ def gradient(unknowns: Unknowns) -> NDArray[np.float64]:
 def solve(
     matrix: ConstantMatrix, right: NDArray[np.float64], unknowns: Unknowns, *, coupling: Coupling | None = None
 ) -> NDArray[np.float64]:
-    """Solve for all rows as the solvers do: in compiled code where that can."""
+    """Solve for all rows, in compiled code except with scipy."""
     out, count, coupling = np.zeros_like(right), len(unknowns.free), coupling or matrix.coupling
     if matrix.kind is not Factorisation.SCIPY:
         apply_inverse(right.ravel(), coupling, out.ravel(), None)

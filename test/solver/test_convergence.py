@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the error falls with the size of the elements, against closed forms: order two of displacements.
+"""Convergence with the element size against closed forms: displacements converge at second order.
 
 A hollow sphere of incompressible neo-Hookean rubber under inner pressure. With A, B the undeformed radii and a, b those
 under pressure, r^3 = R^3 + a^3 - A^3 everywhere, and a follows from the balance of forces (Green and Zerna 1954):
@@ -28,7 +28,7 @@ solver: {{tolerance: 1.0e-6}}
 
 
 def _exact(rest: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the displacements (n, 3) [m] of vertices about the centre."""
+    """Return the exact displacements (n, 3) [m] of undeformed points given relative to the centre."""
 
     def surplus(inner: float) -> float:
         outer = np.cbrt(OUTER**3 + inner**3 - INNER**3)
@@ -41,7 +41,7 @@ def _exact(rest: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _error(cells: list[int]) -> float:
-    """Return the root mean square error of the displacements over that of the displacements."""
+    """Return the root mean square error of the displacements divided by their root mean square."""
     text = SCENE.format(inner=INNER, outer=OUTER, young=YOUNG, cells=cells)
     simulation = Simulation(scene_from_text(text))
     result = simulation.step(Command(actuators={"air": PRESSURE}))
@@ -52,7 +52,7 @@ def _error(cells: list[int]) -> float:
 
 
 def test_displacements_converge_with_order_two() -> None:
-    """Halve the elements of a pressed sphere twice: each time the error falls to a quarter."""
+    """Each of two halvings of the elements of a pressed sphere reduces the displacement error to a quarter."""
     errors = [_error(cells) for cells in ([3, 2], [6, 4], [12, 8])]
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     np.testing.assert_allclose(rates, 2.0, atol=0.1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Held parts of a body: what the commands do not reach is not solved, and wakes when it is reached."""
+"""Frozen parts of a body: elements that the commands do not reach are not solved, until forces reach them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STEPS = 40
 
 
 def bend(simulation: Simulation, moved: list[int], first: int = 0, last: int = STEPS) -> list[int]:
-    """Bend bristles in small steps; return how many elements each step left alone."""
+    """Bend bristles in small steps; return the number of dormant elements in each step."""
     found = []
     for step in range(first + 1, last + 1):
         result = simulation.step(BRUSH.bent(moved, step / STEPS), dt=0.01)
@@ -33,20 +33,20 @@ def bend(simulation: Simulation, moved: list[int], first: int = 0, last: int = S
 
 
 def distance(one: Simulation, other: Simulation) -> float:
-    """Return the largest distance of two states over the body's size."""
+    """Return the largest distance between two states' vertices divided by the body's size."""
     return float(np.linalg.norm(one.positions - other.positions, axis=1).max() / one.mesh.size)
 
 
 @pytest.fixture(scope="module")
 def exact() -> Simulation:
-    """Bend one bristle with a tolerance a hundred times tighter, the whole body awake."""
+    """Return a simulation with a bent bristle, a tolerance a hundred times tighter, and no dormancy."""
     simulation = Simulation(BRUSH.scene(8, settings=dataclasses.replace(AWAKE, tolerance=1e-6)))
     bend(simulation, [0])
     return simulation
 
 
 def test_what_is_not_reached_is_left_alone(exact: Simulation) -> None:
-    """Move one of eight bristles: a third of the elements sleep, and nothing is lost."""
+    """With one of eight bristles moved, almost a third of the elements are dormant, and the accuracy stays."""
     sleeping, awake = Simulation(BRUSH.scene(8)), Simulation(BRUSH.scene(8, settings=AWAKE))
     skipped = bend(sleeping, [0])
     assert not any(bend(awake, [0]))
@@ -57,7 +57,7 @@ def test_what_is_not_reached_is_left_alone(exact: Simulation) -> None:
 
 
 def test_the_error_is_bounded_while_a_part_sleeps() -> None:
-    """Compare every third step with an equilibrium found from there: as near as for a body that never sleeps."""
+    """Every third step, the error with dormancy is at most two tolerances larger than without."""
     worst = []
     for settings in (SolverSettings(), AWAKE):
         simulation, errors = Simulation(BRUSH.scene(8, settings=settings)), []
@@ -71,7 +71,7 @@ def test_the_error_is_bounded_while_a_part_sleeps() -> None:
 
 
 def test_forces_at_the_border_wake_the_rest() -> None:
-    """Bend twice as far: the palm yields at last, one step solves the whole body, and the rest sleeps on."""
+    """Bent twice as far, the palm yields: a few single steps solve the whole body, between dormant ones."""
     skipped = bend(Simulation(BRUSH.scene(8)), [0], last=2 * STEPS)
     asleep = np.flatnonzero(skipped)
     assert asleep[0] < 8
@@ -80,7 +80,7 @@ def test_forces_at_the_border_wake_the_rest() -> None:
 
 
 def test_a_handle_wakes_what_it_moves() -> None:
-    """Move another bristle while it sleeps: that step solves the whole body, and its bristle bends."""
+    """Moving another bristle, which is dormant, solves the whole body in that step and bends that bristle."""
     sleeping, awake = Simulation(BRUSH.scene(8)), Simulation(BRUSH.scene(8, settings=AWAKE))
     for simulation in (sleeping, awake):
         last = bend(simulation, [0], last=12)[-1]
@@ -90,7 +90,7 @@ def test_a_handle_wakes_what_it_moves() -> None:
 
 
 def test_a_load_wakes_what_it_pulls() -> None:
-    """Pull at the palm beside a sleeping bristle: the step that does so solves the whole body."""
+    """A load on the palm beside a dormant bristle solves the whole body in that step."""
     plain = BRUSH.scene(8)
     point = embed(plain.mesh, [plain.mesh.bounds[1] * [0.1, 1.0, 1.0]], what="weight")
     load = PointLoad(name="weight", point=point, force=np.array([0.0, 0.0, 2.0]))
@@ -101,7 +101,7 @@ def test_a_load_wakes_what_it_pulls() -> None:
 
 
 def test_a_saved_state_sleeps_on() -> None:
-    """Save while a part sleeps, go on, load, go on again: equal to the last bit."""
+    """A state saved with a dormant part, once loaded, continues with the same bits."""
     simulation = Simulation(BRUSH.scene(8))
     assert bend(simulation, [0], last=12)[-1] > 0
     data = save_state(simulation)
@@ -113,7 +113,7 @@ def test_a_saved_state_sleeps_on() -> None:
 
 
 def test_reset_wakes_everything() -> None:
-    """Reset while a part sleeps: the next step solves the whole body, and repeats what it did at first."""
+    """After a reset the next step solves the whole body, and repeats the first step."""
     simulation = Simulation(BRUSH.scene(8))
     bend(simulation, [0], last=12)
     first = simulation.positions.copy()
@@ -123,7 +123,7 @@ def test_reset_wakes_everything() -> None:
 
 
 def test_linear_bodies_sleep_as_well() -> None:
-    """Do the same with a linear material, whose forces need no updates between descents."""
+    """A linear material, whose forces need no updates between descents, has dormant elements as well."""
     material = Linear(young=1e5, poisson=0.3)
     sleeping = Simulation(BRUSH.scene(8, material=material))
     awake = Simulation(BRUSH.scene(8, material=material, settings=AWAKE))
@@ -141,7 +141,7 @@ def test_small_bodies_stay_awake() -> None:
 
 
 def test_a_command_of_nothing_new_is_no_step() -> None:
-    """Repeat a command while a part sleeps: nothing is solved at all."""
+    """Repeating a command while a part is dormant solves nothing."""
     simulation = Simulation(BRUSH.scene(8))
     bend(simulation, [0], last=12)
     assert simulation.step(Command()).skipped == {"solve": 1}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Equilibrium of the energy policy: a minimum, whatever the start, the library and the materials."""
+"""Equilibrium of the energy policy: a minimum, independent of start, library and material."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ MESH = bar([0.3, 0.1, 0.1], [6, 2, 2])
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar held at x- and bent at x+ by a pose of the handle."""
+    """A bar clamped at x- and bent by a pose of the handle at x+."""
 
     body: Body
     base: NDArray[np.float64]
 
     def solve(self, *, library: Factorisation | None = None, start: NDArray[np.float64] | None = None, **options):
-        """Return the solver and what it finds from rest, or from ``start``."""
+        """Return the solver and its solution from the undeformed state, or from ``start``."""
         equilibrium = EquilibriumSolver(self.body, library=library)
         return equilibrium, solve(equilibrium, self.body.rest if start is None else start, self.base, **options)
 
 
 def solve(equilibrium: EquilibriumSolver, start: NDArray[np.float64], base: NDArray[np.float64], **options) -> Solution:
-    """Solve from ``start`` with the handles' vertices held at ``base``."""
+    """Solve from ``start`` [m] with the handles' vertices at ``base`` [m]."""
     state = equilibrium.at_rest().with_(positions=start, base=base)
     options = {"tolerance": 1e-6, "limit": 2000, **options}
     return equilibrium.solve(Increment.at(state, **options), state)
@@ -53,7 +53,10 @@ def solve(equilibrium: EquilibriumSolver, start: NDArray[np.float64], base: NDAr
 
 @pytest.fixture
 def bend(make_body: MakeBody, end: End) -> Callable[..., Bar]:
-    """Bend a bar of a material: its tip turns by ``angle`` about y and moves up; it slides along ``free``."""
+    """Return a function that bends a bar of a material.
+
+    The tip rotates by ``angle`` [rad] about y and moves up; it slides along the axes ``free``.
+    """
 
     def make(material: Material, *, angle: float = 0.7, mesh: HexMesh = MESH, free: tuple[Axis, ...] = ()) -> Bar:
         tip = Handle("tip", end(mesh, "x+"), free=free)
@@ -67,7 +70,7 @@ def bend(make_body: MakeBody, end: End) -> Callable[..., Bar]:
 
 
 def test_forces_of_free_vertices_vanish(bend: Callable[..., Bar], law: Material) -> None:
-    """Solve to 1e-7: what is left at the free vertices is nothing beside the reactions, for every law."""
+    """Solved to 1e-7, the forces at free vertices are negligible beside the reactions, for every law."""
     bar_ = bend(law)
     _, outcome = bar_.solve(tolerance=1e-7)
     assert outcome.converged, outcome.message
@@ -78,7 +81,7 @@ def test_forces_of_free_vertices_vanish(bend: Callable[..., Bar], law: Material)
 
 
 def test_reactions_balance(bend: Callable[..., Bar], law: Material) -> None:
-    """Add forces and moments of both handles: nothing is left (action and reaction)."""
+    """The forces and moments of both handles sum to zero."""
     bar_ = bend(law)
     _, outcome = bar_.solve(tolerance=1e-8)
     reactions = outcome.state.summary.reactions
@@ -94,7 +97,7 @@ def test_reactions_balance(bend: Callable[..., Bar], law: Material) -> None:
 @pytest.mark.parametrize("library", [Factorisation.DENSE, Factorisation.SUPERNODES])
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
 def test_energy_never_rises(bend: Callable[..., Bar], library: Factorisation, poisson: float) -> None:
-    """Stop after 0, 1, 2, ... iterations of a large bend: each iterate has no more energy than the one before."""
+    """After 0, 1, 2, ... iterations of a large bend, the energy falls or stays."""
     bar_ = bend(Linear(young=1e5, poisson=poisson), angle=1.5)
     energies = []
     for limit in range(1, 40):
@@ -107,7 +110,7 @@ def test_energy_never_rises(bend: Callable[..., Bar], library: Factorisation, po
 
 @pytest.mark.parametrize("poisson", [0.3, 0.499])
 def test_no_state_nearby_has_less_energy(bend: Callable[..., Bar], poisson: float) -> None:
-    """Move the free vertices a little in many directions: the energy rises every time."""
+    """Any small motion of the free vertices from the equilibrium increases the energy."""
     bar_ = bend(Linear(young=1e5, poisson=poisson))
     _, outcome = bar_.solve(tolerance=1e-9)
     least = strain_energies(bar_.body, outcome.positions).sum()
@@ -121,7 +124,7 @@ def test_no_state_nearby_has_less_energy(bend: Callable[..., Bar], poisson: floa
 
 @pytest.mark.parametrize("free", [(), (Axis.X,), (Axis.X, Axis.Y, Axis.Z)], ids=["held", "slides", "floats"])
 def test_every_library_finds_the_same_equilibrium(bend: Callable[..., Bar], free: tuple[Axis, ...]) -> None:
-    """Solve with the dense inverse, by supernodes and with scipy: the same positions."""
+    """The dense inverse, supernodes and scipy lead to the same positions."""
     bar_ = bend(NeoHookean(young=1e5, poisson=0.4), free=free)
     found = []
     for library in Factorisation:
@@ -134,7 +137,7 @@ def test_every_library_finds_the_same_equilibrium(bend: Callable[..., Bar], free
 
 
 def test_a_free_axis_is_unloaded(bend: Callable[..., Bar], law: Material) -> None:
-    """Let the tip slide along x: it finds a place without force there, and stays flat."""
+    """A tip that slides along x has no reaction along x and stays plane."""
     bar_ = bend(law, angle=0.0, free=(Axis.X,))
     _, outcome = bar_.solve(tolerance=1e-7)
     reaction = outcome.state.summary.reactions["tip"]
@@ -147,7 +150,7 @@ def test_a_free_axis_is_unloaded(bend: Callable[..., Bar], law: Material) -> Non
 
 
 def test_result_does_not_depend_on_the_start(bend: Callable[..., Bar], law: Material) -> None:
-    """Start from rest and from a crumpled state: the same equilibrium."""
+    """The undeformed state and a crumpled state lead to the same equilibrium."""
     bar_ = bend(law)
     _, first = bar_.solve(tolerance=1e-7)
     start = bar_.body.rest + np.random.default_rng(0).uniform(-0.01, 0.01, bar_.body.rest.shape)
@@ -158,7 +161,7 @@ def test_result_does_not_depend_on_the_start(bend: Callable[..., Bar], law: Mate
 
 
 def test_inverted_elements_recover(make_body: MakeBody, end: End, law: Material) -> None:
-    """Start with an inner vertex pulled through its neighbours: the body goes back to rest, nothing stays inverted."""
+    """A body with inner vertices pulled through their neighbours returns to its undeformed shape."""
     mesh = bar([0.3, 0.3, 0.3], [3, 3, 3])
     body = make_body(mesh, law, [Handle("base", end(mesh, "x-"), fixed=True), Handle("tip", end(mesh, "x+"))])
     start = mesh.vertices.copy()
@@ -174,7 +177,7 @@ def test_inverted_elements_recover(make_body: MakeBody, end: End, law: Material)
 def test_tolerance_bounds_the_distance_to_the_equilibrium(
     bend: Callable[..., Bar], tolerance: float, poisson: float
 ) -> None:
-    """Solve to a tolerance and far beyond: the distance and its estimate are of the tolerance's size."""
+    """The error estimate is at most the tolerance, the distance to the equilibrium less than three tolerances."""
     bar_ = bend(NeoHookean(young=1e5, poisson=poisson))
     _, exact = bar_.solve(tolerance=1e-9)
     _, outcome = bar_.solve(tolerance=tolerance)
@@ -186,7 +189,7 @@ def test_tolerance_bounds_the_distance_to_the_equilibrium(
 
 @pytest.mark.parametrize("kind", [Linear, NeoHookean])
 def test_nearly_incompressible_elements_keep_their_volume(bend: Callable[..., Bar], kind: type[Linear]) -> None:
-    """Bend a bar of nu 0.4999: every element keeps its volume to 2e-4, at no more than twice the cost of nu 0.45."""
+    """At nu 0.4999 each element keeps its volume to 2e-4, in less than twice the iterations of nu 0.45."""
     bar_ = bend(kind(young=1e5, poisson=0.4999))
     _, outcome = bar_.solve(tolerance=1e-5)
     assert outcome.converged
@@ -197,7 +200,7 @@ def test_nearly_incompressible_elements_keep_their_volume(bend: Callable[..., Ba
 
 @pytest.mark.parametrize("poisson", [0.3, 0.45, 0.46, 0.49, 0.499, 0.4999])
 def test_confined_tension_has_the_oedometric_modulus(make_body: MakeBody, end: End, poisson: float) -> None:
-    """Pull a layer one element thick between handles: no thinning, so K + 4/3 mu to the percent at any nu."""
+    """A layer one element thick, pulled between handles, has the oedometric modulus K + 4/3 mu within 1 % at any nu."""
     law = Linear(young=1e5, poisson=poisson)
     mesh = bar([0.01, 0.1, 0.1], [1, 3, 3])
     handles = [Handle("base", end(mesh, "x-"), fixed=True), Handle("tip", end(mesh, "x+"))]
@@ -212,7 +215,7 @@ def test_confined_tension_has_the_oedometric_modulus(make_body: MakeBody, end: E
 
 
 def test_stopping_early_is_said(bend: Callable[..., Bar]) -> None:
-    """Allow five iterations: not converged, with error estimate and reason, and finite positions."""
+    """A solve stopped after five iterations is not converged, gives the reason, and has finite positions."""
     _, outcome = bend(NeoHookean(young=1e5, poisson=0.3)).solve(limit=5)
     assert_unfinished(outcome, "stopped after 5 iterations")
     assert outcome.iterations == 5
@@ -220,7 +223,7 @@ def test_stopping_early_is_said(bend: Callable[..., Bar]) -> None:
 
 @pytest.mark.parametrize("library", [Factorisation.DENSE, Factorisation.SUPERNODES])
 def test_a_deadline_that_has_passed_returns_the_best_so_far(bend: Callable[..., Bar], library: Factorisation) -> None:
-    """Give no time at all: few iterations, finite positions, not converged and no claim of it."""
+    """With no time at all, a solve makes few iterations, is not converged, and has finite positions."""
     bar_ = bend(NeoHookean(young=1e5, poisson=0.3), angle=1.5)
     _, outcome = bar_.solve(library=library, deadline=Deadline(time.perf_counter()))
     assert_unfinished(outcome, "the deadline passed")
@@ -228,7 +231,7 @@ def test_a_deadline_that_has_passed_returns_the_best_so_far(bend: Callable[..., 
 
 
 def test_a_later_solve_goes_on_from_an_unfinished_one(bend: Callable[..., Bar]) -> None:
-    """Stop after ten iterations and go on: the same equilibrium as in one go."""
+    """A solve that continues after ten iterations ends at the same equilibrium as one solve."""
     bar_ = bend(NeoHookean(young=1e5, poisson=0.3))
     _, exact = bar_.solve(tolerance=1e-7)
     equilibrium, outcome = bar_.solve(limit=10, tolerance=1e-7)
@@ -239,7 +242,7 @@ def test_a_later_solve_goes_on_from_an_unfinished_one(bend: Callable[..., Bar]) 
 
 
 def test_a_body_held_everywhere_needs_no_iteration(make_body: MakeBody) -> None:
-    """Hold every vertex: the positions are the commanded ones and the solve has converged."""
+    """A body with every vertex held converges without an iteration at the commanded positions."""
     everything = Handle("all", np.arange(MESH.n_vertices, dtype=np.int32))
     body = make_body(MESH, None, [everything])
     base = MESH.vertices * (1.1, 1.0, 1.0)
@@ -249,7 +252,7 @@ def test_a_body_held_everywhere_needs_no_iteration(make_body: MakeBody) -> None:
 
 
 def test_reset_repeats_bit_by_bit(bend: Callable[..., Bar], law: Material) -> None:
-    """Solve, reset and solve again: nothing of the first solve is left."""
+    """A solve repeated from the undeformed state gives the same bits."""
     bar_ = bend(law)
     equilibrium, first = bar_.solve()
     equilibrium.accept(first, equilibrium.at_rest())
@@ -259,7 +262,7 @@ def test_reset_repeats_bit_by_bit(bend: Callable[..., Bar], law: Material) -> No
 
 
 def test_mirrored_scene_gives_the_mirrored_result(make_body: MakeBody, end: End, law: Material) -> None:
-    """Pull a bar straight: a symmetric scene stays symmetric in y and z."""
+    """A bar pulled straight stays symmetric in y and z."""
     body = make_body(MESH, law, [Handle("base", end(MESH, "x-"), fixed=True), Handle("tip", end(MESH, "x+"))])
     base = MESH.vertices.copy()
     base[end(MESH, "x+"), 0] += 0.03
@@ -274,7 +277,7 @@ def test_mirrored_scene_gives_the_mirrored_result(make_body: MakeBody, end: End,
 def test_bar_one_element_thick_bends_like_a_beam(
     make_body: MakeBody, end: End, poisson: float, cells: tuple[int, int, int]
 ) -> None:
-    """Turn the tip of a thin bar by a milliradian: the moment is E I angle / L within 1 %, plus what the clamps add."""
+    """The moment of a thin bar turned by a milliradian is E I angle / L within 1 %, plus the effect of the clamps."""
     mesh = bar([0.1, 0.01, 0.01], cells)
     tip = Handle("tip", end(mesh, "x+"), free=(Axis.X, Axis.Z))
     body = make_body(mesh, Linear(young=1e5, poisson=poisson), [Handle("base", end(mesh, "x-"), fixed=True), tip])
@@ -288,7 +291,7 @@ def test_bar_one_element_thick_bends_like_a_beam(
 
 
 def test_bar_one_element_thick_twists_like_saint_venants(make_body: MakeBody, end: End) -> None:
-    """Twist a square bar whose tip is free along x: the torque is G J angle / L within 1 %."""
+    """The torque of a square bar whose tip is free along x is G J angle / L within 1 %."""
     mesh = bar([0.1, 0.01, 0.01], [10, 1, 1])
     tip = Handle("tip", end(mesh, "x+"), free=(Axis.X,))
     body = make_body(mesh, Linear(young=1e5, poisson=0.3), [Handle("base", end(mesh, "x-"), fixed=True), tip])
@@ -301,7 +304,7 @@ def test_bar_one_element_thick_twists_like_saint_venants(make_body: MakeBody, en
 
 
 def assert_unfinished(outcome: Solution, reason: str) -> None:
-    """Check that an unfinished solve says so, claims no distance that it does not know, and is fit for use."""
+    """Check an unfinished solve: it gives the reason, an infinite error estimate, and finite positions."""
     assert not outcome.converged
     assert reason in outcome.message
     assert "not known" in outcome.message
@@ -311,7 +314,7 @@ def assert_unfinished(outcome: Solution, reason: str) -> None:
 
 @pytest.mark.parametrize("kind", [Linear, NeoHookean])
 def test_incompressible_is_the_limit(kind: type[Linear]) -> None:
-    """Bend a bar of nu 0.5: it keeps its volume, and energy and shape are the limit of those of nu below."""
+    """A bar of nu 0.5 keeps its volume, and its energy and shape are the limit of those for nu below."""
     near, limit = (
         Simulation(make_scene(BAR, kind(young=1e5, poisson=poisson), policy=Policy.ENERGY, tolerance=1e-7))
         for poisson in (0.49999, 0.5)

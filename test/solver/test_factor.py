@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors: one of each matrix in a process, for as long as some body has it, right in any number of threads."""
+"""Factors: each matrix is factored once per process while a body uses it, also with several threads."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ loads: {weight: {gravity: [0, 0, -9.81]}}
 
 
 def scene(**overrides: object) -> Scene:
-    """Return a bar that hangs; dots of keys are written as double underscores."""
+    """Return a bar that hangs under its weight; keyword arguments override scene keys, ``__`` stands for a dot."""
     return scene_from_text(SCENE, overrides={key.replace("__", "."): value for key, value in overrides.items()})
 
 
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> list[Factorisation]:
-    """Return what is factored from here on, as it happens."""
+    """Return a list that grows by the kind of each factor made from now on."""
     found, make = [], factor.Factor
 
     def watched(matrix: object, points: object, kind: Factorisation) -> factor.Factor:
@@ -45,7 +45,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[Factorisation]:
 
 
 def test_equal_bodies_share_a_factor(made: list[Factorisation]) -> None:
-    """Make three bodies, the third one as soft but of other cells: two factors, the first for two."""
+    """Two equal bodies share a factor; a body with other cells has its own."""
     first, second, third = Simulation(scene()), Simulation(scene()), Simulation(scene(mesh__bar__cells=[17, 4, 4]))
     assert made == [usual_kind(400)] * 2
     lifted = [simulation.step(Command(loads={"weight": 2.0})).positions for simulation in (first, second)]
@@ -54,7 +54,7 @@ def test_equal_bodies_share_a_factor(made: list[Factorisation]) -> None:
 
 
 def test_a_factor_goes_with_its_last_body(made: list[Factorisation]) -> None:
-    """Drop the only body that has a factor: the next one makes its own."""
+    """A factor is deleted with its last body, and the next equal body makes a new one."""
     simulation = Simulation(scene())
     del simulation
     gc.collect()
@@ -63,7 +63,7 @@ def test_a_factor_goes_with_its_last_body(made: list[Factorisation]) -> None:
 
 
 def test_bodies_in_threads_are_right() -> None:
-    """Load four equal bodies with four weights in four threads: each as it is alone, bit by bit."""
+    """Four equal bodies with different weights in four threads have the same bits as alone."""
     factors = [0.5, 1.0, 1.5, 2.0]
 
     def play(weight: float) -> np.ndarray:
@@ -80,7 +80,7 @@ def test_bodies_in_threads_are_right() -> None:
 
 @pytest.mark.parametrize("kind", Factorisation)
 def test_another_matrix_has_another_factor(kind: Factorisation) -> None:
-    """Change one entry in the last bit: its own factor; and each solves with its own matrix."""
+    """A matrix that differs in the last bit of one entry has its own factor; each factor solves its own matrix."""
     random = np.random.default_rng(0)
     root = random.standard_normal((30, 30))
     matrix, points = factor.sparse.csc_matrix(root @ root.T + np.eye(30)), random.standard_normal((30, 3))

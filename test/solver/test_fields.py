@@ -34,7 +34,7 @@ NO_SOFTENING = [
     Linear(young=1e5, poisson=0.49),
     Curve(data=CurveData.polynomial([1e5]), poisson=0.4),
 ]
-"""Laws of a constant tangent modulus: their hourglass stiffness does not depend on the strain."""
+"""Laws with a constant tangent modulus, so that their hourglass stiffness does not depend on the strain."""
 
 
 def vertex_forces(body: Body, x: NDArray[np.float64], pressure: float = 0.0) -> NDArray[np.float64]:
@@ -46,7 +46,7 @@ def vertex_forces(body: Body, x: NDArray[np.float64], pressure: float = 0.0) -> 
 
 
 def crumpled(mesh: HexMesh, amount: float, seed: int = 0) -> NDArray[np.float64]:
-    """Return positions under F plus a random motion of each vertex by up to ``amount`` edges."""
+    """Return positions deformed by F, plus a random displacement of each vertex by up to ``amount`` edges."""
     random = np.random.default_rng(seed)
     edge = mesh.size / np.sqrt(3.0) / np.cbrt(mesh.n_cells)
     return mesh.vertices @ GRADIENT.T + amount * edge * random.uniform(-1.0, 1.0, mesh.vertices.shape)
@@ -57,7 +57,7 @@ def crumpled(mesh: HexMesh, amount: float, seed: int = 0) -> NDArray[np.float64]
 def test_forces_are_the_derivative_of_the_energy(
     make_body: MakeBody, element: HexMesh, material: Material, amount: float
 ) -> None:
-    """Move each corner of a bent or tangled element to and fro: energies and forces agree, hourglassing included."""
+    """Corner forces of bent and tangled elements equal differences of the energy, hourglass energy included."""
     body, pressure = make_body(element, material), np.array([2e4])
     x, step = crumpled(element, amount), 1e-7
     forces, slopes = vertex_forces(body, x, pressure[0]), np.zeros((8, 3))
@@ -71,7 +71,7 @@ def test_forces_are_the_derivative_of_the_energy(
 
 @pytest.mark.parametrize("amount", [0.1, 2.0], ids=["bent", "tangled"])
 def test_forces_of_an_element_balance(make_body: MakeBody, element: HexMesh, law: Material, amount: float) -> None:
-    """Sum forces and moments of one element at any deformation: zero, as for every energy of relative positions."""
+    """The forces and moments of one element sum to zero at any deformation."""
     x = crumpled(element, amount)
     forces = vertex_forces(make_body(element, law), x, 1e4)
     scale = np.abs(forces).max()
@@ -80,7 +80,7 @@ def test_forces_of_an_element_balance(make_body: MakeBody, element: HexMesh, law
 
 
 def test_rigid_motion_costs_no_energy(make_body: MakeBody, distorted: HexMesh, law: Material) -> None:
-    """Turn and shift a distorted body: neither energy nor forces."""
+    """A rigid motion of a distorted body causes neither energy nor forces."""
     body = make_body(distorted, law)
     for vector in [(0.2, -0.4, 0.9), (np.pi, 0.0, 0.0), (0.0, 3.0, 1.0)]:
         x = distorted.vertices @ Rotation.from_rotvec(vector).as_matrix().T + np.array([3.0, -1.0, 2.0])
@@ -89,7 +89,7 @@ def test_rigid_motion_costs_no_energy(make_body: MakeBody, distorted: HexMesh, l
 
 
 def test_forces_turn_with_the_body(make_body: MakeBody, distorted: HexMesh, law: Material) -> None:
-    """Turn a crumpled body: the same energies, and forces that turn along."""
+    """A rotated crumpled body has the same energies and rotated forces."""
     body, x = make_body(distorted, law), crumpled(distorted, 0.2)
     turn = Rotation.from_rotvec([0.5, 2.0, -1.0]).as_matrix()
     here, there = vertex_forces(body, x), vertex_forces(body, np.ascontiguousarray(x @ turn.T))
@@ -99,7 +99,7 @@ def test_forces_turn_with_the_body(make_body: MakeBody, distorted: HexMesh, law:
 
 @pytest.mark.exact("renumbered vertices are shifted otherwise")
 def test_renumbering_vertices_permutes_the_forces(make_body: MakeBody, distorted: HexMesh, law: Material) -> None:
-    """Shuffle the vertices: each element's energy and each vertex's force stay."""
+    """Renumbering the vertices leaves each element's energy and each vertex's force unchanged."""
     order = np.random.default_rng(0).permutation(distorted.n_vertices)
     shuffled = HexMesh(distorted.vertices[order], np.argsort(order)[distorted.cells])
     x = crumpled(distorted, 0.2)
@@ -110,7 +110,7 @@ def test_renumbering_vertices_permutes_the_forces(make_body: MakeBody, distorted
 
 
 def test_an_element_does_not_notice_its_neighbours_material(make_body: MakeBody, distorted: HexMesh) -> None:
-    """Mix three laws and two shapes over a body: each element answers as in a body of its own material."""
+    """In a body of several laws and shapes, each element has the bits that it has in a body of its own law alone."""
     laws = [
         Linear(young=1e5, poisson=0.3),
         NeoHookean(young=2e5, poisson=0.495),
@@ -132,7 +132,7 @@ def test_an_element_does_not_notice_its_neighbours_material(make_body: MakeBody,
 
 
 def test_turning_the_numbering_of_a_cell_changes_nothing(make_body: MakeBody, element: HexMesh, law: Material) -> None:
-    """Start the corners of a cell elsewhere: the element does not know which axis is xi."""
+    """A cyclic renumbering of a cell's corners leaves its energy and forces unchanged."""
     x = crumpled(element, 0.3)
     here = make_body(element, law)
     energy, forces = strain_energies(here, x)[0], vertex_forces(here, x)
@@ -143,7 +143,7 @@ def test_turning_the_numbering_of_a_cell_changes_nothing(make_body: MakeBody, el
 
 
 def test_energy_scales_with_the_volume(make_body: MakeBody, distorted: HexMesh, law: Material) -> None:
-    """Make body and deformation 100 times smaller: energies by 1e-6, forces by 1e-4."""
+    """In a body 100 times smaller, energies scale by 1e-6 and forces by 1e-4."""
     small = HexMesh(0.01 * distorted.vertices, distorted.cells)
     x = crumpled(distorted, 0.2)
     here, there = make_body(distorted, law), make_body(small, law)
@@ -155,7 +155,7 @@ def test_energy_scales_with_the_volume(make_body: MakeBody, distorted: HexMesh, 
 def test_linear_field_costs_what_the_law_says_on_any_mesh(
     make_body: MakeBody, distorted: HexMesh, law: Material
 ) -> None:
-    """Deform a distorted body by one F: each element has the same energy density as a cube, hourglassing none."""
+    """A distorted body under a uniform F has the energy density of a cube, without hourglass energy."""
     cube = bar([1.0, 1.0, 1.0], [1, 1, 1])
     density = strain_energies(make_body(cube, law), cube.vertices @ GRADIENT.T)[0]
     fields = element_fields(make_body(distorted, law), distorted.vertices @ GRADIENT.T)
@@ -163,7 +163,7 @@ def test_linear_field_costs_what_the_law_says_on_any_mesh(
 
 
 def test_sign_patterns_equal_the_general_operators(make_body: MakeBody, law: Material) -> None:
-    """Compare a cube with one whose corner is off by 1e-7 edges: the fast and the general formula agree."""
+    """The fast formula for a cube agrees with the general one for a cube with a corner displaced by 1e-7 edges."""
     cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
     bumped = cube.vertices.copy()
     bumped[7, 0] += 1e-8
@@ -175,7 +175,7 @@ def test_sign_patterns_equal_the_general_operators(make_body: MakeBody, law: Mat
 
 
 def test_equivalent_strain_is_equation_five(make_body: MakeBody, distorted: HexMesh, law: Material) -> None:
-    """Compare eps_eq and J with singular values: nu is one half, but the linear law's own."""
+    """eps_eq (Eq. 5) and J equal those from singular values; nu is 1/2, except that the linear law uses its own nu."""
     fields = element_fields(make_body(distorted, law), distorted.vertices @ GRADIENT.T)
     l0, l1, l2 = np.linalg.svd(GRADIENT)[1]
     nu = law.poisson if type(law) is Linear else 0.5
@@ -189,7 +189,7 @@ def test_equivalent_strain_is_equation_five(make_body: MakeBody, distorted: HexM
     [pytest.param(1.0, marks=pytest.mark.exact("a strain of zero is the root of rounding")), 1.001, 1.3, 2.0, 3.5],
 )
 def test_moduli_are_those_of_the_uniaxial_curve(make_body: MakeBody, law: Material, stretch: float) -> None:
-    """Pull a cube: the tangent is the curve's slope there, the secant Phi'/eps_eq, both in Pa."""
+    """The tangent modulus is the slope of the uniaxial curve, the secant modulus Phi'/eps_eq, both in Pa."""
     cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
     if type(law) is Linear:
         lateral = stretch**-0.5  # eps_eq takes the law's own nu: see where the curve is read
@@ -210,7 +210,7 @@ def test_moduli_are_those_of_the_uniaxial_curve(make_body: MakeBody, law: Materi
 
 
 def test_shape_factor_is_the_secant_over_the_largest(make_body: MakeBody) -> None:
-    """Put a stiff cell beside a soft one: omega is 1 and the ratio of the secant moduli."""
+    """The shape factor omega is the secant modulus over the largest one in the body: 1 in the stiffest cell."""
     mesh = bar([0.2, 0.1, 0.1], [2, 1, 1])
     materials = [Linear(young=1e5, poisson=0.3), Linear(young=2.5e4, poisson=0.3)]
     body = make_body(mesh, materials, cell_material=np.array([0, 1], np.int32))
@@ -220,13 +220,13 @@ def test_shape_factor_is_the_secant_over_the_largest(make_body: MakeBody) -> Non
 
 
 def test_given_shape_factors_pass_through(make_body: MakeBody) -> None:
-    """Hand over the factors of the relative policy: they are published as they are."""
+    """Shape factors given by the relative policy are returned unchanged."""
     mesh = bar([0.2, 0.1, 0.1], [2, 1, 1])
     assert element_fields(make_body(mesh), mesh.vertices, np.array([0.9, 0.03])).omega.tolist() == [0.9, 0.03]
 
 
 def test_fields_are_plain_arrays_of_one_value_an_element(make_body: MakeBody, distorted: HexMesh) -> None:
-    """Check shapes, types and the current centroids."""
+    """The fields are arrays of one value per element with the right shapes and types, and the current centroids."""
     x = crumpled(distorted, 0.2)
     fields = element_fields(make_body(distorted), x)
     np.testing.assert_allclose(fields.centroids, x[distorted.cells].mean(axis=1))
@@ -237,14 +237,14 @@ def test_fields_are_plain_arrays_of_one_value_an_element(make_body: MakeBody, di
 
 
 def test_an_inverted_element_has_a_negative_volume_ratio(make_body: MakeBody, distorted: HexMesh) -> None:
-    """Turn the body inside out: J is -1 everywhere, undeformed 1."""
+    """A body turned inside out has J = -1 everywhere; undeformed it has J = 1."""
     body = make_body(distorted)
     np.testing.assert_allclose(element_fields(body, distorted.vertices).J, 1.0)
     np.testing.assert_allclose(element_fields(body, distorted.vertices * (-1.0, 1.0, 1.0)).J, -1.0)
 
 
 def test_pressures_carry_the_full_volume_energy(make_body: MakeBody, law: Material) -> None:
-    """Swell a cube by 3 %: forces with these pressures are the slope of the whole energy."""
+    """Forces with the updated pressures equal the derivative of the whole energy of a cube swollen by 3 %."""
     cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
     body, step = make_body(cube, law), 1e-6
     x = 1.01 * cube.vertices
@@ -256,7 +256,7 @@ def test_pressures_carry_the_full_volume_energy(make_body: MakeBody, law: Materi
 
 
 def test_full_volume_energy_of_nearly_incompressible_elements(make_body: MakeBody) -> None:
-    """Swell a cube of nu 0.499 by 1 %: its energy is K/2 (J-1)^2 in full, whatever the kernels split off."""
+    """A cube of nu 0.499 swollen by 1 % has the full volume energy K/2 (J-1)^2."""
     law = Linear(young=1e5, poisson=0.499)
     cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
     energy = strain_energies(make_body(cube, law), 1.01 * cube.vertices)[0]
@@ -267,7 +267,7 @@ def test_full_volume_energy_of_nearly_incompressible_elements(make_body: MakeBod
 def test_pressures_stay_finite_however_far_an_element_is_crushed(
     make_body: MakeBody, element: HexMesh, pressure: float
 ) -> None:
-    """Crush an element to a hundredth: its new pressure is that of the volume J* with U'(J*) = p, to rounding."""
+    """In an element crushed to a hundredth, the new pressure is that of the volume J* with U'(J*) = p, to rounding."""
     young, poisson = 1e5, 0.495
     body = make_body(element, NeoHookean(young=young, poisson=poisson))
     pressures, kappa = np.array([pressure]), body.table.parameters[0, PENALTY]
@@ -279,7 +279,7 @@ def test_pressures_stay_finite_however_far_an_element_is_crushed(
 
 
 def test_a_cut_cell_folds_where_its_material_does() -> None:
-    """Bend a cell that is filled in part by a trilinear field: det F of that at the corners of its box, no others'."""
+    """The least det F of a partly filled cell is taken at the corners of its filled box, not of the cell."""
     corners = 0.5 * CORNERS
     cells = np.arange(8, dtype=np.int32)[None]
     filling = Filling(np.array([0.15]), np.array([[-0.5, 0.1, 0.0]]), np.array([[0.5, 0.6, 1.0]]))
@@ -296,7 +296,7 @@ def test_a_cut_cell_folds_where_its_material_does() -> None:
 
 
 def least_of_box(positions: NDArray[np.float64], filling: Filling) -> float:
-    """Return the least det F over the corners of a unit cube's box, by differences of the trilinear field."""
+    """Return the least det F at the corners of a unit cube's filled box, by differences of the trilinear field."""
     found = []
     for place in filling.points(CORNERS)[0]:
         ends = [0.125 * np.prod(1.0 + (place + step) * CORNERS, axis=1) @ positions for step in 1e-6 * np.eye(3)]

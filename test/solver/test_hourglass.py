@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hourglass stiffness: no zero-energy modes, and bending and torsion of bars one element thick."""
+"""Hourglass stiffness: no zero-energy modes, and correct bending and torsion of bars one element thick."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gdfe_ros.solver.settings import Torsion
 
 MakeBody = Callable[..., Body]
 SAINT_VENANT = {1.0: 0.14057702, 2.0: 0.22868168, 4.0: 0.28081212}
-"""J / (b h^3) of a rectangle b x h by b/h (Timoshenko and Goodier)."""
+"""Dict from b/h to J / (b h^3) of a rectangle b x h (Timoshenko and Goodier)."""
 
 
 def stiffness(body: Body, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -36,7 +36,7 @@ def stiffness(body: Body, x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def test_only_rigid_motions_are_free(make_body: MakeBody, element: HexMesh, law: Material) -> None:
-    """Count eigenvalues of the undeformed cell: six vanish, eighteen are positive, none small enough to hourglass."""
+    """An undeformed cell has six zero eigenvalues and eighteen positive ones, none small enough to hourglass."""
     matrix = stiffness(make_body(element, law), element.vertices)
     np.testing.assert_allclose(matrix, matrix.T, atol=1e-6 * np.abs(matrix).max())
     values = np.linalg.eigvalsh(0.5 * (matrix + matrix.T)) / (law.young0 * np.cbrt(1e-3))
@@ -45,7 +45,7 @@ def test_only_rigid_motions_are_free(make_body: MakeBody, element: HexMesh, law:
 
 
 def test_every_hourglass_mode_costs_energy(make_body: MakeBody, element: HexMesh, law: Material) -> None:
-    """Move the corners along each of the twelve modes: energy, and the same for either sign."""
+    """Each of the twelve hourglass modes costs energy, and the same energy for either sign."""
     body = make_body(element, law)
     modes = body.shape.hourglass[0][:, np.argsort(body.cells[0])]
     for mode, axis in product(range(4), range(3)):
@@ -57,7 +57,7 @@ def test_every_hourglass_mode_costs_energy(make_body: MakeBody, element: HexMesh
 
 
 def test_linear_fields_do_not_hourglass(make_body: MakeBody, element: HexMesh, law: Material) -> None:
-    """Deform an element by F: its energy density is that of the cube, so that hourglassing adds nothing."""
+    """A uniform F gives an element the energy density of a cube, so that hourglass energy adds nothing."""
     gradient = np.array([[1.5, 0.4, -0.1], [0.2, 0.6, 0.3], [-0.2, 0.1, 1.2]])
     body, cube = make_body(element, law), bar([1.0, 1.0, 1.0], [1, 1, 1])
     density = strain_energies(body, element.vertices @ gradient.T)[0] / body.shape.volume[0]
@@ -71,7 +71,7 @@ def test_linear_fields_do_not_hourglass(make_body: MakeBody, element: HexMesh, l
 def test_pure_bending_one_element_thick(
     make_body: MakeBody, poisson: float, width: float, length: float, plane: str
 ) -> None:
-    """Bend a bar with cells length x width x height: E I kappa^2 L / 2 within 1 %, anticlastic curvature included."""
+    """A bar one cell thick, bent to curvature kappa with its anticlastic shape, has E I kappa^2 L / 2 within 1 %."""
     h, count, kappa = 0.01, 6, 1e-3
     mesh = bar([count * length * h, width * h, h], [count, 1, 1])
     x, y, z = mesh.vertices.T
@@ -85,7 +85,7 @@ def test_pure_bending_one_element_thick(
 
 
 def torsion_constant(make_body: MakeBody, cell: tuple[float, float, float], poisson: float) -> float:
-    """Return the torsion constant [m^4] of a bar one cell thick, its sections free to warp by w y z."""
+    """Return the torsion constant [m^4] of a bar one cell thick whose sections warp by the best multiple of y z."""
     count, rate = 4, 1e-3
     mesh = bar([count * cell[0], *cell[1:]], [count, 1, 1])
     body = make_body(mesh, Linear(young=1e5, poisson=poisson))
@@ -102,7 +102,7 @@ def torsion_constant(make_body: MakeBody, cell: tuple[float, float, float], pois
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
 @pytest.mark.parametrize("length", [0.5, 1.0, 4.0])
 def test_torsion_of_a_square_bar_one_element_thick(make_body: MakeBody, poisson: float, length: float) -> None:
-    """Twist a square bar, cells short to long: Saint-Venant's constant within 1 %."""
+    """A square bar one cell thick has Saint-Venant's torsion constant within 1 %, for short and long cells."""
     h = 0.01
     found = torsion_constant(make_body, (length * h, h, h), poisson)
     assert found / (SAINT_VENANT[1.0] * h**4) == pytest.approx(1.0, rel=0.01)
@@ -110,14 +110,14 @@ def test_torsion_of_a_square_bar_one_element_thick(make_body: MakeBody, poisson:
 
 @pytest.mark.parametrize("ratio", [2.0, 4.0])
 def test_torsion_of_a_flat_bar_one_element_thick(make_body: MakeBody, ratio: float) -> None:
-    """Twist a bar ratio x 1: Saint-Venant's constant within 10 %, though one element cannot warp as it does."""
+    """A flat bar (ratio x 1) of one cell has Saint-Venant's torsion constant within 10 %, with inexact warping."""
     h = 0.01
     found = torsion_constant(make_body, (h, ratio * h, h), 0.3)
     assert found / (SAINT_VENANT[ratio] * ratio * h**4) == pytest.approx(1.0, rel=0.10)
 
 
 def test_a_bar_two_cells_across_twists_as_saint_venants(make_body: MakeBody) -> None:
-    """Twist a bar of 2 x 2 cells, no vertex of which warps: 13.9 % too stiff by cells, exact by its section."""
+    """A bar of 2 x 2 cells without warping is 13.9 % too stiff by cells, and exact by sections."""
     h, rate, mesh = 0.01, 1e-3, bar([0.04, 0.01, 0.01], [8, 2, 2])
     x, y, z = mesh.vertices.T
     move = np.stack([0.0 * x, -rate * x * z, rate * x * y], axis=1)
@@ -128,7 +128,7 @@ def test_a_bar_two_cells_across_twists_as_saint_venants(make_body: MakeBody) -> 
 
 
 def test_what_is_one_cell_thick_keeps_its_bits(make_body: MakeBody, law: Material) -> None:
-    """Deform a shell at random: its forces by cells and by sections are the same."""
+    """The forces of a shell one cell thick are the same bits by cells and by sections."""
     mesh = bar([0.04, 0.03, 0.01], [4, 3, 1])
     x = mesh.vertices + np.random.default_rng(2).uniform(-1e-3, 1e-3, mesh.vertices.shape)
     cell, section = (corner_forces(make_body(mesh, law, torsion=kind), x, np.zeros(12))[0] for kind in Torsion)
@@ -136,7 +136,7 @@ def test_what_is_one_cell_thick_keeps_its_bits(make_body: MakeBody, law: Materia
 
 
 def test_what_is_round_keeps_its_bits(make_body: MakeBody) -> None:
-    """Deform a tube with caps at random: a round section twists without warping, and no coupling suits it."""
+    """The forces of a tube are the same bits by cells and by sections, as a round section twists without warping."""
     mesh = tube(0.01, 0.02, 0.04, [2, 16, 4], cap=0.01, cap_cells=2)
     x = mesh.vertices + np.random.default_rng(2).uniform(-1e-3, 1e-3, mesh.vertices.shape)
     none = np.zeros(mesh.n_cells)
@@ -145,7 +145,7 @@ def test_what_is_round_keeps_its_bits(make_body: MakeBody) -> None:
 
 
 def test_a_plate_of_two_layers_twists_as_kirchhoffs(make_body: MakeBody) -> None:
-    """Twist a thin plate by sections: D (1 - nu) w_xy^2 for its area, as by cells."""
+    """The twist energy of a thin plate of two layers is D (1 - nu) w_xy^2 times its area, by sections and by cells."""
     thick, rate, poisson, mesh = 0.01, 1e-3, 0.3, bar([0.2, 0.2, 0.01], [4, 4, 2])
     x, y, z = mesh.vertices.T
     move = rate * np.stack([-y * z, -x * z, x * y], axis=1)
@@ -156,7 +156,7 @@ def test_a_plate_of_two_layers_twists_as_kirchhoffs(make_body: MakeBody) -> None
 
 
 def test_sections_leave_no_motion_free(make_body: MakeBody, law: Material) -> None:
-    """Count eigenvalues of a cell inside of many, at the least scale of its own shear: six vanish, eighteen do not."""
+    """With sections, a cell inside a block has six zero eigenvalues, even at the least scale of its own shear."""
     mesh = bar([0.5, 0.5, 0.5], [5, 5, 5])
     body, inner = make_body(mesh, law, torsion=Torsion.SECTION), 62
     assert body.shape.across[inner] > len(OWN_SHEAR)
@@ -176,7 +176,7 @@ def test_sections_leave_no_motion_free(make_body: MakeBody, law: Material) -> No
 
 
 def test_forces_by_sections_are_the_gradient_of_the_energy(make_body: MakeBody) -> None:
-    """Deform a sheared block largely and compare forces with differences of the energy."""
+    """Forces by sections equal differences of the energy in a largely deformed sheared block."""
     mesh, random = bar([0.3, 0.3, 0.3], [3, 3, 3]), np.random.default_rng(7)
     sheared = mesh.vertices @ np.array([[1.0, 0.3, 0.1], [0.0, 1.2, 0.4], [0.0, 0.0, 0.7]])
     mesh = HexMesh(sheared, mesh.cells)
@@ -191,7 +191,7 @@ def test_forces_by_sections_are_the_gradient_of_the_energy(make_body: MakeBody) 
 
 @pytest.mark.parametrize("stretch", [0.3, 0.7, 1.5, 3.0])
 def test_no_mode_is_free_in_a_stretched_element(make_body: MakeBody, law: Material, stretch: float) -> None:
-    """Bend a stretched element along each mode: the energy rises above that of the stretch alone."""
+    """In a stretched element, bending along each hourglass mode increases the energy."""
     cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
     body = make_body(cube, law)
     base = cube.vertices @ np.diag([stretch, stretch**-0.5, stretch**-0.5])

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's scenes against mesh-converged references (test/data/reference) and exact series solutions.
 
-Error: mean over vertices of |x - x_ref| divided by the mean of |u_ref|.
+The error is the mean over vertices of |x - x_ref|, divided by the mean of |u_ref|.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ REFERENCES = Path(__file__).parents[1] / "data" / "reference"
 
 
 class Run(NamedTuple):
-    """A played scene."""
+    """A simulated scene with its results."""
 
     simulation: Simulation
     results: list[StepResult]
@@ -35,14 +35,14 @@ class Run(NamedTuple):
 
     @property
     def joint(self) -> float:
-        """Where the joint of a bar of two halves lies at the end, over the length."""
+        """Position of the joint of a bar of two halves at the end, divided by the bar's length."""
         x, rest = self.last.positions[:, 0], self.simulation.mesh.vertices[:, 0]
         return float(x[np.isclose(rest, 0.5 * rest.max())].mean() / x.max())
 
 
 @cache
 def play(name: str, policy: str, steps: int | None = None, tolerance: float | None = None) -> Run:
-    """Play a shipped scene to its end."""
+    """Simulate a shipped scene to the end of its program."""
     overrides = {"solver.policy": policy} | ({"solver.tolerance": tolerance} if tolerance else {})
     simulation = Simulation(load_scene(name, overrides=overrides))
     return Run(simulation, list(simulation.play(steps)))
@@ -65,7 +65,7 @@ def mean_error(run: Run, name: str) -> float:
 
 @pytest.mark.parametrize(("name", "allowed"), [("bend5", 0.003), ("twist90", 0.005), ("tensile", 0.01)])
 def test_energy_policy_meets_the_references(name: str, allowed: float) -> None:
-    """Play a scene of Secs. 5.1 to 5.3: converged, nothing inverted, mean nodal error within the bound."""
+    """Each scene of Secs. 5.1 to 5.3 converges without inverted elements, with a mean nodal error in its bound."""
     run = play(name, "energy")
     assert all(result.converged for result in run.results)
     assert run.last.min_det > 0.5
@@ -74,7 +74,7 @@ def test_energy_policy_meets_the_references(name: str, allowed: float) -> None:
 
 @pytest.mark.parametrize(("name", "component"), [("bend5", 2), ("twist90", 3), ("tensile", 0)])
 def test_reactions_meet_the_references(name: str, component: int) -> None:
-    """Compare the right face's force or moment in newtons and newton metres: within 5 %, and the energy too."""
+    """The right face's force or moment [N, N m], and the energy, are within 5 % of the reference."""
     expected = np.concatenate([reference(name)["reaction_force"], reference(name)["reaction_moment"]])
     last = play(name, "energy").last
     assert last.reactions["tip"][component] == pytest.approx(expected[component], rel=0.05)
@@ -83,13 +83,13 @@ def test_reactions_meet_the_references(name: str, component: int) -> None:
 
 @pytest.mark.parametrize("name", ["bend5", "twist90", "tensile"])
 def test_both_ends_feel_the_same_at_the_default_tolerance(name: str) -> None:
-    """Add the forces of the two handles: what is left over is within 5 % of the force."""
+    """At the default tolerance, the forces of the two handles sum to less than 5 % of the force."""
     base, tip = (play(name, "energy").last.reactions[end] for end in ("base", "tip"))
     assert np.linalg.norm(base[:3] + tip[:3]) < 0.05 * np.linalg.norm(tip[:3])
 
 
 def test_bend5_slides_as_far_as_the_reference() -> None:
-    """Look at the free axis of bend5's tip: -0.0490 m along x, unloaded."""
+    """The tip of bend5 moves by -0.0490 m along its free x axis, without a force along x."""
     run = play("bend5", "energy")
     assert run.simulation.handle_pose("tip").translation[0] == pytest.approx(-0.0490, abs=2e-4)
     assert abs(run.last.reactions["tip"][0]) < 0.01 * run.last.reactions["tip"][2]
@@ -97,7 +97,7 @@ def test_bend5_slides_as_far_as_the_reference() -> None:
 
 @pytest.mark.parametrize("name", ["bend5", "twist90", "tensile"])
 def test_energy_policy_does_not_depend_on_the_steps(name: str) -> None:
-    """Play in one step and in ten: the same equilibrium to a few millionths of the size."""
+    """One step and ten steps lead to the same equilibrium, to a few millionths of the size."""
     one, ten = play(name, "energy", 1, 1e-7), play(name, "energy", 10, 1e-7)
     assert one.last.converged
     assert ten.last.converged
@@ -107,14 +107,14 @@ def test_energy_policy_does_not_depend_on_the_steps(name: str) -> None:
 
 
 def test_relative_policy_bends_as_the_paper_claims() -> None:
-    """Play bend5 with the paper's method: converged, and within the 3 % that Sec. 5.1 reports."""
+    """With the paper's method, bend5 converges within the 3 % that Sec. 5.1 reports."""
     run = play("bend5", "relative")
     assert all(result.converged for result in run.results)
     assert mean_error(run, "bend5") <= 0.03
 
 
 def test_relative_policy_finds_the_joint_of_the_tensile_test() -> None:
-    """Play tensile_curve with the paper's method: the joint at 33.1 +- 0.7 % of the length (Sec. 5.3)."""
+    """With the paper's method, the joint of tensile_curve is at 33.1 +- 0.7 % of the length (Sec. 5.3)."""
     run = play("tensile_curve", "relative")
     assert all(result.converged for result in run.results)
     assert abs(run.joint - 0.331) <= 0.007
@@ -122,7 +122,7 @@ def test_relative_policy_finds_the_joint_of_the_tensile_test() -> None:
 
 @pytest.mark.parametrize(("name", "joint"), [("tensile", 0.3487), ("tensile_curve", 0.3302)])
 def test_series_solution_of_two_curves(name: str, joint: float) -> None:
-    """Put the two uniaxial curves in series: equal stress, strains adding up to 2, gives the joint in closed form."""
+    """Two uniaxial curves in series, with equal stress and strains that sum to 2, give the joint in closed form."""
     soft, hard = (load_scene(name).materials[material] for material in ("ninjaflex", "cheetah"))
 
     def imbalance(strain: float) -> float:
@@ -134,14 +134,14 @@ def test_series_solution_of_two_curves(name: str, joint: float) -> None:
 
 @pytest.mark.parametrize(("name", "joint"), [("tensile", 0.3487), ("tensile_curve", 0.3302)])
 def test_energy_policy_finds_the_joint_of_the_series_solution(name: str, joint: float) -> None:
-    """Play the tensile tests: the joint lies within 0.7 % of the length of the one-dimensional solution."""
+    """The joint of the tensile tests is within 0.7 % of the length from the one-dimensional solution."""
     run = play(name, "energy")
     assert run.last.converged, run.last.message
     assert abs(run.joint - joint) <= 0.007
 
 
 def test_measured_curves_have_one_equilibrium() -> None:
-    """Play tensile_curve in one step and in twenty: converged, and one energy, force and joint."""
+    """In one step and in twenty, tensile_curve converges to the same energy, force and joint."""
     one, many = play("tensile_curve", "energy", 1), play("tensile_curve", "energy", 20)
     assert one.last.converged, one.last.message
     assert many.last.converged, many.last.message
@@ -151,7 +151,7 @@ def test_measured_curves_have_one_equilibrium() -> None:
 
 
 def test_calibration_reproduces_its_given_factors() -> None:
-    """Play Sec. 4.2.1's bar: omega 0.9 and 0.03 as given, the soft half at least eight times as strained."""
+    """In the bar of Sec. 4.2.1, omega is 0.9 and 0.03 as given; the soft half strains at least eight times as much."""
     run = play("calibration", "relative")
     fields = run.simulation.fields()
     right = run.simulation.mesh.centroids[:, 0] > 0.1

@@ -32,7 +32,7 @@ FIELDS = {
 def solve(
     equilibrium: Equilibrium, start: NDArray[np.float64], base: NDArray[np.float64], *, tolerance: float
 ) -> Solution:
-    """Solve from ``start`` with the handles' vertices held at ``base``."""
+    """Solve from ``start`` [m] with the handles' vertices at ``base`` [m]."""
     state = equilibrium.at_rest().with_(positions=start, base=base)
     return equilibrium.solve(Increment.at(state, tolerance=tolerance, limit=2000), state)
 
@@ -46,7 +46,7 @@ def gradient(request: pytest.FixtureRequest) -> NDArray[np.float64]:
 def test_linear_field_is_exact(
     make_body: MakeBody, boundary: Boundary, distorted: HexMesh, law: Material, gradient: NDArray[np.float64]
 ) -> None:
-    """Prescribe x = F X + c on the surface of a distorted mesh: inner vertices follow, the strain is uniform."""
+    """With x = F X + c on the surface of a distorted mesh, inner vertices follow and the strain is uniform."""
     body = make_body(distorted, law, [boundary(distorted)])
     exact = distorted.vertices @ gradient.T + np.array([0.5, -0.2, 0.1])
     start = distorted.vertices.copy()
@@ -62,7 +62,7 @@ def test_linear_field_is_exact(
 def test_linear_field_is_exact_in_two_materials_of_equal_stiffness(
     make_body: MakeBody, boundary: Boundary, distorted: HexMesh
 ) -> None:
-    """Split the mesh between two names of one material: nothing changes."""
+    """Dividing the mesh between two names of one material changes nothing."""
     two = [Linear(young=1e5, poisson=0.3), Linear(young=1e5, poisson=0.3)]
     which = (np.arange(distorted.n_cells) % 2).astype(np.int32)
     body = make_body(distorted, two, [boundary(distorted)], which)
@@ -74,7 +74,7 @@ def test_linear_field_is_exact_in_two_materials_of_equal_stiffness(
 def test_rigid_motion_is_exact_for_the_relative_policy(
     make_body: MakeBody, boundary: Boundary, distorted: HexMesh, law: Material
 ) -> None:
-    """Turn the surface of a distorted mesh: the inside turns along and stays unstrained."""
+    """With the relative policy, a rotated surface of a distorted mesh rotates the inside, without strain."""
     body = make_body(distorted, law, [boundary(distorted)])
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     exact = distorted.vertices @ turn.T + np.array([0.5, -0.2, 0.1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a step starts: extrapolation of smooth motion, the harmonic predictor for the rest."""
+"""The start of a step: extrapolation of smooth motion, otherwise the harmonic predictor."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NO_COMMANDS = np.zeros(0)
 
 @pytest.fixture
 def body(make_body: Callable[..., Body], end: End) -> Body:
-    """Hold a bar at both ends."""
+    """Return a bar held at both ends."""
     return make_body(MESH, None, [Handle("base", end(MESH, "x-"), fixed=True), Handle("tip", end(MESH, "x+"))])
 
 
@@ -53,13 +53,13 @@ def rest(body: Body) -> State:
 
 @pytest.fixture
 def moved(rest: State, predictor: Predictor) -> State:
-    """Give the state after the tip was lifted."""
+    """Return the state after the tip was lifted."""
     return after(rest, predictor, bent(0.1), lifted(0.1), NO_COMMANDS)
 
 
 @pytest.fixture
 def movable(unknowns: Unknowns) -> Movable:
-    """Let every free vertex move."""
+    """Return the movable unknowns with every free vertex among them."""
     matrix = assemble_centring(shape_operators(MESH.vertices, MESH.cells))
     return Movable.all_of(unknowns, ConstantMatrix(matrix, REST, unknowns))
 
@@ -71,20 +71,20 @@ def after(
     base: NDArray[np.float64],
     change: NDArray[np.float64],
 ) -> State:
-    """Return the state after a step to ``positions`` with the handles at ``base`` and commands changed."""
+    """Return the state after a step to ``positions``, with the handles at ``base`` and a change of the commands."""
     found = state.with_(positions=positions, base=base)
     return found.with_(motion=predictor.motion(state, found, change))
 
 
 def lifted(amount: float, axis: int = 2) -> NDArray[np.float64]:
-    """Return the handles' positions with the tip moved along an axis."""
+    """Return the handles' positions after the tip has moved along an axis."""
     base = REST.copy()
     base[REST[:, 0] == 0.4, axis] += amount
     return base
 
 
 def bent(amount: float) -> NDArray[np.float64]:
-    """Return a state that fits ``lifted``, but is not the harmonic one."""
+    """Return positions that fit ``lifted`` at the handles, but not the harmonic interpolation."""
     x = REST.copy()
     x[:, 2] += amount * (x[:, 0] / 0.4) ** 3
     x[:, 1] += 0.3 * amount * x[:, 0] * (0.4 - x[:, 0])
@@ -94,7 +94,7 @@ def bent(amount: float) -> NDArray[np.float64]:
 def test_first_step_spreads_the_handles_motion(
     predictor: Predictor, movable: Movable, unknowns: Unknowns, rest: State
 ) -> None:
-    """Lift the tip from rest: every free vertex rises by something between the handles' motions."""
+    """From the undeformed state, a lifted tip lifts every free vertex by less than the tip."""
     found = predictor.predict(rest, lifted(0.1), NO_COMMANDS, movable)
     assert found.ratio == 0.0
     rise = (found.positions - REST)[unknowns.free, 2]
@@ -105,7 +105,7 @@ def test_first_step_spreads_the_handles_motion(
 def test_repeated_motion_is_extrapolated(
     predictor: Predictor, movable: Movable, unknowns: Unknowns, moved: State, ratio: float
 ) -> None:
-    """Go on in the same direction: the last change of the state is repeated in proportion."""
+    """For a motion in the same direction, the last change of the positions is extrapolated in proportion."""
     found = predictor.predict(moved, lifted(0.1 * (1.0 + ratio)), NO_COMMANDS, movable)
     assert found.ratio == pytest.approx(ratio)
     expected = bent(0.1) + ratio * (bent(0.1) - REST)
@@ -118,7 +118,7 @@ def test_repeated_motion_is_extrapolated(
 def test_other_motion_is_not_extrapolated(
     predictor: Predictor, movable: Movable, rest: State, moved: State, base: NDArray[np.float64]
 ) -> None:
-    """Turn back, turn aside or leap: the present state plus the harmonic spread of the motion."""
+    """For a reversed, sideways or much larger motion, the harmonic motion is added to the present positions."""
     found = predictor.predict(moved, base, NO_COMMANDS, movable)
     fresh = predictor.predict(rest.with_(base=lifted(0.1)), base, NO_COMMANDS, movable)
     assert found.ratio == 0.0
@@ -126,7 +126,7 @@ def test_other_motion_is_not_extrapolated(
 
 
 def test_nothing_moves_where_no_handle_moves(predictor: Predictor, movable: Movable, moved: State) -> None:
-    """Command the same poses again: the state stays, bit by bit."""
+    """Repeating the same poses leaves the state unchanged bit by bit."""
     found = predictor.predict(moved, lifted(0.1), NO_COMMANDS, movable)
     assert found.ratio == 0.0
     np.testing.assert_array_equal(found.positions, bent(0.1))
@@ -134,7 +134,7 @@ def test_nothing_moves_where_no_handle_moves(predictor: Predictor, movable: Mova
 
 @pytest.mark.exact("an exact ratio without a shift")
 def test_commands_count_like_handles(predictor: Predictor, movable: Movable, rest: State) -> None:
-    """Ramp a tension without moving a handle: extrapolated; reverse it: not."""
+    """A tension that increases steadily without a handle's motion is extrapolated, a reversed one is not."""
     pulled = after(rest, predictor, bent(0.1), REST, np.array([2.0]))
     on = predictor.predict(pulled, REST, np.array([2.0]), movable)
     assert on.ratio == pytest.approx(1.0)

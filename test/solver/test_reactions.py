@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reactions of handles: sums of corner forces and their moments."""
+"""Reactions of handles are sums of corner forces and of their moments."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def body(make_body: MakeBody, end: End) -> Body:
 
 
 def test_reaction_sums_the_corners_at_the_handle(body: Body) -> None:
-    """Put random forces on all corners: each handle gets those at its vertices, about its present centre."""
+    """A handle's reaction is the sum of the corner forces at its vertices, with moments about its present centre."""
     random = np.random.default_rng(0)
     force, x = random.normal(size=(12, 8, 3)), random.normal(size=body.rest.shape)
     reactions = handle_reactions(body, x, force)
@@ -38,13 +38,13 @@ def test_reaction_sums_the_corners_at_the_handle(body: Body) -> None:
 
 
 def test_every_handle_reports(body: Body) -> None:
-    """Ask without forces: a zero wrench of six numbers for each handle, fixed or not."""
+    """Without forces, each handle has a zero wrench of six numbers, fixed or not."""
     reactions = handle_reactions(body, body.rest, np.zeros((12, 8, 3)))
     assert {name: value.tolist() for name, value in reactions.items()} == {"base": [0.0] * 6, "tip": [0.0] * 6}
 
 
 def test_vertex_forces_of_all_vertices_are_the_assembly(body: Body) -> None:
-    """Ask for every vertex: what numpy adds up."""
+    """Vertex forces of all vertices equal the assembly by numpy."""
     force = np.random.default_rng(1).normal(size=(12, 8, 3))
     expected = np.zeros_like(body.rest)
     np.add.at(expected, body.cells.ravel(), force.reshape(-1, 3))
@@ -53,7 +53,7 @@ def test_vertex_forces_of_all_vertices_are_the_assembly(body: Body) -> None:
 
 
 def test_a_couple_has_no_force(body: Body) -> None:
-    """Push one corner of the handle up and the opposite one down: a moment of force times distance about x."""
+    """Opposite forces on two corners of a handle give no force, and a moment of force times distance about x."""
     tip = body.handles[1]
     force = np.zeros((12, 8, 3))
     y = body.rest[body.cells][..., 1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts from given positions, restarts from rest, hard lumps, precision and runaway."""
+"""Given start positions, restarts from the undeformed state, hard inclusions, limits of precision and divergence."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _simulation(policy: Policy = Policy.ENERGY, law: str = "linear", tolerance: 
 
 
 def test_a_sound_start_is_followed() -> None:
-    """Start near the equilibrium: it is found again without a restart."""
+    """A start near the equilibrium leads to it without a restart."""
     simulation = _simulation()
     expected = simulation.step(Command({"tip": POSE}))
     simulation.set_positions(expected.positions + np.random.default_rng(0).normal(0.0, 1e-4, BAR.vertices.shape))
@@ -40,7 +40,7 @@ def test_a_sound_start_is_followed() -> None:
 
 @pytest.mark.parametrize("policy", list(Policy))
 def test_a_start_without_gradients_is_made_again_from_rest(policy: Policy) -> None:
-    """Put every vertex into one point: the equilibrium is found, and the result says how."""
+    """A start with all vertices in one point restarts from the undeformed state, says so, and finds the equilibrium."""
     simulation = _simulation(policy)
     expected = simulation.step(Command({"tip": POSE}))
     simulation.set_positions(np.zeros_like(BAR.vertices))
@@ -52,7 +52,7 @@ def test_a_start_without_gradients_is_made_again_from_rest(policy: Policy) -> No
 
 
 def test_handles_stay_where_they_are_commanded() -> None:
-    """Give positions that move the handles, too: they are not moved."""
+    """Given positions that move the handles' vertices leave the handles at their commanded poses."""
     simulation = _simulation()
     held = simulation.scene.handles[0].vertices
     simulation.set_positions(BAR.vertices + 1.0)
@@ -60,7 +60,7 @@ def test_handles_stay_where_they_are_commanded() -> None:
 
 
 def test_unfit_positions_are_refused() -> None:
-    """Refuse another shape and values that are not finite; the state stays."""
+    """Positions of a wrong shape or with values that are not finite are refused, and the state stays."""
     simulation = _simulation()
     with pytest.raises(CommandError, match=r"shape \(80, 3\); allowed: \(81, 3\)"):
         simulation.set_positions(BAR.vertices[1:])
@@ -72,7 +72,7 @@ def test_unfit_positions_are_refused() -> None:
 
 
 def test_hard_lumps_turn() -> None:
-    """Let a layer a million times as hard turn in a bent bar: its energy to 1e-4 at the usual tolerance."""
+    """In a bent bar, a layer a million times as hard gives the energy to 1e-4 at the default tolerance."""
     materials = [Linear(young=1e4, poisson=0.3), Linear(young=1e10, poisson=0.3)]
     found = []
     for tolerance in (1e-4, 1e-8):
@@ -90,7 +90,7 @@ def test_hard_lumps_turn() -> None:
 
 
 def test_precision_has_an_end() -> None:
-    """Ask for more than double precision holds: reported soon, and the equilibrium is the right one all the same."""
+    """A tolerance below double precision ends soon with a message, at the right equilibrium."""
     expected = _simulation(law="neo-hookean", tolerance=1e-9).step(Command({"tip": POSE}))
     found = _simulation(law="neo-hookean", tolerance=1e-12).step(Command({"tip": POSE}))
     assert found.iterations < 1000
@@ -99,7 +99,7 @@ def test_precision_has_an_end() -> None:
 
 
 def test_a_law_without_lower_bound_is_reported() -> None:
-    """Pull an Ogden body whose energy falls without end: finite, reported, and usable afterwards."""
+    """An Ogden body whose energy has no lower bound ends finite and reported, and stays usable."""
     make, _, _ = UNSTABLE["steep negative exponent"]
     driver = Driver(make_scene(BAR, make(), policy=Policy.ENERGY))
     result = driver.step(Pose(translation=(0.4, 0.0, 0.0)))
@@ -112,7 +112,7 @@ def test_a_law_without_lower_bound_is_reported() -> None:
 
 
 def test_a_body_far_from_the_origin_is_as_accurate() -> None:
-    """Solve 1000 m away: the same displacements to 1e-9, and positions in world coordinates."""
+    """A body 1000 m from the origin has the same displacements to 1e-9, and positions in world coordinates."""
     near = _simulation(tolerance=1e-11)
     shifted = type(BAR)(BAR.vertices + 1e3, BAR.cells)
     far = Simulation(make_scene(shifted, LAWS["linear"], policy=Policy.ENERGY, tolerance=1e-11))
@@ -126,10 +126,10 @@ def test_a_body_far_from_the_origin_is_as_accurate() -> None:
 @pytest.mark.parametrize("cut_after", [150, pytest.param(None, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("tolerance", "off"), [(1e-3, 0.02), (1e-6, 2e-4), (1e-8, 2e-4)])
 def test_a_body_of_soft_hinges_comes_home(tolerance: float, off: float, cut_after: int | None) -> None:
-    """Pull a finger of soft webs towards both range ends and let go: one short step is not taken for the equilibrium.
+    """A finger with soft webs that is pulled far and released returns to its initial shape in one step.
 
-    The ends themselves are past what the solver finds in a thousand iterations; cut off, it is far away, too: by more
-    than twice of what may be left.
+    A single short step is not taken for the equilibrium. The far commands do not converge within a thousand iterations.
+    Cut off there, the finger is still away from its initial shape by more than twice the allowed distance ``off``.
     """
     scene = load_scene("tendon_finger")
     scene = replace(scene, solver=replace(scene.solver, tolerance=tolerance, max_iterations=20000))
@@ -144,7 +144,7 @@ def test_a_body_of_soft_hinges_comes_home(tolerance: float, off: float, cut_afte
 
 
 def test_a_step_past_absurdity_is_given_up_early() -> None:
-    """Weigh a beam down a million times: the step ends sound, says where it stopped, and the next one lets it rise."""
+    """A beam loaded with a million times its weight stops in a sound state, says so, and returns when unloaded."""
     scene = scene_from_text(scene_text(DRIVES["a million times its weight"], "linear", Policy.ENERGY))
     simulation = Simulation(scene)
     found = simulation.step(Command(loads={"a": 1e6}))
@@ -157,7 +157,10 @@ def test_a_step_past_absurdity_is_given_up_early() -> None:
 
 @pytest.mark.parametrize("seed", [4, 15, 43, 46])
 def test_a_finger_that_curls_far_in_one_step_converges_whatever_the_rounding(seed: int) -> None:
-    """Pull a finger from 3 to 6 N on vertices that are off by rounding: its cable points meet, the step is divided."""
+    """A finger pulled from 3 to 6 N in one step converges for any perturbation of its vertices by rounding.
+
+    Its cable points meet on the load path, and the step is divided.
+    """
     scene = load_scene("tendon_finger", overrides={"loads": None, "program": None})
     off = 1e-13 * scene.mesh.size * np.random.default_rng(seed).uniform(-1.0, 1.0, scene.mesh.vertices.shape)
     simulation = Simulation(replace(scene, mesh=replace(scene.mesh, vertices=scene.mesh.vertices + off)))

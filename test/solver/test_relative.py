@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Equilibrium of shapes: the paper's method (Eqs. 1-10, Algorithm 1)."""
+"""Equilibrium of the relative policy: the paper's method (Eqs. 1-10, Algorithm 1)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RIGHT_HALF = (MESH.centroids[:, 0] > 0.2).astype(np.int32)
 
 @pytest.fixture
 def series(make_body: MakeBody, end: End) -> Callable[..., tuple[Body, NDArray[np.float64]]]:
-    """Hold a bar of two materials in series and pull it by a fraction of its length."""
+    """Return a function that makes a bar of two materials in series, pulled by a fraction of its length."""
 
     def make(
         left: Material, right: Material, elongation: float = 0.2, free: tuple[Axis, ...] = ()
@@ -54,27 +54,27 @@ def solution(
     library: Factorisation | None = None,
     **options,
 ) -> Solution:
-    """Solve from rest or ``start`` with the handles' vertices held at ``base``."""
+    """Solve from the undeformed state or ``start`` [m], with the handles' vertices at ``base`` [m]."""
     equilibrium = RelativeEquilibrium(body, library=library)
     state = equilibrium.at_rest().with_(positions=body.rest if start is None else start, base=base)
     return equilibrium.solve(Increment.at(state, **{"tolerance": 1e-5, "limit": 2000, **options}), state)
 
 
 def solve(body: Body, base: NDArray[np.float64], **options) -> tuple[State, NDArray[np.float64]]:
-    """Solve from rest and return the state and the positions."""
+    """Solve from the undeformed state; return the state and the positions."""
     found = solution(body, base, **options)
     assert found.converged, found.message
     return found.state, found.positions
 
 
 def joint(x: NDArray[np.float64]) -> float:
-    """Return where the middle section lies, over the length."""
+    """Return the position of the middle section divided by the length."""
     return float(x[MESH.vertices[:, 0] == 0.2, 0].mean() / x[:, 0].max())
 
 
 @pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 def test_rest_is_an_equilibrium(make_body: MakeBody, end: End, law: Material) -> None:
-    """Command nothing: no iteration, nothing moves."""
+    """Without a command there is no iteration and no motion."""
     body = make_body(MESH, law, [Handle("base", end(MESH, "x-"), fixed=True)])
     outcome = solution(body, MESH.vertices, tolerance=1e-8, limit=10)
     assert (outcome.converged, outcome.iterations) == (True, 0)
@@ -82,7 +82,7 @@ def test_rest_is_an_equilibrium(make_body: MakeBody, end: End, law: Material) ->
 
 
 def test_equal_materials_have_equal_factors(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:
-    """Join a material to itself: one factor for all, and the joint stays in the middle."""
+    """Two halves of one material have one shape factor, and the joint stays in the middle."""
     soft = Linear(young=1e5, poisson=0.45)
     state, x = solve(*series(soft, soft))
     assert np.ptp(state.shapes.omega) == 0.0
@@ -90,7 +90,7 @@ def test_equal_materials_have_equal_factors(series: Callable[..., tuple[Body, ND
 
 
 def test_factors_follow_equations_seven_and_eight(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:
-    """Join linear materials of 4 : 1: omega is h / R_G(1) and h / R_G(4) with h = 4/5."""
+    """For linear materials of 4 : 1, omega is h / R_G(1) and h / R_G(4) with h = 4/5 (Eqs. 7 and 8)."""
     state, x = solve(*series(Linear(young=4e5, poisson=0.45), Linear(young=1e5, poisson=0.45)))
     expected = 0.8 / geometric_ratio(np.array([1.0, 4.0]))
     np.testing.assert_allclose(state.shapes.omega, expected[RIGHT_HALF], rtol=1e-12)
@@ -100,7 +100,7 @@ def test_factors_follow_equations_seven_and_eight(series: Callable[..., tuple[Bo
 def test_factors_lie_between_zero_and_one(
     series: Callable[..., tuple[Body, NDArray[np.float64]]], law: Material
 ) -> None:
-    """Join each law to a stiff linear one and pull: 0 < omega <= 1 everywhere."""
+    """For each law joined to a stiff linear one and pulled, 0 < omega <= 1 everywhere."""
     state, _ = solve(*series(Linear(young=1e7, poisson=0.45), law))
     assert (state.shapes.omega > 0.0).all()
     assert (state.shapes.omega <= 1.0).all()
@@ -109,7 +109,7 @@ def test_factors_lie_between_zero_and_one(
 def test_factors_stay_sound_where_a_measured_curve_dips(
     series: Callable[..., tuple[Body, NDArray[np.float64]]],
 ) -> None:
-    """Pull a material whose stress falls for a while: its tangent is negative there, the factors must not be."""
+    """Where a measured stress curve falls, its tangent is negative, but 0 < omega <= 1 still holds."""
     dip = Curve(data=CurveData.table([0.1, 0.2, 0.4, 1.0], [1e4, 2.2e4, 1.8e4, 6e4]), poisson=0.45)
     body, base = series(Linear(young=1e6, poisson=0.45), dip, elongation=0.15)
     outcome = solution(body, base, tolerance=1e-4, limit=300)
@@ -120,7 +120,7 @@ def test_factors_stay_sound_where_a_measured_curve_dips(
 
 
 def test_a_given_factor_replaces_the_calibration(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:
-    """State omega 0.9 and 0.03 (Sec. 4.2.1): these are used, and the soft half stretches more."""
+    """Given factors of 0.9 and 0.03 (Sec. 4.2.1) replace the calibration, and the soft half stretches more."""
     left, right = Linear(young=1e5, poisson=0.45, omega=0.9), Linear(young=1e5, poisson=0.45, omega=0.03)
     body, base = series(left, right, elongation=1.0)
     state, x = solve(body, base)
@@ -130,7 +130,7 @@ def test_a_given_factor_replaces_the_calibration(series: Callable[..., tuple[Bod
 
 
 def test_stiffness_is_relative(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:
-    """Multiply every modulus by 1000: the shape stays, the energy reported for it is 1000 times as large."""
+    """With every modulus multiplied by 1000, the shape stays and the energy is 1000 times as large."""
     bodies = [series(Linear(young=4 * e, poisson=0.45), Linear(young=e, poisson=0.45)) for e in (1e5, 1e8)]
     (soft, x), (hard, y) = ((body, solve(body, base)[1]) for body, base in bodies)
     np.testing.assert_allclose(y, x, atol=1e-12)
@@ -138,7 +138,7 @@ def test_stiffness_is_relative(series: Callable[..., tuple[Body, NDArray[np.floa
 
 
 def test_state_is_the_energy_formula_at_the_shape(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:
-    """Compare the energy reported with that of the energy policy's formulas."""
+    """The reported energy equals that of the energy policy's formulas at the same shape."""
     body, base = series(Linear(young=4e5, poisson=0.45), Linear(young=1e5, poisson=0.49))
     state, x = solve(body, base)
     assert state.summary.energy == pytest.approx(strain_energies(body, x).sum(), rel=1e-12)
@@ -149,7 +149,7 @@ def test_state_is_the_energy_formula_at_the_shape(series: Callable[..., tuple[Bo
 def test_rigid_motion_of_all_handles_moves_the_body_rigidly(
     series: Callable[..., tuple[Body, NDArray[np.float64]]], angle: float
 ) -> None:
-    """Turn both handles about one axis: the body turns along, without strain."""
+    """Both handles turned about one axis turn the body without strain."""
     body, _ = series(Linear(young=4e5, poisson=0.45), Linear(young=1e5, poisson=0.45))
     exact = Rotation.from_rotvec([0.0, angle, 0.3]).apply(MESH.vertices) + np.array([0.1, 0.2, 0.3])
     start = exact + 0.01 * np.random.default_rng(0).normal(size=exact.shape)
@@ -159,7 +159,7 @@ def test_rigid_motion_of_all_handles_moves_the_body_rigidly(
 
 
 def test_captured_shapes_carry_a_motion_on(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:
-    """Accept a step and pull on: the second step starts from the captured shapes (Eq. 9), not from rest alone."""
+    """A second step starts from the captured shapes (Eq. 9), so that its result differs slightly from one step."""
     body, base = series(Linear(young=4e5, poisson=0.45), Linear(young=1e5, poisson=0.45), elongation=0.4)
     half = 0.5 * (base + body.rest)
     middle, _ = solve(body, half)
@@ -173,7 +173,7 @@ def test_captured_shapes_carry_a_motion_on(series: Callable[..., tuple[Body, NDA
 
 
 def test_a_failed_solve_captures_nothing(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:
-    """Stop a solve early without accepting it: the next one is as if it had not been."""
+    """A solve that is stopped early and not accepted leaves the next solve unchanged."""
     body, base = series(Linear(young=4e5, poisson=0.45), Linear(young=1e5, poisson=0.45))
     equilibrium = RelativeEquilibrium(body)
     state = equilibrium.at_rest().with_(base=base)
@@ -185,7 +185,7 @@ def test_a_failed_solve_captures_nothing(series: Callable[..., tuple[Body, NDArr
 
 
 def test_a_free_axis_finds_its_place(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:
-    """Let the tip slide along x from a stretched start: it goes back to the rest length."""
+    """A tip that slides along x returns from a stretched start to the undeformed length."""
     soft = Linear(young=1e5, poisson=0.45)
     body, base = series(soft, soft, elongation=0.0, free=(Axis.X,))
     start = body.rest * (1.3, 1.0, 1.0)
@@ -198,14 +198,14 @@ def test_a_free_axis_finds_its_place(series: Callable[..., tuple[Body, NDArray[n
 def test_every_library_finds_the_same_shapes(
     series: Callable[..., tuple[Body, NDArray[np.float64]]], library: Factorisation
 ) -> None:
-    """Solve with each library: the same positions."""
+    """Every library leads to the same positions."""
     body, base = series(Linear(young=4e5, poisson=0.45), Linear(young=1e5, poisson=0.45))
     outcome = solution(body, base, library=library, tolerance=1e-8)
     np.testing.assert_allclose(outcome.positions, solve(body, base, tolerance=1e-8)[1], atol=1e-8)
 
 
 def test_a_deadline_returns_the_best_so_far(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:
-    """Give no time: finite positions, not converged, and the reason."""
+    """Without any time, positions are finite, the solve is not converged, and the message says why."""
     body, base = series(Linear(young=4e5, poisson=0.45), Linear(young=1e5, poisson=0.45))
     outcome = solution(body, base, limit=100, deadline=Deadline(time.perf_counter()))
     assert not outcome.converged

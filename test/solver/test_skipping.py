@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work that a scene does not need is left out, counted by name, and can be switched on again to no effect."""
+"""Work that a scene does not need is skipped, counted by name, and gives the same result when it is done."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
 
 MESH = bar([0.3, 0.1, 0.1], [9, 3, 3])
-"""81 elements, of which the last two layers, 18, lie inside the tip's handle."""
+"""A mesh of 81 elements; its last two layers, 18 elements, lie inside the tip's handle."""
 HYPERELASTIC = NeoHookean(young=1e5, poisson=0.495)
 
 
 def without(*skips: Skip) -> SolverSettings:
-    """Return settings that do some work in spite of nobody needing it."""
+    """Return settings without the given skips, so that this work is always done."""
     return SolverSettings(skip=tuple(set(Skip) - set(skips)))
 
 
@@ -42,7 +42,7 @@ def scene(material: Material, settings: SolverSettings) -> Scene:
 
 
 def lifted(material: Material, settings: SolverSettings) -> tuple[Simulation, StepResult]:
-    """Lift and turn the handle in two steps; return the last."""
+    """Lift and turn the handle in two steps; return the simulation and the last result."""
     simulation = Simulation(scene(material, settings))
     simulation.step(Command(handles={"tip": Pose(translation=(0.0, 0.0, 0.02))}))
     result = simulation.step(Command(handles={"tip": Pose(translation=(0.0, 0.0, 0.04), rotation=(0.0, -0.3, 0.0))}))
@@ -51,7 +51,7 @@ def lifted(material: Material, settings: SolverSettings) -> tuple[Simulation, St
 
 
 def test_elements_inside_a_handle_are_left_out() -> None:
-    """Eighteen elements are moved rigidly: they are not evaluated, and nothing that anybody sees changes."""
+    """Eighteen elements that a handle moves rigidly are not evaluated, and results stay the same."""
     simulation, result = lifted(HYPERELASTIC, SolverSettings())
     busy, full = lifted(HYPERELASTIC, without(Skip.HANDLES))
     assert result.skipped["elements inside handles"] == 18
@@ -63,7 +63,7 @@ def test_elements_inside_a_handle_are_left_out() -> None:
 
 
 def test_two_handles_in_one_element_are_not_one() -> None:
-    """Split the handle into two handles: the elements between them deform, so that they stay in."""
+    """The elements between two handles deform and are evaluated."""
     plain = scene(HYPERELASTIC, SolverSettings())
     x, tip = MESH.vertices[:, 0], plain.handles[1].vertices
     end = x[tip] > 0.3 - 1e-9
@@ -82,7 +82,7 @@ def test_two_handles_in_one_element_are_not_one() -> None:
     ],
 )
 def test_updates_that_change_nothing_are_left_out(skip: Skip, material: Material, count: int) -> None:
-    """A linear law has no shape factor to update, a moderate nu no pressure: equal to the last bit with and without."""
+    """A linear law skips shape factor updates, a moderate nu pressure updates; positions stay within a tolerance."""
     _, result = lifted(material, SolverSettings())
     _, full = lifted(material, without(skip))
     assert result.skipped[skip.value] == count
@@ -91,20 +91,20 @@ def test_updates_that_change_nothing_are_left_out(skip: Skip, material: Material
 
 
 def test_updates_that_matter_are_made() -> None:
-    """A hyperelastic law with nu near a half has both updates for every element."""
+    """A hyperelastic law with nu near 1/2 has both updates for every element."""
     _, result = lifted(HYPERELASTIC, SolverSettings())
     assert not {"shape factor updates", "pressure updates"} & set(result.skipped)
 
 
 def test_eigenvalues_are_for_principal_stretches_only() -> None:
-    """Only Ogden's law needs them; every other element is counted as spared."""
+    """Eigenvalues are computed for Ogden's law only; every other element is counted as skipped."""
     assert lifted(HYPERELASTIC, SolverSettings())[1].skipped["eigenvalues"] == 63
     ogden = preset("ninjaflex", law=Law.OGDEN, poisson=0.45)
     assert "eigenvalues" not in lifted(ogden, SolverSettings())[1].skipped
 
 
 def test_actuators_are_for_bodies_that_have_some() -> None:
-    """A bar without any has no such code in its steps; a finger with tendons has."""
+    """The code of actuators is skipped for a bar without any, and runs for a finger with tendons."""
     assert lifted(HYPERELASTIC, SolverSettings())[1].skipped["actuators"] == 1
     finger = Simulation(load_scene("tendon_finger"))
     assert "actuators" not in finger.step(Command(actuators={"flexor": 0.5})).skipped
@@ -112,9 +112,9 @@ def test_actuators_are_for_bodies_that_have_some() -> None:
 
 @pytest.mark.parametrize("policy", list(Policy))
 def test_nothing_new_is_not_solved(policy: Policy) -> None:
-    """Repeat a command: no iteration; with the skip switched off it is solved, which moves nothing.
+    """A repeated command is skipped without an iteration; with that skip switched off, its solve hardly moves the body.
 
-    Not so under ``relative``: each solve captures new shapes, so that its result depends on their number.
+    With the policy ``relative`` it moves, since each solve captures new shapes.
     """
     material = Linear(young=1e5, poisson=0.3)
     for skip in (True, False):
@@ -130,6 +130,6 @@ def test_nothing_new_is_not_solved(policy: Policy) -> None:
 
 
 def test_an_unknown_skip_is_refused() -> None:
-    """Name work that nobody knows: the settings say so."""
+    """An unknown name in ``skip`` is refused."""
     with pytest.raises(ValueError, match="tea"):
         SolverSettings(skip=("tea",))

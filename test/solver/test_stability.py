@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Equilibria that are saddles of the energy are left, in one step and in small ones; sound ones keep their bits."""
+"""Equilibria that are saddles of the energy are left, in large and small steps; stable ones keep their bits."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _shortened(share: float, aside: float = 0.0) -> Command:
 
 @pytest.mark.parametrize("share", [0.02, 0.04, 0.1])
 def test_a_column_that_is_shortened_in_one_step_bends(share: float) -> None:
-    """Press a straight column past its buckling load: the energy is that of one that was pushed aside, twice alike."""
+    """A straight column pressed past its buckling load in one step has the energy of one pushed aside, reproducibly."""
     aside = Simulation(scene_from_text(COLUMN))
     aside.step(_shortened(share, 0.02))
     bent = aside.step(_shortened(share))
@@ -50,7 +50,7 @@ def test_a_column_that_is_shortened_in_one_step_bends(share: float) -> None:
 
 
 def test_a_column_that_is_shortened_in_small_steps_bends() -> None:
-    """Press in steps of a thousandth, each smooth: it bends soon after the buckling load."""
+    """A column pressed in smooth steps of a thousandth bends soon after the buckling load."""
     small, large = Simulation(scene_from_text(COLUMN)), Simulation(scene_from_text(COLUMN))
     for share in np.linspace(0.0, 0.02, 21)[1:]:
         result = small.step(_shortened(share))
@@ -59,7 +59,7 @@ def test_a_column_that_is_shortened_in_small_steps_bends() -> None:
 
 
 def test_steps_that_are_each_far_do_not_hide_a_saddle() -> None:
-    """Press by 0.7 %, where a column stands, and on in the same steps to 1.9 %: it bends."""
+    """A column stands straight at a shortening of 0.7 %, and bends in one more step to 1.9 %."""
     simulation = Simulation(scene_from_text(COLUMN))
     stands, bends = [simulation.step(_shortened(share)) for share in (0.007, 0.019)]
     sideways = [np.abs(result.positions - simulation.mesh.vertices)[:, 1:].max() for result in (stands, bends)]
@@ -70,7 +70,7 @@ def test_steps_that_are_each_far_do_not_hide_a_saddle() -> None:
 
 @pytest.mark.parametrize(("height", "stands"), [(0.07, True), (0.12, False)])
 def test_a_column_stands_under_its_weight_up_to_the_critical_height(height: float, *, stands: bool) -> None:
-    """Weigh a column down whose critical height is 8.7 cm (Greenhill): a lower one stands, a higher one does not."""
+    """A column lower than Greenhill's critical height of 8.7 cm stands under its weight, a higher one does not."""
     simulation = Simulation(scene_from_text(STANDING.replace("HEIGHT", str(height))))
     result = simulation.step()
     sideways = np.abs(result.positions - simulation.mesh.vertices)[:, :2].max()
@@ -79,7 +79,7 @@ def test_a_column_stands_under_its_weight_up_to_the_critical_height(height: floa
 
 
 def test_a_saddle_that_is_not_left_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Find no descent from a saddle: the result says that it is unstable, and what to do."""
+    """A saddle without a found descent is reported as unstable, with a remedy."""
     monkeypatch.setattr(Stability, "leave", lambda self, task, direction: None)
     result = Simulation(scene_from_text(COLUMN)).step(_shortened(0.04))
     assert result.stable is False
@@ -88,7 +88,7 @@ def test_a_saddle_that_is_not_left_is_told(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_an_even_stretch_that_is_a_saddle_is_left_for_less_energy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pull a material that yields to its end at once: it ends sound, below the energy of the shape not looked at."""
+    """A bar that yields, pulled in one step, ends below the energy of the uniform stretch, which is a saddle."""
     found = list(Simulation(load_scene("tensile_curve")).play(1))[-1]
     monkeypatch.setattr(Stability, "look", lambda *_: Lowest(1.0, np.zeros(0), known=True, products=0))
     even = list(Simulation(load_scene("tensile_curve")).play(1))[-1]
@@ -98,7 +98,7 @@ def test_an_even_stretch_that_is_a_saddle_is_left_for_less_energy(monkeypatch: p
 
 
 def test_looking_changes_no_bit_of_what_is_stable(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bend a bar in steps that are cold, warm, and back again, with and without a look: the same to the last bit."""
+    """The check for saddles changes no bit of a bar's stable states, in small, large and reversed steps."""
 
     def run(look: bool) -> list[bytes]:
         simulation = Simulation(scene_from_text(COLUMN))
@@ -113,6 +113,6 @@ def test_looking_changes_no_bit_of_what_is_stable(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_policy_without_energy_does_not_say() -> None:
-    """Solve with captured shapes, which have no energy: nobody looks."""
+    """The policy ``relative``, which has no energy, reports no stability."""
     text = f"{COLUMN}solver: {{policy: {Policy.RELATIVE.value}}}\n"
     assert Simulation(scene_from_text(text)).step(_shortened(0.001)).stable is None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The factor of the constant matrix by supernodes: exact, whatever the body's shape and however it is kept."""
+"""The supernodal factor of the constant matrix: exact for any shape, in single and double precision."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MESHES = {
 
 
 def stiffness(mesh: HexMesh, *, contrast: float = 1.0) -> sparse.csc_matrix:
-    """Return the matrix of a mesh held by springs at all vertices, half of its cells stiffer by ``contrast``."""
+    """Return the matrix of a mesh with springs at all vertices; half of its cells are stiffer by ``contrast``."""
     count = len(mesh.cells)
     weight = np.where(np.arange(count) < count // 2, contrast, 1.0)
     matrix = assemble(shape_operators(mesh.vertices, mesh.cells), weight, 0.1 * weight)
@@ -38,12 +38,12 @@ def stiffness(mesh: HexMesh, *, contrast: float = 1.0) -> sparse.csc_matrix:
 
 
 def right_of(mesh: HexMesh) -> NDArray[np.float64]:
-    """Return three right-hand sides."""
+    """Return three right-hand sides for a mesh."""
     return np.random.default_rng(3).normal(size=(mesh.n_vertices, 3))
 
 
 def solved(factor: Factor, right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the solution."""
+    """Return the solution by a factor."""
     out = np.empty_like(right)
     factor.solve(right, out, exact=True)
     return out
@@ -52,7 +52,7 @@ def solved(factor: Factor, right: NDArray[np.float64]) -> NDArray[np.float64]:
 @pytest.mark.parametrize("coarse_from", [1, 10**9], ids=["single", "double"])
 @pytest.mark.parametrize("name", MESHES)
 def test_it_solves(name: str, coarse_from: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Solve with a thousandfold contrast, the factor kept in either precision: SuperLU's solution to 1e-9."""
+    """With a thousandfold contrast and the factor in either precision, the solution is SuperLU's to 1e-9."""
     monkeypatch.setattr(supernodes, "COARSE_FROM", coarse_from)
     mesh = MESHES[name]
     matrix, right = stiffness(mesh, contrast=1e3), right_of(mesh)
@@ -64,7 +64,7 @@ def test_it_solves(name: str, coarse_from: int, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_single_precision_is_left_where_it_is_too_coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Hold a long bar at nearly nothing: its softest motions would be lost, and the factor is kept in double."""
+    """A long bar that is held very weakly keeps its factor in double precision, which its softest motions need."""
     monkeypatch.setattr(supernodes, "COARSE_FROM", 1)
     mesh = MESHES["row"]
     held = sparse.diags_array(np.where(mesh.vertices[:, 0] < 1e-9, 1e-12, 0.0))
@@ -77,7 +77,7 @@ def test_single_precision_is_left_where_it_is_too_coarse(monkeypatch: pytest.Mon
 
 
 def test_pieces_that_nothing_joins_are_solved_each() -> None:
-    """Solve for two bars side by side, and for one with a vertex of its own: as each alone."""
+    """Disconnected bodies, and a vertex of its own, are solved as each alone."""
     mesh = MESHES["bar"]
     one = stiffness(mesh)
     both = sparse.block_diag([one, one, [[2.0]]]).tocsc()
@@ -89,7 +89,7 @@ def test_pieces_that_nothing_joins_are_solved_each() -> None:
 
 
 def test_a_matrix_that_is_not_definite_goes_to_scipy() -> None:
-    """Factor one with a negative eigenvalue: scipy's LU solves with it, and says that it does."""
+    """A matrix with a negative eigenvalue is solved by scipy's LU, and the factor reports that kind."""
     mesh = MESHES["bar"]
     matrix = stiffness(mesh)
     matrix[0, 0] = -1.0
@@ -100,7 +100,7 @@ def test_a_matrix_that_is_not_definite_goes_to_scipy() -> None:
 
 
 def test_the_same_bits_in_every_thread() -> None:
-    """Solve in four threads at a time with one factor: each time the same bits."""
+    """Solving in four threads with one factor gives the same bits."""
     mesh = MESHES["cube"]
     factor = Factor(stiffness(mesh), mesh.vertices, Factorisation.SUPERNODES)
     right = right_of(mesh)
@@ -111,7 +111,7 @@ def test_the_same_bits_in_every_thread() -> None:
 
 @pytest.mark.parametrize("name", MESHES)
 def test_dissection_separates(name: str) -> None:
-    """Order a body: every vertex once; what a thick body fills is far less than in a narrow order."""
+    """Nested dissection orders every vertex exactly once."""
     mesh = MESHES[name]
     graph = stiffness(mesh).tocsr()
     order = dissected(graph, mesh.vertices)
@@ -119,7 +119,7 @@ def test_dissection_separates(name: str) -> None:
 
 
 def test_dissection_fills_less_where_a_body_is_thick() -> None:
-    """Eliminate a cube of 15 cells a side: at most 0.8 of what cross-section by cross-section fills."""
+    """For a cube of 15 cells per edge, nested dissection has at most 0.8 of the narrow order's entries."""
     mesh = bar([1.0, 1.0, 1.0], [15, 15, 15])
     graph = stiffness(mesh).tocsr()
     narrow, halves = (
@@ -130,7 +130,7 @@ def test_dissection_fills_less_where_a_body_is_thick() -> None:
 
 
 def test_points_at_one_place_are_no_obstacle() -> None:
-    """Put all vertices to one place, as a mesh of cells without extent would: an order there is all the same."""
+    """Nested dissection orders vertices that all lie at one point."""
     graph = stiffness(MESHES["bar"]).tocsr()
     order = dissected(graph, np.zeros((graph.shape[0], 3)))
     np.testing.assert_array_equal(np.sort(order), np.arange(graph.shape[0]))

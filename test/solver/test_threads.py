@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Threads that divide the elements of a solve: the same bits, also from several solves at a time."""
+"""Threads that divide the elements of a solve give the same bits, also with several solves at a time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ for name, coarse in (*((name, supernodes.COARSE_FROM) for name in names), ("tens
 
 
 def _digests(threads: int) -> dict[str, list[str]]:
-    """Solve the scenes in a fresh process that may use as many threads, and give digests of all positions."""
+    """Solve the scenes in a fresh process with so many threads; return a dict from scene to digests of positions."""
     environment = {**os.environ, "NUMBA_NUM_THREADS": str(threads)}
     command = [sys.executable, "-c", _CODE, str(threads), *SCENES]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=3000, check=True)
@@ -36,14 +36,14 @@ def _digests(threads: int) -> dict[str, list[str]]:
 
 
 def test_every_number_of_threads_gives_the_same_bits() -> None:
-    """Solve three scenes with 1, 2 and 3 threads in fresh processes, one as if it were large: equal to the last bit."""
+    """Three scenes have the same bits with 1, 2 and 3 threads in fresh processes, one of them with threads forced."""
     one, two, three = (_digests(threads) for threads in (1, 2, 3))
     assert one == two == three
     assert {name: len(digests) for name, digests in one.items()} == dict.fromkeys([*SCENES, "tensile"], 2)
 
 
 def test_threads_are_used_where_it_pays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ask for four: a body of 157 blocks of elements gets them, one of 10 blocks stays in its thread."""
+    """With four threads allowed, a body of 157 element blocks uses four, one of 10 blocks only its own thread."""
     counts = []
     advance = Task.advance
     monkeypatch.setattr(
@@ -57,7 +57,7 @@ def test_threads_are_used_where_it_pays(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_solves_at_the_same_time_take_turns() -> None:
-    """Run two simulations in two threads of a process, each with two threads of numba: both end as alone."""
+    """Two simulations in two threads of a process, each with two numba threads, end with the same bits as alone."""
     scene = load_scene("bend5", overrides={"solver.threads": 2})
     alone = list(Simulation(scene).play(5))[-1].positions
     simulations = [Simulation(scene) for _ in range(2)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Handles that turn freely: hinged, pinned and free ends against beam theory, and what a state keeps of them."""
+"""Handles with free rotations: hinged, pinned and free ends against beam theory, and their saved state."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ loads: {{weight: {{{load}}}}}
 """
 GRAVITY = "gravity: [0, 0, -1.0]"
 LINE = 1000.0 * EDGE**2 * 1.0
-"""Weight of the beam [N/m]."""
+"""Weight of the beam per length [N/m]."""
 LEFT = 4.0 * STIFFNESS / LENGTH * 1e-4
-"""Moment [N m] of an end that lacks the tolerance's turn."""
+"""Moment [N m] of an end turned by the error of one tolerance."""
 
 
 def beam(base: str, tip: str, load: str = GRAVITY, **overrides: object) -> Simulation:
-    """Return the beam with these axes of its ends free."""
+    """Return the beam with the given free axes of its two ends."""
     return Simulation(scene_from_text(SCENE.format(base=base, tip=tip, load=load), overrides=overrides or None))
 
 
 def sag(simulation: Simulation) -> float:
-    """Return by how much the middle has come down [m]."""
+    """Return the sag [m] of the middle."""
     middle = np.argmin(np.linalg.norm(simulation.mesh.vertices - [LENGTH / 2, 0.0, 0.0], axis=1))
     return float(-simulation.positions[middle, 2])
 
 
 def test_beam_on_two_hinges_sags_by_theory() -> None:
-    """Load it by its weight: 5 q L^4 / (384 E I), end slopes q L^3 / (24 E I), no moment at the hinges."""
+    """A beam on two hinges sags by 5 q L^4 / (384 E I), with slopes q L^3 / (24 E I) and no moment at the hinges."""
     simulation = beam("ry", "x, ry")
     result = simulation.step(Command(loads={"weight": 0.2}))
     assert result.converged
@@ -56,7 +56,7 @@ def test_beam_on_two_hinges_sags_by_theory() -> None:
 
 
 def test_three_point_bending() -> None:
-    """Press on the middle: P L^3 / (48 E I)."""
+    """A beam on two hinges with a force P on its middle sags by P L^3 / (48 E I)."""
     load = "point: {at: [0.1, 0, 0], force: [0, 0, -0.002]}"
     simulation = beam("ry", "x, ry", load)
     assert simulation.step().converged
@@ -64,7 +64,7 @@ def test_three_point_bending() -> None:
 
 
 def test_pinned_column_buckles_at_eulers_load() -> None:
-    """Shorten it by 1 %: it bows out and pushes back with pi^2 E I / L^2, raised by the slope it has reached."""
+    """A pinned column shortened by 1 % bows out at pi^2 E I / L^2, times 1 + slope^2 / 8."""
     simulation = beam("ry", "ry")
     simulation.step(Command(loads={"weight": 0.01}))
     for part in range(1, 11):
@@ -78,7 +78,7 @@ def test_pinned_column_buckles_at_eulers_load() -> None:
 
 
 def test_free_handle_carries_a_load() -> None:
-    """Let go of the tip's handle altogether: the cantilever under its weight, q L^4 / (8 E I) and q L^3 / (6 E I)."""
+    """With its tip's handle free, a beam sags under its weight by q L^4 / (8 E I), with a slope of q L^3 / (6 E I)."""
     simulation = beam("", "x, y, z, rx, ry, rz", **{"solver.tolerance": 1e-5})
     result = simulation.step(Command(loads={"weight": 0.1}))
     assert result.converged
@@ -90,7 +90,7 @@ def test_free_handle_carries_a_load() -> None:
 
 
 def test_commands_about_other_axes_count() -> None:
-    """Twist a handle that hinges about y by 90 degrees about x: the body is twisted, and nothing turns about y."""
+    """A handle hinged about y and turned by 90 degrees about x twists the body and does not turn about y."""
     simulation = beam("", "ry", **{"loads.weight.gravity": [0, 0, 0]})
     pose = Pose(rotation=(np.pi / 2, 0.3, 0.0))
     result = simulation.step(Command(handles={"tip": pose}))
@@ -100,7 +100,7 @@ def test_commands_about_other_axes_count() -> None:
 
 
 def test_state_holds_the_turns() -> None:
-    """Save in the middle of a motion and go on in another simulation: the same steps to the bit."""
+    """A state saved during a motion continues in another simulation with the same bits."""
     first, second = beam("ry", "x, ry"), beam("ry", "x, ry")
     for part in range(1, 4):
         first.step(Command(loads={"weight": 0.5 * part}), dt=0.1)
@@ -113,7 +113,7 @@ def test_state_holds_the_turns() -> None:
 
 
 def test_relative_policy_and_commands_about_free_axes_are_refused() -> None:
-    """Name the handle, and what to do."""
+    """The relative policy with free rotations, and a command of a free axis, are refused with a remedy."""
     with pytest.raises(SceneError, match=r"cannot take weight, base; remedy: policy: energy"):
         beam("ry", "", **{"solver.policy": "relative"})
     program = "program: {duration: 1, handles: {tip: [{time: 1, rotation_deg: [0, 5, 0]}]}}"
@@ -122,7 +122,7 @@ def test_relative_policy_and_commands_about_free_axes_are_refused() -> None:
 
 
 def test_a_handle_that_is_fixed_cannot_turn() -> None:
-    """Refuse both at once."""
+    """A handle with ``fixed: true`` and free axes is refused."""
     with pytest.raises(SceneError, match=r"fixed: true and free axes exclude each other"):
         scene_from_text(
             SCENE.format(base="", tip="rx], fixed: true, free: [rx", load=GRAVITY).replace("free: [rx], ", "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Uniaxial tension of a block that may thin freely, solved, against the closed form of each law."""
+"""Uniaxial tension of a block with free lateral contraction: the solution against each law's closed form."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ KINDS: dict[str, Callable[[float], Material]] = {
 
 
 def area_under(material: Material, strain: float) -> float:
-    """Return the integral [J/m^3] of the uniaxial curve from 0 to a strain, by Gauss points on 200 intervals."""
+    """Return the integral [J/m^3] of the uniaxial stress curve from 0 to a strain, by Gauss points on 200 intervals."""
     points, weights = np.polynomial.legendre.leggauss(4)
     edges = np.linspace(0.0, strain, 201)
     nodes = edges[:-1, None] + 0.5 * (points + 1.0) * np.diff(edges)[:, None]
@@ -71,7 +71,7 @@ def closed_form(material: Material, stretch: float) -> tuple[float, float]:
 
 
 def held_by_its_ends(mesh: HexMesh) -> list[Handle]:
-    """Give each vertex of the two ends a handle of its own, free across x but for what stops rigid motion."""
+    """Give each vertex of the two ends a handle that is free in y and z, except where it prevents rigid motion."""
     x, y, z = mesh.vertices.T
     handles = []
     for vertex in np.flatnonzero((x == 0.0) | (x == SIDE)):
@@ -84,9 +84,9 @@ def held_by_its_ends(mesh: HexMesh) -> list[Handle]:
 
 @pytest.mark.parametrize("poisson", [0.45, 0.495, 0.4999])
 def test_a_uniform_state_that_is_a_saddle_is_left(make_body: MakeBody, poisson: float) -> None:
-    """Press a block of an Ogden law by a fifth, where its ends may flatten crosswise: the uniform state is left.
+    """An Ogden block pressed by a fifth leaves the uniform state, which is a saddle, for one of less energy.
 
-    That state is in balance, but coarse cells of this law have less energy beside it.
+    The uniform state is an equilibrium, but coarse cells of this law have less energy when the ends flatten crosswise.
     """
     material, stretch = KINDS["ogden"](poisson), 0.8
     mesh = bar([SIDE, SIDE, SIDE], [2, 2, 2])
@@ -105,7 +105,7 @@ def test_a_uniform_state_that_is_a_saddle_is_left(make_body: MakeBody, poisson: 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("stretch", [0.85, 1.05, 1.6])
 def test_block_follows_the_closed_form(make_body: MakeBody, kind: str, poisson: float, stretch: float) -> None:
-    """Pull and press a block of 2 x 2 x 2 cells: it thins and stores energy as the law's formula says."""
+    """A block of 2 x 2 x 2 cells, pulled or pressed, has the lateral stretch and energy of the closed form."""
     material = KINDS[kind](poisson)
     mesh = bar([SIDE, SIDE, SIDE], [2, 2, 2])
     body = make_body(mesh, material, held_by_its_ends(mesh))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbering of the unknowns: free vertices, then one row for each handle that slides."""
+"""Numbering of the unknowns: free vertices first, then one row for each sliding handle."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ HANDLES = [Handle("base", LEFT, fixed=True), Handle("tip", RIGHT, free=(Axis.X, 
 
 
 def test_held_vertices_are_no_unknowns() -> None:
-    """Hold both ends: the vertices between are free, those of the handles prescribed, handle by handle."""
+    """With both ends held, the vertices between them are free; those of the handles are prescribed, in handle order."""
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     assert unknowns.free.tolist() == [1, 4, 7, 10]
     assert unknowns.prescribed.tolist() == [*LEFT, *RIGHT]
 
 
 def test_a_sliding_handle_is_one_row() -> None:
-    """Free two axes of a handle: one row more, with a flag for each axis."""
+    """A handle with two free axes adds one row, with a flag for each axis."""
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     assert unknowns.rows == 5
     assert unknowns.slides.tolist() == [[1.0, 0.0, 1.0]]
@@ -40,14 +40,14 @@ def test_a_sliding_handle_is_one_row() -> None:
 
 
 def test_without_handles_everything_is_free() -> None:
-    """Hold nothing: every vertex is a row."""
+    """Without handles every vertex is a row."""
     unknowns = number_unknowns(MESH.vertices, MESH.cells, [])
     assert unknowns.rows == MESH.n_vertices
     assert len(unknowns.prescribed) == 0
 
 
 def test_each_vertex_lists_its_corners_in_order() -> None:
-    """Walk the lists of corners: each corner once, at its own vertex, ascending."""
+    """The corner lists contain each corner once, at its own vertex, in ascending order."""
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     assert sorted(unknowns.corner.tolist()) == list(range(MESH.cells.size))
     for vertex in range(MESH.n_vertices):
@@ -57,7 +57,7 @@ def test_each_vertex_lists_its_corners_in_order() -> None:
 
 
 def test_placing_moves_a_sliding_handle_as_one() -> None:
-    """Place unknowns: free vertices go where they say, the handle along its free axes only, prescribed ones nowhere."""
+    """Placing moves free vertices to their unknowns, a handle along its free axes only, and prescribed vertices not."""
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     u = np.arange(15.0).reshape(5, 3)
     x = MESH.vertices.copy()
@@ -68,7 +68,7 @@ def test_placing_moves_a_sliding_handle_as_one() -> None:
 
 
 def test_gathering_is_the_transpose_of_placing() -> None:
-    """Take random forces and motions: the power is the same in rows and in corners."""
+    """Gathering is the transpose of placing: power is the same in rows and in corners."""
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     random = np.random.default_rng(0)
     u, force = random.normal(size=(5, 3)), random.normal(size=(2, 8, 3))
@@ -81,7 +81,7 @@ def test_gathering_is_the_transpose_of_placing() -> None:
 
 @pytest.mark.parametrize("axes", [(Axis.X,), (Axis.X, Axis.Y), (Axis.X, Axis.Y, Axis.Z)])
 def test_rows_of_rotations_are_slopes_along_the_rotation_vector(axes: tuple[Axis, ...]) -> None:
-    """Turn a handle far and a little further: the power of dead forces is the gradient times the change."""
+    """The gathered gradient of a turned handle is the derivative of the work of dead forces by its rotation vector."""
     tip = Handle("tip", RIGHT, free=(Axis.Z,), turning=axes)
     unknowns = number_unknowns(MESH.vertices, MESH.cells, [HANDLES[0], tip])
     frame = HandlePositions(MESH.vertices, MESH.vertices[RIGHT].mean(axis=0)[None])

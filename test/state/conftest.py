@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A soft bar that bends by growth and by a cable, and what every test of state asks of it."""
+"""A soft bar that bends by growth and by a cable, and helpers for all tests of the state."""
 
 from __future__ import annotations
 
@@ -33,25 +33,25 @@ CORNERS = np.array([[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1
 
 
 class Lab:
-    """Scenes, commands and comparisons, in words as short as a test wants them."""
+    """Scenes, commands and comparisons under short names."""
 
     def scene(
         self, *, handles: str = FIXED, actuators: str = f"{GROWTH}, {CABLE}", more: str = "", **keys: object
     ) -> Scene:
-        """Make the scene of the bar; keywords override its keys, dots written as double underscores."""
+        """Make the scene of the bar; keywords override scene keys, double underscores stand for dots."""
         overrides = {key.replace("__", "."): value for key, value in keys.items()}
         return scene_from_text(BAR.format(handles=handles, actuators=actuators, more=more), overrides=overrides)
 
     def bar(self, **how: object) -> Simulation:
-        """Make a simulation of the bar; arguments as for `scene`."""
+        """Make a simulation of the bar, with the arguments of `scene`."""
         return Simulation(self.scene(**how))
 
     def go(self, simulation: Simulation, pose: Pose | None = None, **actuators: float) -> StepResult:
-        """Step to commands of actuators, and to a pose of the handle ``tip``."""
+        """Make a step with commands of actuators, and with a pose of the handle ``tip`` if it is given."""
         return simulation.step(Command(handles={} if pose is None else {"tip": pose}, actuators=actuators))
 
     def fresh(self, simulation: Simulation, *commands: Command, tolerance: float = 1e-9) -> Simulation:
-        """Make another simulation of the scene that solves far tighter and takes these steps."""
+        """Make another simulation of the scene with a far tighter tolerance, and make steps with these commands."""
         settings = replace(simulation.settings, tolerance=tolerance, max_iterations=20000)
         other = Simulation(simulation.scene, settings=settings)
         for command in commands:
@@ -59,11 +59,11 @@ class Lab:
         return other
 
     def distance(self, one: NDArray[np.float64], other: NDArray[np.float64], mesh: HexMesh) -> float:
-        """Return the largest distance of two states over the body's size."""
+        """Return the largest distance between two states' vertices divided by the body's size."""
         return float(np.linalg.norm(one - other, axis=1).max() / mesh.size)
 
     def least_corner(self, mesh: HexMesh, positions: NDArray[np.float64]) -> float:
-        """Return the least determinant of the trilinear map at all cells' corners, each over its undeformed value."""
+        """Return the least determinant of the trilinear map over all cells' corners, relative to the undeformed one."""
 
         def determinants(points: NDArray[np.float64]) -> NDArray[np.float64]:
             nodes = points[mesh.cells]
@@ -80,5 +80,5 @@ class Lab:
 
 @pytest.fixture(scope="session")
 def lab() -> Lab:
-    """Give the bar and what is asked of it."""
+    """Return the helpers for the bar."""
     return Lab()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact beside what else has a state: checkpoints, cuts, sleep, places far away."""
+"""Contact together with other state: checkpoints, cut steps, dormancy, and places far from the origin."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ handles: {base: {where: {face: x-}}, tip: {where: {face: x+}}}
 obstacles: {pin: {sphere: {radius: 0.015}, at: [0.13, 0.0, -0.04], friction: 0.4}}
 """
 MOVES = [(0.0, 0.008), (0.004, 0.012), (0.008, 0.012), (0.008, 0.004), (0.0, -0.01), (0.004, 0.01)]
-"""Of the pin along x and z [m]: it presses, rubs, lets go and comes back."""
+"""Positions of the pin along x and z [m]: it presses, rubs, separates and comes back."""
 
 
 def make(**overrides: Any) -> Simulation:
-    """Return a bar with a pin below it; keyword arguments override keys, ``__`` for a dot."""
+    """Return a bar with a pin below it; keyword arguments override scene keys, ``__`` stands for a dot."""
     return Simulation(scene_from_text(BAR, overrides={k.replace("__", "."): v for k, v in overrides.items()}))
 
 
 def pressed(simulation: Simulation, moves: list[tuple[float, float]] = MOVES) -> list[np.ndarray]:
-    """Move the pin; return positions after each step."""
+    """Move the pin; return the positions after each step."""
     return [simulation.step(Command(handles={"pin": Pose((x, 0.0, z))})).positions for x, z in moves]
 
 
@@ -39,7 +39,7 @@ def pressed(simulation: Simulation, moves: list[tuple[float, float]] = MOVES) ->
     "motion", [{}, {"dynamics": {"step": 0.005, "damping": {"viscosity": 100.0}}}], ids=["still", "m"]
 )
 def test_a_checkpoint_in_contact_goes_on_to_the_bit(motion: dict[str, Any]) -> None:
-    """Save while it rubs, load elsewhere, go on: the same bits."""
+    """A state saved while the pin rubs, and loaded elsewhere, continues with the same bits."""
     first, second = make(**motion), make(**motion)
     pressed(first, MOVES[:3])
     load_state(second, save_state(first))
@@ -48,7 +48,7 @@ def test_a_checkpoint_in_contact_goes_on_to_the_bit(motion: dict[str, Any]) -> N
 
 
 def test_a_reset_forgets_what_touched() -> None:
-    """The same moves after a reset, or in a new simulation, give the same bits."""
+    """The same moves give the same bits after a reset and in a new simulation."""
     simulation = make()
     before = pressed(simulation)
     simulation.reset()
@@ -58,7 +58,7 @@ def test_a_reset_forgets_what_touched() -> None:
 
 
 def test_steps_that_are_cut_arrive_at_the_same_contact() -> None:
-    """Cut every solve after a few iterations and hold: in the end the same equilibrium, reported as converged."""
+    """Steps that are each cut after a few iterations reach the same contact equilibrium and converge."""
     whole, cut = make(obstacles__pin__friction=0.0), make(obstacles__pin__friction=0.0)
     wanted = Command(handles={"pin": Pose((0.0, 0.0, 0.01))})
     target = whole.step(wanted)
@@ -72,7 +72,7 @@ def test_steps_that_are_cut_arrive_at_the_same_contact() -> None:
 
 
 def test_a_part_that_sleeps_wakes_when_it_is_touched() -> None:
-    """Press a long bar near its far end, where nothing has moved yet: it yields as one without sleep does."""
+    """A dormant bar that is pressed near its far end yields as a bar without dormancy does."""
     sleepy, awake = make(), make(solver={"skip": []})
     for simulation in (sleepy, awake):
         for z in np.linspace(0.0, 0.002, 6):
@@ -83,7 +83,7 @@ def test_a_part_that_sleeps_wakes_when_it_is_touched() -> None:
 
 
 def test_far_from_the_origin_it_is_the_same_contact() -> None:
-    """A kilometre away, forces are those at the origin."""
+    """Contact forces a kilometre from the origin equal those at the origin."""
     near = make()
     pressed(near, MOVES[:2])
 
@@ -103,7 +103,7 @@ def test_far_from_the_origin_it_is_the_same_contact() -> None:
 
 
 def test_a_jacobian_sees_what_is_touched() -> None:
-    """A cable that presses a bar onto a pin: what is pulled against the pin moves less than what is free."""
+    """A cable's Jacobian at the tip is smaller for a bar pressed onto a pin than for a free bar."""
     cable = {"actuators": {"pull": {"cable": {"points": [[0, 0, -0.015], [0.2, 0, -0.015]], "range": [0.0, 50.0]}}}}
     given = {**cable, "handles": {"base": {"where": {"face": "x-"}}}, "probes": {"tip": [0.2, 0.0, 0.0]}}
     touched, free = make(**given), make(**given, obstacles__pin__at=[0.13, 0.0, -0.5])

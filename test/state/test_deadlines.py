@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Solves that are cut short: every call makes headway, resumes where it stopped, and says truly how far it is."""
+"""Steps that are cut short: each call makes progress, continues the last one, and has a true error estimate."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LOOSE = "base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}, free: 
 WEIGHT = "loads: {weight: {gravity: [0, 0, -9.81]}}"
 CUTS = [{"cut_after": 0}, {"cut_after": 1}, {"cut_after": 5}, {"deadline": 0.0}, {"deadline": 5e-4}, {"deadline": 6e-3}]
 ROUND = 3
-"""Iterations of all calls together, over those of one that is not cut; a call makes one at least."""
+"""Allowed ratio of all calls' iterations to those of one uncut step; each call makes at least one."""
 
 
 def bend5() -> tuple[Simulation, Command]:
@@ -38,7 +38,7 @@ def ball() -> tuple[Simulation, Command]:
 
 
 def drive(simulation: Simulation, command: Command, most: int, **cut: float) -> list[StepResult]:
-    """Repeat a command until it is carried out, at most so often."""
+    """Repeat a command until its step converges, at most ``most`` times; return the results."""
     results: list[StepResult] = []
     while len(results) < most and not (results and results[-1].converged):
         results.append(simulation.step(command, **cut))
@@ -46,7 +46,7 @@ def drive(simulation: Simulation, command: Command, most: int, **cut: float) -> 
 
 
 def assert_arrives(results: list[StepResult], exact: StepResult, off: Callable[[StepResult], float]) -> None:
-    """Ask for headway in every call, no false alarm, and the equilibrium in the end."""
+    """Require progress in each call, no message about stability, and the equilibrium at the end."""
     assert not [result.message for result in results if "stability" in result.message]
     assert all(result.iterations > 0 for result in results if not result.converged)
     assert results[-1].converged, f"after {len(results)} calls {off(results[-1]):.2g} of the size off"
@@ -57,7 +57,7 @@ def assert_arrives(results: list[StepResult], exact: StepResult, off: Callable[[
 @pytest.mark.parametrize("make", [bend5, ball])
 @pytest.mark.parametrize("cut", CUTS, ids=str)
 def test_a_cut_step_arrives(lab: Any, make: Callable, cut: dict[str, float]) -> None:
-    """Cut every step, below its fixed cost, too: the body arrives after as many iterations as it takes, times three."""
+    """A step cut at any place, even before its first iteration, arrives within three times the uncut iterations."""
     simulation, command = make()
     exact = Simulation(simulation.scene).step(command)
     results = drive(simulation, command, ROUND * exact.iterations, **cut)
@@ -66,7 +66,7 @@ def test_a_cut_step_arrives(lab: Any, make: Callable, cut: dict[str, float]) -> 
 
 @pytest.mark.parametrize("cut", CUTS, ids=str)
 def test_a_cut_step_of_free_rotations_arrives(lab: Any, cut: dict[str, float]) -> None:
-    """Let go of a handle altogether and cut every step: it hangs where it hangs without cuts."""
+    """A body on a handle with six free axes, with every step cut, arrives at the equilibrium of an uncut step."""
     simulation = lab.bar(handles=LOOSE, actuators="", more=WEIGHT)
     exact = Simulation(simulation.scene).step()
     assert exact.converged
@@ -76,7 +76,7 @@ def test_a_cut_step_of_free_rotations_arrives(lab: Any, cut: dict[str, float]) -
 
 @pytest.mark.parametrize("most", [5, 20])
 def test_few_iterations_inflate_a_ball_in_the_end(lab: Any, most: int) -> None:
-    """Allow fewer iterations than the pressure needs: it is called unfinished, not unstable, and goes on."""
+    """With fewer iterations per step than the pressure needs, a ball is not called unstable and arrives in the end."""
     simulation, command = ball()
     exact = simulation.step(command)
     slow = Simulation(scene_from_text(BALL, overrides={"solver.max_iterations": most}))
@@ -89,7 +89,7 @@ def test_few_iterations_inflate_a_ball_in_the_end(lab: Any, most: int) -> None:
 @pytest.mark.parametrize("cut", [0, 1, 2, 5, 10, 20])
 @pytest.mark.parametrize("name", ["bend5", "ball", "loose"])
 def test_the_error_estimate_of_a_cut_step_is_true(lab: Any, name: str, cut: int) -> None:
-    """Cut one step and compare with the equilibrium: the error estimate is a third of the distance at least."""
+    """The error estimate of a cut step is at least a third of the distance to the equilibrium."""
     loose = {"handles": LOOSE, "actuators": "", "more": WEIGHT}
     simulation, command = {"bend5": bend5, "ball": ball, "loose": lambda: (lab.bar(**loose), Command())}[name]()
     exact = lab.fresh(simulation, command, tolerance=1e-6)
@@ -102,7 +102,7 @@ def test_the_error_estimate_of_a_cut_step_is_true(lab: Any, name: str, cut: int)
 
 @pytest.mark.parametrize("make", [bend5, ball])
 def test_a_cut_step_is_repeated_to_the_bit(make: Callable) -> None:
-    """Cut by the clock, then repeat with the places recorded: the same states."""
+    """Steps cut by the clock are repeated to the last bit with their recorded ``cut_after``."""
     simulation, command = make()
     twin = Simulation(simulation.scene)
     for result in drive(simulation, command, 40, deadline=2e-3):
@@ -116,7 +116,7 @@ def test_a_cut_step_is_repeated_to_the_bit(make: Callable) -> None:
 
 
 def test_a_chamber_that_is_unstable_is_still_named() -> None:
-    """Ask for a pressure without an equilibrium, cut: in the end the chamber is named, at a finite state."""
+    """With cut steps and a pressure without an equilibrium, the unstable chamber is named at a finite state."""
     simulation, _ = ball()
     results = drive(simulation, Command(actuators={"air": 60e3}), 120, cut_after=20)
     assert not any(result.converged for result in results)

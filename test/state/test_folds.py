@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folded elements: the least determinant is that of the corners, and no fold is taken for an equilibrium."""
+"""Folded elements: the least determinant is at a corner, and no folded state is taken for an equilibrium."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def folding(mesh: str, law: str = "neo_hookean") -> Simulation:
 
 @pytest.fixture(scope="module")
 def pulled(lab: Any) -> Callable[..., tuple[Simulation, list[StepResult]]]:
-    """Give a function that pulls a bar once, and lets it go thrice; all tests use its results."""
+    """Give a function that pulls a bar once and releases it in three steps; all tests use its results."""
 
     @cache
     def pull(mesh: str, tension: float, law: str) -> tuple[Simulation, list[StepResult]]:
@@ -56,7 +56,7 @@ def pulled(lab: Any) -> Callable[..., tuple[Simulation, list[StepResult]]]:
     ("mesh", "tension", "law"), [*((*pull, "neo_hookean") for pull in PULLS), *((*pull, "linear") for pull in LINEAR)]
 )
 def test_no_fold_is_an_equilibrium(lab: Any, pulled: Callable, mesh: str, tension: float, law: str) -> None:
-    """Pull a bar until it folds, and let go: an end with a folded corner is not converged and says so."""
+    """A step that ends with a folded corner is not converged and says so."""
     simulation, results = pulled(mesh, tension, law)
     for result in results:
         if lab.least_corner(simulation.mesh, result.positions) <= 0.0:
@@ -66,7 +66,7 @@ def test_no_fold_is_an_equilibrium(lab: Any, pulled: Callable, mesh: str, tensio
 
 @pytest.mark.parametrize(("mesh", "tension"), PULLS)
 def test_the_least_determinant_is_that_of_a_corner(lab: Any, pulled: Callable, mesh: str, tension: float) -> None:
-    """Pull and let go: the step's least determinant is that of the trilinear map's gradient at the corners."""
+    """A step's least determinant is the least one of the trilinear map at the corners."""
     simulation, results = pulled(mesh, tension, "neo_hookean")
     for result in results:
         expected = lab.least_corner(simulation.mesh, result.positions)
@@ -75,7 +75,7 @@ def test_the_least_determinant_is_that_of_a_corner(lab: Any, pulled: Callable, m
 
 @pytest.mark.parametrize(("mesh", "tension"), PULLS)
 def test_a_folded_body_unfolds_or_says_what_to_do(lab: Any, pulled: Callable, mesh: str, tension: float) -> None:
-    """Let go of the cable: rest, or not converged, with a message that names the fold and a remedy."""
+    """After the cable's release the bar is undeformed, or not converged with a message that names fold and remedy."""
     simulation, (*_, result) = pulled(mesh, tension, "neo_hookean")
     if result.converged:
         assert lab.distance(result.positions, simulation.mesh.vertices, simulation.mesh) < 0.01
@@ -87,7 +87,7 @@ def test_a_folded_body_unfolds_or_says_what_to_do(lab: Any, pulled: Callable, me
 
 
 def test_a_vertex_pushed_through_its_cell_is_seen_and_comes_back(lab: Any) -> None:
-    """Start from one folded corner that the mean gradient hides: the least determinant tells, then rest is found."""
+    """One folded corner is found by the least determinant, and from there the undeformed shape is reached."""
     simulation = folding("solid")
     positions = simulation.mesh.vertices.copy()
     tip = int(np.argmax(positions @ [1.0, 1.0, 1.0]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several free rotations of a handle beside a commanded one: the least energy, within the iterations given."""
+"""Several free rotations of a handle beside a commanded one: least energy, within the allowed iterations."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from gdfe_ros.errors import CommandError
 BASE = "base: {where: {face: x-}, fixed: true}"
 CELLS = {"mesh__bar__cells": [4, 2, 2]}
 CONSERVATIVE = {"materials__rubber": {"law": "linear", "young": 1.0e6, "poisson": 0.45}}
-"""The linear law, whose hourglass stiffness is constant: of the others a change of it is no part of the forces."""
+"""The linear law: its hourglass stiffness is constant, so that its forces are the exact gradient of its energy."""
 TWIST = 1.2
-"""Commanded about z [rad], while the handle turns freely about x and y."""
+"""Commanded rotation about z [rad]; the handle turns freely about x and y."""
 OFFSETS = [(-0.02, 0.03, 0.02), (-0.03, 0.03, 0.01), (0.0, 0.02, 0.02)]
 
 
 def twisted(offset: tuple[float, float, float]) -> Pose:
-    """Return the command: an offset [m] and the turn about z."""
+    """Return the commanded pose: an offset [m] and the rotation about z."""
     return Pose(offset, (0.0, 0.0, TWIST))
 
 
 def hinged(lab: Any, free: str = "rx, ry", **keys: object) -> Simulation:
-    """Return the bar whose tip turns freely about these axes."""
+    """Return the bar whose tip turns freely about the given axes."""
     handles = f"{BASE}, tip: {{where: {{face: x+}}, free: [{free}]}}"
     return lab.bar(handles=handles, actuators="", **CELLS, **keys)
 
@@ -39,7 +39,7 @@ class Commanded:
 
     Args:
         lab: the bar.
-        near: pose of the tip that every solve starts near to.
+        near: pose of the tip at the start.
     """
 
     def __init__(self, lab: Any, near: Pose) -> None:
@@ -49,7 +49,7 @@ class Commanded:
         self._simulation.step(Command(handles={"tip": near}))
 
     def energy(self, swing: np.ndarray) -> float:
-        """Return the least energy [J] of a body whose tip is turned about z as commanded, then by ``swing`` (2,)."""
+        """Return the equilibrium's energy [J], the tip rotated about z as commanded, then by ``swing`` (2,) [rad]."""
         turn = Rotation.from_rotvec([*swing, 0.0]) * Rotation.from_rotvec([0.0, 0.0, TWIST])
         pose = Pose(self._near.translation, tuple(turn.as_rotvec()))
         result = self._simulation.step(Command(handles={"tip": pose}))
@@ -60,7 +60,7 @@ class Commanded:
 @pytest.mark.parametrize("parts", [1, 6])
 @pytest.mark.parametrize("offset", OFFSETS)
 def test_two_free_rotations_reach_the_minimum(lab: Any, offset: tuple[float, float, float], parts: int) -> None:
-    """Offset the tip and turn it about z at once and in parts: no swing about x and y has less energy."""
+    """With an offset and a rotation about z, no other rotation about x and y has less energy."""
     simulation = hinged(lab, **CONSERVATIVE)
     for part in range(1, parts + 1):
         result = lab.go(simulation, Pose().blend(twisted(offset), part / parts))
@@ -76,7 +76,7 @@ def test_two_free_rotations_reach_the_minimum(lab: Any, offset: tuple[float, flo
 
 
 def test_the_way_to_free_rotations_does_not_matter(lab: Any) -> None:
-    """Reach one command at once, in parts and by a detour: one equilibrium."""
+    """One step, five steps and a detour to a command lead to the same equilibrium."""
     target, found = twisted(OFFSETS[0]), []
     for way in ([target], [Pose().blend(target, part / 5) for part in range(1, 6)], [Pose((0.0, 0.01, 0.0)), target]):
         simulation = hinged(lab)
@@ -91,7 +91,7 @@ def test_the_way_to_free_rotations_does_not_matter(lab: Any) -> None:
 @pytest.mark.parametrize("most", [50, 100, 200, 400, 700])
 @pytest.mark.parametrize("free", ["rx", "rx, ry", "rx, ry, rz"])
 def test_turning_handles_keep_to_the_iterations(lab: Any, free: str, most: int) -> None:
-    """Allow few iterations: no step takes more, what is unfinished is said, and further steps finish it."""
+    """With few iterations allowed, no step takes more, unfinished steps say so, and further steps converge."""
     simulation = hinged(lab, free, solver__max_iterations=most)
     pose = Pose((0.0, 0.02, 0.02), (0.0, 0.0, 0.0 if "rz" in free else TWIST))
     results = []
@@ -105,7 +105,7 @@ def test_turning_handles_keep_to_the_iterations(lab: Any, free: str, most: int) 
 @pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 @pytest.mark.parametrize("onto", ["a point", "a line"])
 def test_positions_that_hide_a_rotation_are_refused(lab: Any, onto: str) -> None:
-    """Flatten a handle that turns freely: its rotation is undetermined, and the error names the handle."""
+    """A flattened handle that turns freely has no defined rotation: the error names the handle."""
     tip = "tip: {where: {face: x+}, free: [rx, ry, rz]}"
     simulation = lab.bar(handles=f"{BASE}, {tip}", actuators="")
     positions = simulation.mesh.vertices.copy()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States without a two-sided derivative, and cables that cannot be shortened: true figures or errors."""
+"""States without a two-sided derivative, and cables that cannot be shortened: correct values or errors."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ actuators: {air: {chamber: {command: pressure}}}
 probes: {side: [0.0149, 0, 0]}
 """
 STABLE = 1e5
-"""Pressure [Pa] at which the ball is far from losing its stability."""
+"""Pressure [Pa] at which the ball is far from its loss of stability."""
 
 
 def slopes(lab: Any, simulation: Simulation, probe: str, name: str, value: float, change: float) -> np.ndarray:
-    """Return the second-order one-sided difference (3,) of a probe by a command, from fresh simulations."""
+    """Return the second-order one-sided difference (3,) of a probe with respect to a command, by fresh simulations."""
     values = (value, value + change, value + 2.0 * change)
     ends = [lab.fresh(simulation, Command(actuators={name: item})).probe_positions()[probe] for item in values]
     return (4.0 * ends[1] - 3.0 * ends[0] - ends[2]) / (2.0 * change)
 
 
 def jacobian_or_error(simulation: Simulation, probe: str, name: str) -> np.ndarray | None:
-    """Return a column of the jacobian; None where it is refused with an error or says NaN."""
+    """Return a column of the Jacobian; None if it is refused with an error or NaN."""
     try:
         column = simulation.jacobian([probe], [name])[0, :, 0]
     except GdfeError as error:
@@ -55,7 +55,7 @@ def jacobian_or_error(simulation: Simulation, probe: str, name: str) -> np.ndarr
 @pytest.mark.parametrize("handles", [BASE, HINGE], ids=["fixed", "hinge"])
 @pytest.mark.parametrize("mode", ["shortening", "length"])
 def test_jacobian_at_the_rest_length(lab: Any, mode: str, handles: str, detour: float) -> None:
-    """Come to a cable's rest length from rest and from a shorter cable: the slope towards the taut side, within 5 %."""
+    """At a cable's undeformed length, the Jacobian is the derivative on the taut side within 5 %, or an error."""
     simulation = lab.bar(handles=handles, actuators=INSIDE.format(mode=mode))
     rest, taut = (0.0, 1.0) if mode == "shortening" else (0.06, -1.0)
     if detour:
@@ -71,10 +71,10 @@ def test_jacobian_at_the_rest_length(lab: Any, mode: str, handles: str, detour: 
 
 
 class Filled:
-    """The ball by its volume, which passes the largest pressure smoothly.
+    """The ball with commanded volume, which passes the maximum of pressure smoothly.
 
     Args:
-        lab: what makes a fresh simulation.
+        lab: maker of a fresh simulation.
     """
 
     def __init__(self, lab: Any) -> None:
@@ -85,13 +85,13 @@ class Filled:
         self.ratio, self.pressure = found.x, -found.fun
 
     def at(self, ratio: float) -> tuple[float, float]:
-        """Return pressure [Pa] and the probe's x [m] at a volume over the undeformed one."""
+        """Return pressure [Pa] and the probe's x [m] at a volume of ``ratio`` times the undeformed one."""
         self._simulation.reset()
         state = self._simulation.step(Command(actuators={"air": ratio * self.rest})).actuators["air"]
         return state.effort, self._simulation.probe_positions()["side"][0]
 
     def slope(self, pressure: float) -> float:
-        """Return d(probe)/d(pressure) [m/Pa] on the stable side."""
+        """Return d(probe)/d(pressure) [m/Pa] on the stable side of the maximum."""
         ratio = brentq(lambda value: self.at(value)[0] - pressure, 1.01, self.ratio, xtol=1e-7)
         (low, first), (high, second) = (self.at(ratio + way) for way in (-2e-4, 2e-4))
         return (second - first) / (high - low)
@@ -99,12 +99,12 @@ class Filled:
 
 @pytest.fixture(scope="module")
 def filled(lab: Any) -> Filled:
-    """Give the ball by its volume."""
+    """Return the ball with commanded volume."""
     return Filled(lab)
 
 
 def blown(pressure: float) -> Simulation:
-    """Return the ball at a pressure."""
+    """Return the ball at a commanded pressure."""
     simulation = Simulation(scene_from_text(BALL))
     for command in (STABLE, pressure):
         simulation.step(Command(actuators={"air": command}))
@@ -113,7 +113,7 @@ def blown(pressure: float) -> Simulation:
 
 @pytest.mark.parametrize("below", [10.0, 20.0, 100.0, 1000.0, 10_000.0])
 def test_jacobian_beside_the_loss_of_stability(filled: Filled, below: float) -> None:
-    """Inflate a ball to below its limit: the slope of the same ball by its volume within 5 %, or an error."""
+    """Below the limit pressure, the Jacobian is the slope found by commanded volume within 5 %, or an error."""
     simulation = blown(filled.pressure - below)
     assert simulation.result.converged
     found = jacobian_or_error(simulation, "side", "air")
@@ -122,7 +122,7 @@ def test_jacobian_beside_the_loss_of_stability(filled: Filled, below: float) -> 
 
 @pytest.mark.parametrize("below", [0.01, 0.1, 1.0, 5.0])
 def test_jacobian_at_the_limit_is_not_small(filled: Filled, below: float) -> None:
-    """Inflate it to the limit itself: a slope larger than that 20 Pa below, or an error; never a silent 0."""
+    """At the limit pressure, the Jacobian is larger than 20 Pa below it, or an error, and never a silent 0."""
     simulation = blown(filled.pressure - below)
     assert simulation.result.converged or "stability" in simulation.result.message
     found = jacobian_or_error(simulation, "side", "air")
@@ -135,7 +135,7 @@ def test_jacobian_at_the_limit_is_not_small(filled: Filled, below: float) -> Non
 @pytest.mark.exact("an exact zero without a shift")
 @pytest.mark.parametrize("mode", ["tension", "shortening", "length"])
 def test_a_cable_inside_a_fixed_handle_is_refused_or_reads_sense(lab: Any, mode: str) -> None:
-    """Shorten what cannot be shortened: refused with its name, or a tension of the body's order and soon an end."""
+    """A cable inside a fixed handle is refused by name, or its tension is limited and the step ends soon."""
     try:
         simulation = lab.bar(actuators=HANDLE.format(mode=mode))
         command = {"tension": 1.0, "shortening": 0.001, "length": 0.005}[mode]
@@ -151,7 +151,7 @@ def test_a_cable_inside_a_fixed_handle_is_refused_or_reads_sense(lab: Any, mode:
 
 @pytest.mark.parametrize("mode", ["shortening", "length"])
 def test_a_straight_cable_between_two_handles_draws_them_together(lab: Any, mode: str) -> None:
-    """Shorten a cable from the fixed handle to one that slides by 1 mm: it slides by that, at a tension that fits."""
+    """A cable shortened by 1 mm moves the sliding handle by 1 mm, at the tension that the body needs."""
     simulation = lab.bar(handles=f"{BASE}, tip: {{where: {{face: x+}}, free: [x]}}", actuators=ACROSS.format(mode=mode))
     result = lab.go(simulation, pull=0.001 if mode == "shortening" else 0.099)
     assert result.converged, result.message
@@ -164,7 +164,7 @@ def test_a_straight_cable_between_two_handles_draws_them_together(lab: Any, mode
 @pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 @pytest.mark.parametrize("mode", ["shortening", "length"])
 def test_a_cable_shorter_than_its_handles_are_apart_is_named(lab: Any, mode: str) -> None:
-    """Command it to 90 mm between handles 100 mm apart: nothing moves, and it is named; nearer, they can follow."""
+    """A cable commanded to 90 mm between handles 100 mm apart is named, and nothing moves; nearer handles converge."""
     points = "[[0, 0, 0.008], [0.05, 0, 0.009], [0.1, 0, 0.008]]"
     cable = f"pull: {{cable: {{points: {points}, command: {mode}}}}}"
     simulation = lab.bar(handles=f"{BASE}, tip: {{where: {{face: x+}}}}", actuators=cable)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of a body with itself beside what else has a state: checkpoints, resets, cut steps."""
+"""Self-contact together with other state: checkpoints, resets, cut steps."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ handles: {left: {where: {face: x-}, fixed: true}, right: {where: {face: x+}}}
 self_contact: {friction: 0.3}
 """
 MOVES = [(-0.009, 0.0), (-0.012, 0.0), (-0.012, 0.004), (-0.013, 0.009), (-0.008, 0.009), (-0.012, 0.009)]
-"""Of the right block along x and z [m]: it presses, sticks, slips, lets go and comes back."""
+"""Positions of the right block along x and z [m]: it presses, sticks, slips, separates and comes back."""
 
 
 def make(**overrides: Any) -> Simulation:
-    """Return two blocks that face each other; keyword arguments override keys."""
+    """Return two blocks that face each other; keyword arguments override scene keys."""
     return Simulation(scene_from_text(PAIR, overrides=overrides))
 
 
 def pressed(simulation: Simulation, moves: list[tuple[float, float]] = MOVES) -> list[np.ndarray]:
-    """Move the right block, in motion four steps for each place; return positions after each step."""
+    """Move the right block, with dynamics four steps for each position; return the positions after each step."""
     again = 4 if simulation.scene.dynamics else 1
     places = [Pose((x, 0.0, z)) for x, z in moves for _ in range(again)]
     return [simulation.step(Command(handles={"right": place})).positions for place in places]
@@ -39,7 +39,7 @@ def pressed(simulation: Simulation, moves: list[tuple[float, float]] = MOVES) ->
 
 @pytest.mark.parametrize("motion", [{}, {"dynamics": {"scheme": "bdf2", "step": 0.005}}], ids=["still", "moves"])
 def test_a_checkpoint_goes_on_to_the_bit(motion: dict[str, Any]) -> None:
-    """Save while blocks rub, load elsewhere, go on; and once more from a reset: the same bits."""
+    """Blocks saved while they rub, and loaded elsewhere, continue with the same bits; so does a run after a reset."""
     first, second = make(**motion), make(**motion)
     before = pressed(first, MOVES[:3])
     assert first.result.contacts[NAME].presses.max() > 0.01
@@ -53,7 +53,7 @@ def test_a_checkpoint_goes_on_to_the_bit(motion: dict[str, Any]) -> None:
 
 
 def test_steps_that_are_cut_go_on_to_the_same_bits() -> None:
-    """A step that is cut where another was cut has its bits, and both arrive."""
+    """Two runs cut at the same place have the same bits, and both converge."""
     first, second = make(), make()
     for simulation in (first, second):
         goal = Command(handles={"right": Pose((-0.013, 0.0, 0.004))})

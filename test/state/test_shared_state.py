@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State belongs to its simulation: growth, saved states, deferred fields and results do not reach into each other."""
+"""A simulation owns its state: growth, saved states, deferred fields and results do not affect each other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.errors import CommandError
 
 
 def equal(one: Any, other: Any) -> bool:
-    """Tell whether two results have the same positions and numbers to the last bit."""
+    """Return whether two results have the same positions and numbers to the last bit."""
     numbers = ("converged", "iterations", "error_estimate", "energy", "min_det", "message")
     return np.array_equal(one.positions, other.positions) and all(
         getattr(one, name) == getattr(other, name) for name in numbers
@@ -26,7 +26,7 @@ def equal(one: Any, other: Any) -> bool:
 
 
 def test_a_grown_state_goes_on_elsewhere_to_the_bit(lab: Any) -> None:
-    """Save a grown bar, load it into a simulation that never grew, pull both: the same steps."""
+    """A saved grown bar, loaded into a simulation that never grew, continues with the same bits."""
     first, second = lab.bar(), lab.bar()
     lab.go(first, heat=0.6)
     load_state(second, save_state(first))
@@ -40,7 +40,7 @@ def test_a_grown_state_goes_on_elsewhere_to_the_bit(lab: Any) -> None:
 @pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 @pytest.mark.parametrize("poisson", [0.3, 0.499, 0.5])
 def test_a_saved_rest_is_rest_after_growth(lab: Any, poisson: float) -> None:
-    """Load a state of rest into a grown simulation: it steps as if it had never grown, also after a reset."""
+    """An undeformed state, loaded into a grown simulation, continues as if it had never grown, also after a reset."""
     how = {"materials__rubber__poisson": poisson}
     grown, plain = lab.bar(**how), lab.bar(**how)
     rest = save_state(lab.bar(**how))
@@ -54,7 +54,7 @@ def test_a_saved_rest_is_rest_after_growth(lab: Any, poisson: float) -> None:
 
 
 def test_loading_a_state_leaves_the_one_it_came_from_alone(lab: Any) -> None:
-    """Load one state into two simulations of the same scene and drive them apart: each goes on as if alone."""
+    """One state loaded into two simulations is not shared: each continues as if alone."""
     scene = lab.scene()
     source = Simulation(scene)
     lab.go(source, heat=0.6)
@@ -67,7 +67,7 @@ def test_loading_a_state_leaves_the_one_it_came_from_alone(lab: Any) -> None:
 
 
 def test_a_watched_simulation_can_be_saved(lab: Any) -> None:
-    """Watch the energy, save, load elsewhere: the same next step, and the watcher is not part of the state."""
+    """A simulation with an energy observer can be saved; its copy has the same next step and no observer."""
     first, second, seen = lab.bar(), lab.bar(), []
     first.observe_energy(lambda *values: seen.append(values))
     lab.go(first, pull=0.3)
@@ -85,7 +85,7 @@ def test_a_watched_simulation_can_be_saved(lab: Any) -> None:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_restart_with_growth_starts_from_rest(lab: Any, axis: int) -> None:
-    """Mirror a grown body, step on, go back and reset: energies and shapes of a simulation that never failed."""
+    """From mirrored positions of a grown body, later steps equal those of a simulation that never failed."""
     how = {"materials__rubber__poisson": 0.499}
     mirrored, plain = lab.bar(**how), lab.bar(**how)
     lab.go(mirrored, heat=0.8)
@@ -107,7 +107,7 @@ def test_a_restart_with_growth_starts_from_rest(lab: Any, axis: int) -> None:
 
 @pytest.mark.parametrize("poisson", [0.3, 0.45, 0.499, 0.5])
 def test_jacobian_with_growth_equals_differences(lab: Any, poisson: float) -> None:
-    """Compare d(tip)/d(heat) and d(tip)/d(pull) of a grown and pulled bar with steps of fresh simulations."""
+    """d(tip)/d(heat) and d(tip)/d(pull) of a grown and pulled bar equal differences of fresh simulations."""
     simulation = lab.bar(materials__rubber__poisson=poisson)
     at = {"heat": 0.5, "pull": 0.2}
     lab.go(simulation, **at)
@@ -121,7 +121,7 @@ def test_jacobian_with_growth_equals_differences(lab: Any, poisson: float) -> No
 
 @pytest.mark.parametrize("poisson", [0.3, 0.45, 0.499])
 def test_relative_jacobian_equals_differences(lab: Any, poisson: float) -> None:
-    """Compare d(tip)/d(heat) under ``relative`` with fresh simulations with the same load path, within 2 %."""
+    """With the policy ``relative``, d(tip)/d(heat) equals a difference over the same load path within 2 %."""
     scene = lab.scene(
         actuators="heat: {growth: {stretch: [0.9, 1, 1], where: {box: {z: [0, 1]}}}}",
         more="solver: {policy: relative, tolerance: 1.0e-8}",
@@ -137,7 +137,7 @@ def test_relative_jacobian_equals_differences(lab: Any, poisson: float) -> None:
 
 @pytest.mark.parametrize("way", [(0.1, 0.0), (1.0, 0.0), (0.3, 0.6, 1.0, 0.5, 0.0)])
 def test_relative_with_growth_comes_home(lab: Any, way: tuple[float, ...]) -> None:
-    """Grow and shrink again under ``relative``: rest within ten tolerances."""
+    """With the policy ``relative``, a body that grows and shrinks returns within ten tolerances."""
     simulation = lab.bar(actuators="heat: {growth: {stretch: [0.9, 1, 1], where: {box: {z: [0, 1]}}}}",
                          more="solver: {policy: relative}")  # fmt: skip
     for heat in way:
@@ -152,7 +152,7 @@ def test_relative_with_growth_comes_home(lab: Any, way: tuple[float, ...]) -> No
 
 @pytest.mark.parametrize("policy", ["energy", "relative"])
 def test_deferred_fields_are_those_of_their_time(lab: Any, policy: str) -> None:
-    """Take the fields of a grown state before and after two further steps: equal to the last bit."""
+    """Fields taken from a grown state have the same bits when evaluated after two further steps."""
     simulation = lab.bar(actuators="heat: {growth: {stretch: [0.9, 1, 1], where: {box: {z: [0, 1]}}}}",
                          more=f"solver: {{policy: {policy}}}")  # fmt: skip
     lab.go(simulation, heat=0.5)
@@ -165,7 +165,7 @@ def test_deferred_fields_are_those_of_their_time(lab: Any, policy: str) -> None:
 
 
 def test_results_and_positions_cannot_change_the_simulation(lab: Any) -> None:
-    """Write into a result and into the positions: refused, or without effect on the state and the next step."""
+    """Writing into a result or into the positions is refused, or has no effect on the state and the next step."""
     simulation, plain = lab.bar(), lab.bar()
     for each in (simulation, plain):
         lab.go(each, pull=0.3)
@@ -180,7 +180,7 @@ def test_results_and_positions_cannot_change_the_simulation(lab: Any) -> None:
 
 @pytest.mark.parametrize("dt", [-1.0, -1e-9, float("nan"), float("inf")])
 def test_time_that_runs_backwards_is_refused(lab: Any, dt: float) -> None:
-    """Step by an impossible dt beside a rate limit: an error that names dt, and nothing has changed."""
+    """A step with an invalid dt and a rate limit raises an error that names dt, and changes nothing."""
     how = {"actuators__pull__cable__rate": 1.0}
     simulation, plain = lab.bar(**how), lab.bar(**how)
     for each in (simulation, plain):

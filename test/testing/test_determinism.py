@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controlled run, twice, in fresh processes: the bags hold the same bits."""
+"""A controlled run, made twice in fresh processes, gives bags with the same bits."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ COARSE = {"mesh.bar.cells": [10, 2, 2]}
 
 
 def _controller(state: PublishedState) -> Command:
-    """Chase a moving height with what the strain says, so that every published array feeds back."""
+    """Follow a moving height with feedback of strain and displacement, so that every published array matters."""
     goal = 0.1 * np.sin(2.0 * state.time)
     height = state.poses["tip"].translation[2] + 0.3 * (goal - float(state.displacements[-1, 2]))
     return Command(handles={"tip": Pose((0.0, 1e-3 * float(state.strain[0, 3]), height))})
 
 
 def _contents(bag: Path) -> dict[str, list[bytes]]:
-    """Read the numbers of every message by topic; its bytes will not do, for CDR leaves the padding undefined."""
+    """Return a dict from topic to the numbers of its messages; their bytes differ in CDR's undefined padding."""
     contents = defaultdict(list)
     with AnyReader([bag]) as reader:
         for connection, moment, raw in reader.messages():
@@ -42,7 +42,7 @@ def _contents(bag: Path) -> dict[str, list[bytes]]:
 
 @pytest.mark.parametrize("steps", [100, pytest.param(5000, marks=pytest.mark.slow)])
 def test_two_runs_leave_the_same_arrays(tmp_path: Path, steps: int) -> None:
-    """Compare mesh, strain, poses, wrenches and commands of two bags: all are there and equal, bit for bit."""
+    """Two bags have the same mesh, strain, poses, wrenches and commands, bit for bit."""
     contents = []
     for run in ("first", "second"):
         with Simulator("bend5", overrides=COARSE, bag=tmp_path / run) as simulator:

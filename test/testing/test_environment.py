@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes as environments of Gymnasium."""
+"""Scenes as Gymnasium environments."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MOVING = f"{BAR}dynamics: {{step: 0.01, damping: {{viscosity: 100.0}}}}"
 
 @pytest.mark.parametrize("text", [BAR, MOVING])
 def test_gymnasium_finds_nothing_to_complain_of(text: str) -> None:
-    """Have gymnasium check an environment in equilibria and one in motion: spaces, seeds, types, shapes."""
+    """Gymnasium's checker accepts an environment of equilibria and one of motion: spaces, seeds, types, shapes."""
     env = _env(text, dt=0.01)
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
@@ -49,14 +49,14 @@ def test_gymnasium_finds_nothing_to_complain_of(text: str) -> None:
 
 
 def test_episodes_with_the_same_seed_are_the_same() -> None:
-    """Play two episodes from one seed: goals, observations and rewards agree to the last bit; another seed differs."""
+    """Two episodes with one seed have the same goals, observations and rewards bit for bit; another seed differs."""
     first, second = (_episode(_env(BAR), seed=7) for _ in range(2))
     np.testing.assert_array_equal(first, second)
     assert not np.array_equal(first, _episode(_env(BAR), seed=8))
 
 
 def test_the_goal_is_reached_by_a_command() -> None:
-    """Repeat what a seed draws: the command behind the goal brings the tip there, from a hundred times as far away."""
+    """The command from which a goal was drawn moves the tip within a hundredth of the initial distance to it."""
     env = _env(BAR, dt=1.0)
     env.reset(seed=3)
     drawn = np_random(3)[0].uniform(env.action_space.low, env.action_space.high)
@@ -65,7 +65,7 @@ def test_the_goal_is_reached_by_a_command() -> None:
 
 
 def test_callables_of_ones_own_decide() -> None:
-    """Give observation, reward and ending: the space follows the observation, and the episode ends by it."""
+    """Own functions give observation, reward and end: the space has the observation's shape, and the episode ends."""
     env = _env(
         BAR,
         observation=lambda simulation: simulation.probe_positions()["tip"][[0, 2]],
@@ -81,7 +81,7 @@ def test_callables_of_ones_own_decide() -> None:
 
 
 def test_commands_beyond_the_range_count_as_its_end() -> None:
-    """Pull with 1000 N where 2 N are allowed: the actuator has 2 N."""
+    """A command of 1000 N with a range up to 2 N gives 2 N."""
     env = _env(BAR, dt=1.0)
     env.reset()
     env.step([1000.0, -5.0])
@@ -91,7 +91,7 @@ def test_commands_beyond_the_range_count_as_its_end() -> None:
 
 @pytest.mark.parametrize("action", [[np.nan, 0.0], [1.0], [[1.0, 2.0]]])
 def test_what_is_no_command_is_refused(action: Any) -> None:
-    """Give NaN and wrong shapes: an error that names the actuators, and the state stays."""
+    """NaN and wrong shapes are refused with the actuators' names, and the state stays."""
     env = _env(BAR)
     env.reset()
     with pytest.raises(CommandError, match="lower"):
@@ -100,7 +100,7 @@ def test_what_is_no_command_is_refused(action: Any) -> None:
 
 
 def test_a_step_that_does_not_converge_truncates() -> None:
-    """Let no step converge, not even one that commands nothing new: the episode is truncated, with the reason."""
+    """If no step converges, not even without a new command, the episode is truncated with the reason."""
     env = _env(BAR, reward=lambda simulation, action: 0.0)
     env.reset()
     solve, tried = env.simulation.step, []
@@ -117,7 +117,7 @@ def test_a_step_that_does_not_converge_truncates() -> None:
 
 
 def test_the_last_step_truncates() -> None:
-    """Make as many steps as an episode has: the last one, and only that, truncates it."""
+    """Only the last step of an episode truncates it."""
     env = _env(BAR, steps=3)
     env.reset()
     steps = [env.step([1.0, 0.0]) for _ in range(3)]
@@ -126,7 +126,7 @@ def test_the_last_step_truncates() -> None:
 
 
 def test_scenes_that_lack_something_are_refused() -> None:
-    """Take scenes without actuators, without a range, without probes: what is missing is named, and the key."""
+    """Scenes without actuators, ranges or probes are refused with what is missing and its key."""
     with pytest.raises(GdfeError, match="no actuators"):
         make_env("bend5")
     with pytest.raises(GdfeError, match="left of scene 'bar' have no range"):
@@ -137,14 +137,14 @@ def test_scenes_that_lack_something_are_refused() -> None:
 
 @pytest.mark.parametrize(("scene", "steps"), [("three_chamber_arm", 30), ("crawler", 30)])
 def test_random_actions_explore_shipped_scenes(scene: str, steps: int) -> None:
-    """Take random actions: every step converges, no command jumps, and goals and observations are finite."""
+    """With random actions every step converges, no command jumps, and goals and observations are finite."""
     _explore(scene, steps)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 def test_random_actions_explore_every_shipped_scene(scene: str) -> None:
-    """Have gymnasium check each scene with actuators and probes, and take 1000 random actions: every step converges."""
+    """In each scene with actuators and probes, gymnasium's check and 1000 random actions pass; all steps converge."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         check_env(make_env(scene), skip_render_check=True)
@@ -152,7 +152,7 @@ def test_random_actions_explore_every_shipped_scene(scene: str) -> None:
 
 
 def test_the_list_of_scenes_to_explore_is_complete() -> None:
-    """Load every shipped scene: those with actuators that have ranges, and with probes, are explored."""
+    """The explored scenes are all shipped ones that have actuators with ranges and probes."""
     scenes = [load_scene(name) for name in scene_names()]
     fit = [
         scene.name
@@ -163,7 +163,7 @@ def test_the_list_of_scenes_to_explore_is_complete() -> None:
 
 
 def test_actions_are_rate_limited_and_resets_are_cheap() -> None:
-    """Jump from end to end of the range: a twentieth of it in a step of 0.05 s; a reset makes at most three solves."""
+    """A jump over the range is made by a twentieth per step of 0.05 s, and a reset takes at most three solves."""
     env = _env(BAR)
     env.reset(seed=1)
     seen = [env.step([2.0, 0.5])[4]["applied"] for _ in range(3)]
@@ -185,7 +185,7 @@ def test_actions_are_rate_limited_and_resets_are_cheap() -> None:
 
 
 def test_a_step_that_would_not_converge_goes_as_far_as_one_does() -> None:
-    """Let steps over a seventh of the range fail: the command covers an eighth of the change; the step converges."""
+    """If steps over a seventh of the range fail, the command covers an eighth of the change and converges."""
     env = _env(BAR, slew_time=0.0)
     env.reset(seed=1)
     solve = env.simulation.step
@@ -202,7 +202,7 @@ def test_a_step_that_would_not_converge_goes_as_far_as_one_does() -> None:
 
 @pytest.mark.parametrize("text", [BAR, MOVING])
 def test_a_reset_to_a_moment_makes_no_solve(text: str) -> None:
-    """Go back to a moment of an episode, in the same environment and another one: no solve, and the rest agrees."""
+    """A reset to a moment of an episode, in the same environment or another, makes no solve and repeats its rest."""
     env, other = _env(text, dt=0.01), _env(text, dt=0.01)
     env.reset(seed=3)
     env.step([2.0, 0.0])
@@ -233,7 +233,7 @@ def test_a_reset_to_a_moment_makes_no_solve(text: str) -> None:
     ],
 )
 def test_wrong_options_of_a_reset_are_refused(options: dict[str, Any], told: str) -> None:
-    """Reset with an unknown option and with wrong values: an error says what is allowed, and the state stays."""
+    """Unknown options and wrong values of a reset are refused with what is allowed, and the state stays."""
     env = _env(BAR)
     env.reset(seed=1)
     env.step([1.0, 0.0])
@@ -243,13 +243,13 @@ def test_wrong_options_of_a_reset_are_refused(options: dict[str, Any], told: str
 
 
 def test_a_range_is_narrowed_whatever_the_program_commands() -> None:
-    """Narrow the range of a scene whose program goes beyond it: actions are what counts."""
+    """A range smaller than the program's commands is accepted, and limits the actions."""
     env = make_env("tendon_finger", overrides={"actuators.flexor.cable.range": [0.0, 0.5]})
     assert env.action_space.high[0] == 0.5
 
 
 def test_a_count_of_any_whole_number_type_is_taken() -> None:
-    """Give the number of steps as numpy's int64: taken; what is no count is refused with what is allowed."""
+    """The number of steps may be numpy's int64; a value that is no count is refused."""
     assert _env(BAR, steps=np.int64(5)) is not None
     for wrong in (0, 2.5, True, "5"):
         with pytest.raises(GdfeError, match="allowed: whole numbers, 1 or more"):
@@ -257,7 +257,7 @@ def test_a_count_of_any_whole_number_type_is_taken() -> None:
 
 
 def test_processes_agree_with_a_single_environment(tmp_path: Path) -> None:
-    """Run two environments in processes from two seeds: each has the rewards that it has alone."""
+    """Two environments in processes have the rewards that each seed has alone."""
     path = tmp_path / "bar.yaml"
     path.write_text(BAR, encoding="utf-8")
     vector = make_vector_env(str(path), 2)
@@ -274,7 +274,7 @@ def test_processes_agree_with_a_single_environment(tmp_path: Path) -> None:
 
 
 def test_an_environment_needs_no_ros() -> None:
-    """Import it in a fresh process: rclpy is not among the modules."""
+    """Importing the environment in a fresh process does not load rclpy."""
     code = "import sys; from gdfe_ros.testing import make_env; assert 'rclpy' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node that is forked off a prepared process, and one that is started afresh: the same to whoever asks."""
+"""A node forked from a prepared process and one started afresh behave the same."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _forked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(params=[_afresh, _forked])
 def start(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> type[NodeProcess]:
-    """Give nodes that are started by either method."""
+    """Return the class of nodes for either method of starting."""
     request.param(monkeypatch)
     return NodeProcess
 
@@ -37,7 +37,7 @@ def _wait(done: Callable[[], bool]) -> None:
 
 
 def test_a_node_logs_and_ends_by_a_signal(start: type[NodeProcess]) -> None:
-    """Wait until it is active, send SIGTERM: it ends in good order, and its log is its own."""
+    """An active node ends in order after SIGTERM, and has its own log."""
     with start(COARSE) as node:
         _wait(lambda: "active, clock wall" in node.log)
         assert node.running
@@ -46,20 +46,20 @@ def test_a_node_logs_and_ends_by_a_signal(start: type[NodeProcess]) -> None:
 
 
 def test_a_killed_node_says_which_signal_it_was(start: type[NodeProcess]) -> None:
-    """Kill it while it starts: the status is the negative number of the signal."""
+    """The exit status of a node killed at its start is the negative number of the signal."""
     with start(COARSE) as node:
         assert node.stop(signal.SIGKILL) == -signal.SIGKILL
 
 
 def test_a_node_that_cannot_start_says_why(start: type[NodeProcess]) -> None:
-    """Ask for a rate of zero: status 2, one line."""
+    """A node with a rate of zero ends with status 2 and one line."""
     with start({"rate": 0}) as node:
         assert node.wait() == 2
         assert node.log == "sim_node: parameter rate is 0; allowed: 0.01 to 10000 Hz\n"
 
 
 def test_a_node_has_the_environment_of_its_caller(start: type[NodeProcess], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Set a ROS domain that there is none of: the node meets it, and ends."""
+    """A node started with an invalid ROS_DOMAIN_ID in its environment ends with an error about it."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "9999")
     with start(COARSE) as node:
         assert node.wait() != 0

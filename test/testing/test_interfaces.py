@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message packages that are built for tests: who may see them, and when."""
+"""Message packages built for tests: who can import them, and when."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gdfe_ros.testing import interfaces
 
 
 class _Builder:
-    """Makes a package without sources."""
+    """Makes a package without sources; a second build raises."""
 
     def __init__(self, definitions: Path, target: Path) -> None:
         self._target = target
@@ -21,7 +21,7 @@ class _Builder:
 
 
 def test_who_imports_a_package_sees_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Build two packages in one folder: neither is where the other is imported from, and each is built once."""
+    """Two packages built in one folder are imported separately, and each is built once."""
     monkeypatch.setattr(interfaces, "_Builder", _Builder)
     places = {name: interfaces.build_interfaces(Path(name), tmp_path) for name in ("one_msgs", "other_msgs")}
     for name, place in places.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replays through a real node: what each step consumed is sent to it over topics."""
+"""Replays through a real node: the commands of each step are sent over topics."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _turned(height: float) -> PoseStamped:
 
 
 def _assert_identical(bag: Path) -> BagRun:
-    """Replay without and with ROS."""
+    """Require identical bits in a replay without and with ROS."""
     run = BagRun(bag)
     for replay in (Replay(run), NodeReplay(run)):
         report = replay.run()
@@ -45,7 +45,7 @@ def _assert_identical(bag: Path) -> BagRun:
 
 
 def test_a_run_under_the_wall_clock_replays_through_a_node(tmp_path: Path, capfd: Any) -> None:
-    """Send turned poses at 100 Hz, with a deadline that cuts solves: the node gives the same bits in lockstep."""
+    """A run at 100 Hz with the wall clock and a deadline that cuts solves replays in lockstep with the same bits."""
     parameters = {"clock": "wall", "rate": 100.0, "deadline": 0.001, "command_set": [""]}
     with Simulator("bend5", overrides=COARSE, parameters=parameters, bag=tmp_path / "bag") as simulator:
         for z in np.linspace(0.005, 0.1, 20):
@@ -58,7 +58,7 @@ def test_a_run_under_the_wall_clock_replays_through_a_node(tmp_path: Path, capfd
 
 
 def test_a_bag_begun_in_the_middle_replays(tmp_path: Path) -> None:
-    """Record from a deformed state on: velocities, steps without a command, another dt and a reset."""
+    """A bag from a deformed state on replays, with velocities, steps without a command, another dt and a reset."""
     name, topics = "/begun/gdfe_sim", {"handles/tip/target": PoseStamped, "handles/tip/velocity": TwistStamped}
     overrides = [f"{key}={value}" for key, value in COARSE.items()]
     parameters = {"scene": "bend5", "scene_overrides": overrides, "clock": "lockstep", "autostart": False}
@@ -95,7 +95,7 @@ def test_a_bag_begun_in_the_middle_replays(tmp_path: Path) -> None:
 
 
 def test_actuators_commanded_one_at_a_time_replay(tmp_path: Path) -> None:
-    """Pull one cable, then the other: each step consumes the command of one, in newtons."""
+    """Two cables commanded in turn replay: each step has the command of one, in newtons."""
     name, bag = "/pulled/gdfe_sim", tmp_path / "bag"
     parameters = {"scene": "tendon_finger", "clock": "lockstep", "autostart": False, "record": True}
     with (
@@ -114,7 +114,7 @@ def test_actuators_commanded_one_at_a_time_replay(tmp_path: Path) -> None:
 
 
 def _activate(link: NodeConnection) -> None:
-    """Activate, and wait for the state that is published then: later, it would pass for a commanded step."""
+    """Activate, and wait for the state published then, which would otherwise be taken for a commanded step."""
     count = link.step + 1
     link.transition("activate")
     link.wait_for_step(count)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The harness for controllers' tests: real processes, closed loops, the same to the bit."""
+"""The harness for tests of controllers: real processes, closed loops, the same bits."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _controller(state: PublishedState) -> Command:
 
 
 def test_a_controller_reaches_its_goal_the_same_way_every_time() -> None:
-    """Close the loop for 30 steps in two processes: the goal is reached, every array is equal bit for bit."""
+    """A controller reaches its goal within 30 steps, and every array of two such runs is equal bit for bit."""
     runs = []
     for _ in range(2):
         with Simulator("bend5", overrides=COARSE) as simulator:
@@ -54,7 +54,7 @@ def test_a_controller_reaches_its_goal_the_same_way_every_time() -> None:
 
 
 def test_a_controller_of_a_body_in_motion_reads_velocities_and_inertial_units() -> None:
-    """Shake a bar by its base: each state has what a simulation here finds; none without dynamics."""
+    """With dynamics, states have the velocities and IMU readings of a simulation here; without, they have none."""
     overrides = {"mesh.bar.cells": [10, 1, 1], "handles.base.fixed": False}
     commands = [Command(handles={"base": Pose((0.0, 0.0, 1e-3 * np.sin(0.5 * step)))}) for step in range(10)]
     same = Simulation(load_scene("drop", overrides=overrides))
@@ -73,7 +73,7 @@ def test_a_controller_of_a_body_in_motion_reads_velocities_and_inertial_units() 
 
 
 def test_loads_are_commanded_and_replayed(tmp_path: Path) -> None:
-    """Weaken the weight of a bar step by step: each state is that of a simulation here, and its bag replays by ROS."""
+    """With a load reduced step by step, each state is that of a simulation here, and the bag replays through ROS."""
     overrides = {"mesh.bar.cells": [10, 1, 1], "dynamics": None, "handles.base.fixed": True}
     (load,) = load_scene("drop", overrides=overrides).loads
     same = Simulation(load_scene("drop", overrides=overrides))
@@ -88,14 +88,14 @@ def test_loads_are_commanded_and_replayed(tmp_path: Path) -> None:
 
 
 def test_a_scene_without_inputs_is_stepped() -> None:
-    """Step a bar in motion that nothing commands: time goes on."""
+    """A bar in motion without inputs can be stepped."""
     overrides = {"mesh.bar.cells": [10, 1, 1], "loads": {}, "program": None, "dynamics.velocity": [0.0, 0.0, 0.1]}
     with Simulator("drop", overrides=overrides) as simulator:
         assert [simulator.step().record.step for _ in range(3)] == [1, 2, 3]
 
 
 def test_a_reset_by_somebody_else_is_not_taken_for_a_step() -> None:
-    """Reset the node from outside between two steps: the second one returns what it commanded, from rest."""
+    """After a reset by another client, a step returns its own command's state, not the reset's."""
     raised = Command(handles={"tip": Pose((0.0, 0.0, 0.01))})
     with Simulator("bend5", overrides=COARSE) as simulator:
         simulator.step(raised)
@@ -114,7 +114,7 @@ def test_a_reset_by_somebody_else_is_not_taken_for_a_step() -> None:
 
 
 def test_a_wrong_name_leaves_the_commands_alone() -> None:
-    """Command what is not there, and a fixed handle: the error of a direct call, and the next step is made."""
+    """An unknown name and a fixed handle raise the error of a direct call, and the next step is made."""
     direct = Simulation(load_scene("bend5", overrides=COARSE))
     lift = Pose((0.0, 0.0, 0.01))
     wrong = (
@@ -131,7 +131,7 @@ def test_a_wrong_name_leaves_the_commands_alone() -> None:
 
 
 def test_a_refused_command_is_raised_at_once_and_forgotten() -> None:
-    """Command a pose a kilometre away: the error of a direct call comes at once, and the next step is a good one."""
+    """A pose a kilometre away raises the error of a direct call at once, and the next step is made."""
     direct = Simulation(load_scene("bend5", overrides=COARSE))
     far, good = (Command(handles={"tip": Pose((0.0, 0.0, z))}) for z in (1e3, 0.01))
     with pytest.raises(CommandError) as told:
@@ -146,7 +146,7 @@ def test_a_refused_command_is_raised_at_once_and_forgotten() -> None:
 
 
 def test_what_only_the_node_refuses_is_raised_at_once() -> None:
-    """Let a tendon finger be deactivated by somebody: the step is refused at once, and what waited does not wait on."""
+    """A step that only the node refuses, because it is inactive or follows a topic, raises at once."""
     with Simulator("tendon_finger", patience=60.0) as simulator:
         flexor = Command(actuators={"flexor": 0.5})
         simulator.step(flexor)
@@ -160,7 +160,7 @@ def test_what_only_the_node_refuses_is_raised_at_once() -> None:
 
 
 def test_a_body_put_inside_another_raises(slab: Path) -> None:
-    """Put a box into a table: the error of a direct call, after a step without it; the next step is a good one."""
+    """A box put into a table raises the error of a direct call, and the next step is made."""
     inside, above = (Command(bodies={"part": Pose((0.0, 0.0, z))}) for z in (-0.05, 0.05))
     with pytest.raises(OverlapError) as told:
         Simulation(load_scene(slab)).step(inside)
@@ -171,7 +171,7 @@ def test_a_body_put_inside_another_raises(slab: Path) -> None:
 
 
 class _Follower(Node):
-    """A controller as a node: raises the tip by a millimetre with every mesh."""
+    """A controller node that raises the tip by a millimetre with every mesh."""
 
     def __init__(self, simulator: Simulator) -> None:
         super().__init__("follower", context=simulator.context)
@@ -186,7 +186,7 @@ class _Follower(Node):
             self._follow()
 
     def _take(self, _: Any) -> None:
-        """Follow every mesh but the first, the resting one: who hears it is known to the simulation."""
+        """Follow every mesh except the first; after it, the simulation knows this subscriber."""
         if self._known:
             self._follow()
         self._known = True
@@ -199,7 +199,7 @@ class _Follower(Node):
 
 
 def test_a_node_closes_the_loop() -> None:
-    """Spin a node that commands with every mesh: each command makes one step."""
+    """With a node that commands at every mesh, each command makes one step."""
     with Simulator("bend5", overrides=COARSE, inputs=[]) as simulator:
         follower = _Follower(simulator)
         states = simulator.spin(follower, steps=50)
@@ -208,7 +208,7 @@ def test_a_node_closes_the_loop() -> None:
 
 
 def test_what_is_wrong_is_said(tmp_path: Path) -> None:
-    """Name an unknown handle; put a bag where a file lies: the errors say so, with the node's own words."""
+    """An unknown handle, and a file in place of the bag, raise the node's own errors."""
     with Simulator("bend5", overrides=COARSE) as simulator, pytest.raises(CommandError, match="no handle 'tipp'"):
         simulator.step(Command(handles={"tipp": Pose()}))
     (tmp_path / "file").touch()
@@ -217,7 +217,7 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
 
 
 def test_tracking_errors_are_distances() -> None:
-    """Compare two short motions by hand; shapes that do not fit are refused."""
+    """Tracking errors of two short motions are the distances, and shapes that do not fit are refused."""
     error = tracking_error([[0, 0, 0], [0, 3, 4]], [0, 0, 0])
     assert (error.largest, error.rms, error.last) == (5.0, pytest.approx(np.sqrt(12.5)), 5.0)
     with pytest.raises(ValueError, match="must be"):

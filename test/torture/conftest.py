@@ -13,11 +13,11 @@ from benchmarks.torture.case import Group
 from benchmarks.torture.score import Score, rich_table, write_scores
 
 OUTPUT = Path(os.environ.get("TORTURE_OUTPUT", "runs/torture"))
-"""Where torture.json and torture.png go."""
+"""Folder of torture.json and torture.png."""
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Print the table of what ran, and write it and its picture where the torture test ran."""
+    """Print the table of the torture cases that ran, and write it and its picture; do nothing if none ran."""
     reports = [report for key in ("passed", "failed") for report in terminalreporter.getreports(key)]
     texts = [value for report in reports for key, value in report.user_properties if key == "torture"]
     if not texts:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every torment of the catalogue, judged; the full test is ``make torture``."""
+"""Every case of the torture catalogue, judged; the full test is ``make torture``."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Policy
 
 WALK_STEPS = int(os.environ.get("TORTURE_WALK_STEPS", STEPS))
-"""Steps of each random walk."""
+"""Number of steps of each random walk."""
 CASES = all_cases(walk_steps=WALK_STEPS)
 
 
 @pytest.fixture(scope="session", autouse=True)
 def kernels() -> None:
-    """Load the compiled kernels, lest the first cases be charged with it."""
+    """Load the compiled kernels, so that the first cases do not include that time."""
     for name in ("bend5", "three_chamber_arm", "tendon_finger", "shape_memory_strip", "tensile_curve"):
         for policy in Policy:
             scene = load_scene(name)
@@ -36,7 +36,7 @@ def kernels() -> None:
 @pytest.mark.torture
 @pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
 def test_torture(case: Case, record_property: Callable[[str, object], None]) -> None:
-    """Pass, or refuse by name."""
+    """Each case passes, or is refused with the expected words."""
     outcome = attempt(case)
     record_property("torture", json.dumps(Score.of(case, outcome).to_json()))
     assert outcome.verdict is not Verdict.FAILED, outcome.text

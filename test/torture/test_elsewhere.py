@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 _ELSEWHERE = {"NUMBA_CPU_NAME": "generic", "OPENBLAS_CORETYPE": "Prescott"}
-"""A processor of 2004: no AVX, no fused multiply-add, so that nearly every sum rounds otherwise."""
+"""A processor of 2004 without AVX and fused multiply-add, so that nearly every sum is rounded differently."""
 
 
 @pytest.mark.torture
 def test_every_bag_replays_elsewhere(kept_bags: dict[Path, float], tmp_path: Path) -> None:
-    """Replay each bag on that processor, in processes of their own: within the factor that the README states."""
+    """Each bag replays for that processor, in its own process, within the factor that the README states."""
     environment = {**os.environ, **_ELSEWHERE, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
     failed = {}
     for bag, factor in kept_bags.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fuzzing of the bag reader: damaged files are refused by name or read without the damage, never a crash."""
+"""Fuzzing of the bag reader: damaged files are refused by name or read without the damage, and never crash."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 
 EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
-"""Random examples of each test; 0 for a few that are the same every time."""
+"""Random examples per test; 0 for a few fixed ones."""
 QUICK = settings(
     max_examples=EXAMPLES or 80,
     deadline=None,
@@ -37,7 +37,7 @@ def _payload(number: int) -> bytes:
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """Give the bytes of a sound MCAP file with 50 messages."""
+    """Return the bytes of a valid MCAP file with 50 messages."""
     path = tmp_path_factory.mktemp("bag") / "sound"
     with closing(BagWriter(path, topics=[TOPIC])) as writer:
         for number in range(COUNT):
@@ -46,7 +46,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def _outcome(action: Callable[[], int]) -> tuple[int, str]:
-    """Return a count and no text, or the text of the refusal."""
+    """Return the count of messages and no text, or the text of the refusal."""
     try:
         return action(), ""
     except GdfeError as error:
@@ -65,7 +65,7 @@ def _check(path: Path, data: bytes, output: Path) -> None:
 @given(st.data())
 @QUICK
 def test_flipped_bytes(bag: bytes, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
-    """Overwrite a few bytes anywhere."""
+    """A file with a few bytes overwritten is read or refused by name."""
     damaged = bytearray(bag)
     for _ in range(data.draw(st.integers(1, 4))):
         damaged[data.draw(st.integers(0, len(bag) - 1))] = data.draw(st.integers(0, 255))
@@ -76,7 +76,7 @@ def test_flipped_bytes(bag: bytes, tmp_path_factory: pytest.TempPathFactory, dat
 @given(st.data())
 @QUICK
 def test_cut_files(bag: bytes, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
-    """Cut the file off anywhere."""
+    """A file cut off anywhere is read or refused by name."""
     folder = tmp_path_factory.mktemp("cut")
     _check(folder / "bag.mcap", bag[: data.draw(st.integers(0, len(bag)))], folder / "out")
 
@@ -84,6 +84,6 @@ def test_cut_files(bag: bytes, tmp_path_factory: pytest.TempPathFactory, data: s
 @given(st.binary(max_size=300))
 @QUICK
 def test_any_bytes(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
-    """Read any bytes as a bag."""
+    """A file of random bytes is read as a bag or refused by name."""
     folder = tmp_path_factory.mktemp("any")
     _check(folder / "bag.mcap", content, folder / "out")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fuzzing of commands: refused with the state unchanged, or followed to a finite state."""
+"""Fuzzing of commands: each is refused with the state unchanged, or leads to a finite state."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ loads: {weight: {gravity: [0, 0, -9.81]}}
 solver: {tolerance: 1.0e-3, max_iterations: 300}
 """
 EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
-"""Random examples of each test; 0 for a few that are the same every time."""
+"""Random examples per test; 0 for a few fixed ones."""
 QUICK = settings(
     max_examples=EXAMPLES or 60, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=not EXAMPLES
 )
@@ -40,7 +40,7 @@ NAMES = st.sampled_from(["tip", "base", "nobody", ""])
 
 @pytest.fixture(scope="module")
 def simulation() -> Simulation:
-    """Give one simulation for all examples: each goes on from where the one before it ended."""
+    """Return one simulation for all examples: each continues from the end of the one before."""
     return Simulation(scene_from_text(SCENE))
 
 
@@ -61,7 +61,7 @@ def test_any_command(
     value: float,
     dt: float,
 ) -> None:
-    """Command anything to anybody."""
+    """Any command of any handle, actuator or load is refused without a change, or gives finite results."""
     before = _snapshot(simulation)
     try:
         kind = "loads" if driven == "weight" else "actuators"
@@ -76,7 +76,7 @@ def test_any_command(
 
 
 def test_the_simulation_recovers(simulation: Simulation) -> None:
-    """Reset after all that: the body bends as a new one does."""
+    """After all examples and a reset, the body bends as a new one does."""
     simulation.reset()
     pose = Pose(translation=(0.0, 0.0, 0.05))
     found = simulation.step(Command({"tip": pose}))
@@ -88,7 +88,7 @@ def test_the_simulation_recovers(simulation: Simulation) -> None:
 @given(st.lists(VECTOR, min_size=20, max_size=20))
 @QUICK
 def test_any_positions(simulation: Simulation, rows: list[tuple[float, float, float]]) -> None:
-    """Start from any positions: refused, or a finite state."""
+    """Any positions are refused, or lead to a finite state."""
     before = _snapshot(simulation)
     try:
         simulation.set_positions(np.array(rows))

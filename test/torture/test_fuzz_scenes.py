@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fuzzing of the scene reader: whatever it is given, a scene that can be simulated or a SceneError, never a crash."""
+"""Fuzzing of the scene reader: any text gives a scene that can be simulated or a SceneError, and never a crash."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ solver: {policy: energy, tolerance: 1.0e-3, max_iterations: 200}
 """
 DATA = yaml.safe_load(SOUND)
 EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
-"""Random examples of each test; 0 for a few that are the same every time."""
+"""Random examples per test; 0 for a few fixed ones."""
 QUICK = settings(
     max_examples=EXAMPLES or 120, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=not EXAMPLES
 )
@@ -64,7 +64,7 @@ ODD = st.one_of(
 
 
 def _places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Return the path of every entry."""
+    """Return the key path of every entry."""
     items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     return [place for key, value in items for place in ((*path, key), *_places(value, (*path, key)))]
 
@@ -73,7 +73,7 @@ PLACES = _places(DATA)
 
 
 def _check(text: str) -> None:
-    """Read; what is read must be simulated for a step without a crash, and stay finite."""
+    """Read a text; a scene must be simulated for a step without a crash and with finite positions."""
     try:
         scene, defects = scene_from_text(text), None
     except SceneError as error:
@@ -100,7 +100,7 @@ def _check(text: str) -> None:
 @example(("program", "duration"), float("inf"))
 @QUICK
 def test_one_odd_value(place: tuple[Any, ...], value: Any) -> None:
-    """Replace one value of a sound scene by anything."""
+    """A valid scene with one value replaced by anything loads or is refused."""
     data = copy.deepcopy(DATA)
     target = data
     for key in place[:-1]:
@@ -112,7 +112,7 @@ def test_one_odd_value(place: tuple[Any, ...], value: Any) -> None:
 @given(st.lists(st.sampled_from(PLACES), min_size=1, max_size=4, unique=True))
 @QUICK
 def test_missing_entries(places: list[tuple[Any, ...]]) -> None:
-    """Leave entries out."""
+    """A valid scene without some entries loads or is refused."""
     data = copy.deepcopy(DATA)
     for place in sorted(places, key=str, reverse=True):
         target = data
@@ -129,7 +129,7 @@ def test_missing_entries(places: list[tuple[Any, ...]]) -> None:
 @given(st.integers(0, len(SOUND)), st.integers(0, 40), st.text(max_size=12))
 @QUICK
 def test_spliced_text(start: int, length: int, text: str) -> None:
-    """Overwrite a piece of the text by anything."""
+    """A valid text with a part overwritten by anything loads or is refused."""
     _check(SOUND[:start] + text + SOUND[start + length :])
 
 
@@ -141,5 +141,5 @@ def test_spliced_text(start: int, length: int, text: str) -> None:
 @example("a: 2024-13-45")
 @QUICK
 def test_any_text(text: str) -> None:
-    """Read any text at all."""
+    """Any text loads or is refused."""
     _check(text)

@@ -22,7 +22,7 @@ from gdfe_ros.solver.settings import Policy
 
 CASES = all_cases(walk_steps=100)
 WATCHED = ("tendon_finger, tolerance 1e-05",)
-"""Cases that have failed before: the kept tangent was a hundred times too stiff, and was believed after an update."""
+"""Cases that have failed before: the stored tangent was a hundred times too stiff, and was used after an update."""
 LONG = (
     "plate 1:100, fine",
     "100 pokes",
@@ -37,7 +37,7 @@ LONG = (
     "boxes, coarse",
     "fork",  # test_certified.py draws them
 )
-"""Cases of many seconds: `make torture` has them."""
+"""Beginnings of the names of cases that take many seconds; `make torture` runs them."""
 SAMPLE = [case for case in CASES if case.group is not Group.WALKS and case.law != "its own"][::6]
 SAMPLE = [case for case in SAMPLE if not case.name.startswith(LONG)]
 SAMPLE += [case for case in CASES if case.name in WATCHED and case not in SAMPLE]
@@ -46,14 +46,14 @@ STEPS = 250
 
 @pytest.mark.parametrize("case", SAMPLE, ids=[case.id for case in SAMPLE])
 def test_sample(case: Case) -> None:
-    """Pass, or refuse by name: every sixth case."""
+    """Every sixth case passes, or is refused with the expected words."""
     outcome = attempt(case)
     assert outcome.verdict is not Verdict.FAILED, outcome.text
 
 
 @pytest.mark.parametrize("name", walks.TRACKS)
 def test_short_walk(name: str) -> None:
-    """Walk 250 steps and home: undeformed within 1e-6 of the size, every step converged, memory as before."""
+    """After 250 steps and the way back every step has converged, the drift is below 1e-6, and memory has not grown."""
     found = walks.walk(walks.TRACKS[name], STEPS)
     assert found.unconverged == 0
     assert found.drift <= walks.BOUND
@@ -61,7 +61,7 @@ def test_short_walk(name: str) -> None:
 
 
 def test_catalogue_is_large_and_covers_every_group() -> None:
-    """Count at least 150 cases, both policies, every group."""
+    """The catalogue has at least 150 cases, with both policies and every group."""
     assert len(CASES) >= 150
     assert {case.group for case in CASES} == set(Group)
     assert {case.policy for case in CASES} == set(Policy)
@@ -77,13 +77,13 @@ def _refuse() -> Finding:
 
 
 def test_a_refusal_counts_only_where_it_is_due() -> None:
-    """Refuse with the expected words, with others, and where a solution was due."""
+    """A refusal counts only with the expected words, and is a failure where a solution was expected."""
     verdicts = [attempt(_case(run=_refuse, refusal=words)).verdict for words in ("is fixed", "is free", "")]
     assert verdicts == [Verdict.REFUSED, Verdict.FAILED, Verdict.FAILED]
 
 
 def test_other_errors_are_not_swallowed() -> None:
-    """Let a bug through."""
+    """An exception that is no refusal is raised."""
 
     def broken() -> Finding:
         raise KeyError("bug")
@@ -93,7 +93,7 @@ def test_other_errors_are_not_swallowed() -> None:
 
 
 def test_scores_survive_the_file() -> None:
-    """Write a score with a number that is none and read it back."""
+    """A score with NaN is read back from its file."""
     score = Score.of(_case(run=_refuse), Outcome(Verdict.REFUSED, np.nan, np.inf, 3, 1, 0.5, "no"))
     back = Score.from_json(json.loads(json.dumps(score.to_json())))
     assert np.isnan(back.outcome.error)
@@ -101,7 +101,7 @@ def test_scores_survive_the_file() -> None:
 
 
 def test_summary_counts() -> None:
-    """Count verdicts and find the error nearest to its bound and the longest case."""
+    """The summary counts verdicts, and has the error nearest to its bound and the longest case."""
     outcomes = [Outcome(Verdict.CONVERGED, 1e-3, 1e-2, 1, 0, 1.0), Outcome(Verdict.REPORTED, 1e-3, 1.0, 1, 2, 3.0)]
     scores = [Score.of(_case(run=_refuse), outcome) for outcome in outcomes]
     rows = summary(scores)
@@ -113,7 +113,7 @@ def test_summary_counts() -> None:
 
 
 def test_a_report_needs_a_sound_state() -> None:
-    """Report with elements inside out: that is a failure, however clear the words."""
+    """A report with inverted elements, or without a message, is a failure."""
     simulation = Simulation(make_scene(BAR, LAWS["linear"], policy=Policy.ENERGY))
     sound = replace(simulation.step(), converged=False, message="it buckled")
     folded = replace(sound, min_det=-0.1)
@@ -125,14 +125,14 @@ def test_a_report_needs_a_sound_state() -> None:
 
 
 def test_the_picture_shows_every_case(tmp_path: Path) -> None:
-    """Draw one case of each verdict."""
+    """The picture has one case of each verdict."""
     scores = [Score.of(_case(run=_refuse), Outcome(verdict, 0.1, 1.0, 1, 0, 1.0)) for verdict in Verdict]
     draw_scores(tmp_path / "torture.png", scores)
     assert (tmp_path / "torture.png").stat().st_size > 10_000
 
 
 def test_walk_flaws_are_named() -> None:
-    """Name memory, slower steps, more iterations and steps that did not converge."""
+    """Memory growth, slower steps, more iterations and unconverged steps of a walk are named."""
     simulation = Simulation(make_scene(BAR, LAWS["linear"], policy=Policy.ENERGY))
     good = walks.Walk(simulation.step(), 0, 0.0, 1e6, 1.0, 1.05, (100, 105))
     assert good.flaws() == []

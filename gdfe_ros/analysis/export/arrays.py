@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as arrays over steps in one npz file."""
+"""A run as arrays with one row per step, in one npz file."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _LENGTHS = {"X": "m", "positions": "m"}
 
 
 def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
-    """Write steps (t) and return their number.
+    """Write the t steps of a run and return t.
 
-    Keys: ``time`` (t,) [s]; ``X`` (n, 3) rest vertices [m]; ``cells`` (m, 8); ``positions`` (t, n, 3) float32 [m];
-    ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for all other topics;
-    ``contacts/<field>`` (p,) of all contact points of all steps; ``contacts/row`` (p,) index of each contact point's
-    step. A step without a message of a topic has NaN. ``joint_names`` are the names of the k entries of joint states.
-    ``units`` is JSON text: the SI unit of each array with a single unit.
+    Keys: ``time`` (t,) [s]; ``X`` (n, 3) undeformed vertices [m]; ``cells`` (m, 8 or 4); ``positions`` (t, n, 3)
+    float32 [m]; ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for all other
+    topics. If a topic has no message in a step, its row is NaN. ``contacts/<field>`` (p,) contains the contact points
+    of all steps, and ``contacts/row`` (p,) the index of each point's step. ``joint_names`` (k,) are the names of the
+    entries of joint states. ``units`` is JSON text: dict from array to SI unit, for arrays with a single unit.
 
     Raises:
         OSError: the file cannot be written.

@@ -31,7 +31,7 @@ class Columns:
         return list(self._actuators)
 
     def unit(self, column: str) -> str:
-        """Return the SI unit of a column of a table, or of an array; empty for numbers, texts and ratios."""
+        """Return the SI unit of a table's column or of an array; empty for counts, texts and ratios."""
         topic, _, field = column.replace("/", ".").rpartition(".")
         if column in _TIMES:
             return "s"
@@ -48,7 +48,7 @@ class Columns:
         return unit_of(f".{topic.rpartition('.')[2]}.{field}") or unit_of(field)
 
     def headed(self, column: str) -> str:
-        """Return a column's name with its unit, e.g. ``time [s]``."""
+        """Return the heading of a column: its name with its unit, e.g. ``time [s]``."""
         unit = self.unit(column)
         return f"{column} [{unit}]" if unit else column
 

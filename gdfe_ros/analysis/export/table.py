@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A row for each step with all its single numbers: CSV for spreadsheets, Parquet for data frames."""
+"""A run as a table with one row per step: CSV for spreadsheets, Parquet for data frames."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _TARGET = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def step_row(step: BagStep, known: Columns) -> Row:
-    """Return the row of a step: time and outcome, consumed commands, and every single published number.
+    """Return the row of a step: time, outcome, consumed commands, and published numbers and short arrays.
 
-    Columns: ``step, time, dt`` [s], ``wall_time`` [s], outcomes, ``target.<handle>.x`` to ``rz`` [m, rad],
-    ``set.<body>.x`` to ``rz``, ``command.<actuator or joint>``, then ``<topic>.<field>``, and
+    Columns: ``step, time`` [s], ``dt`` [s], ``wall_time`` [s], outcomes, ``target.<handle>.x`` to ``rz`` [m, rad],
+    ``set.<body>.x`` to ``rz`` [m, rad], ``command.<actuator, load or joint>``, then ``<topic>.<field>``, and
     ``joint_states.<actuator>.<field>``.
     """
     record = step.record
@@ -41,7 +41,7 @@ def step_row(step: BagStep, known: Columns) -> Row:
 
 
 def write_csv(rows: Iterable[Row], path: Path, known: Columns) -> None:
-    """Write rows under names with units, such as ``time [s]``; missing values are empty."""
+    """Write rows as CSV. Headings are names with units, such as ``time [s]``; missing values are empty."""
     rows = list(rows)
     names = columns(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -51,12 +51,12 @@ def write_csv(rows: Iterable[Row], path: Path, known: Columns) -> None:
 
 
 def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None) -> None:
-    """Write rows; missing values become null.
+    """Write rows as Parquet; missing values become null.
 
     Args:
-        rows: of any columns.
+        rows: dicts from column to value; the columns may differ from row to row.
         path: of the file.
-        known: units, for the entry ``unit`` of the columns' metadata; None: no units.
+        known: units of the columns, written as ``unit`` into each column's metadata; None for no units.
     """
     import pyarrow
     import pyarrow.parquet
@@ -75,7 +75,7 @@ def columns(rows: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def _cells(topic: str, field: str, values: np.ndarray, known: Columns) -> Row:
-    """Return the numbers of a message that has only few; arrays over the mesh are left out."""
+    """Return the columns of a field with one number, or with up to 64 doubles; larger arrays have no columns."""
     if topic == CONTACTS:
         return {f"{topic}.points": len(values)} if field == "x" else {}
     if topic == JOINTS and len(values) == len(known.joints):

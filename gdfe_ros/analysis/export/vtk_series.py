@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as a series of VTK files with a ParaView collection of their times."""
+"""A run as a series of VTK files, with a ParaView collection that lists their times."""
 
 from __future__ import annotations
 

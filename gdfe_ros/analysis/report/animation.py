@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Animation of the surface and of everything around it, packed small enough for an HTML page."""
+"""Animation of the body's surface and of the things around it, small enough for an HTML page."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from gdfe_ros.scene import Scene
 
 MOST_FRAMES = 400
 BUDGET = 12 << 20
-"""Limit of the bytes of all frames before base64 adds a third."""
+"""Limit of the size of all frames [B], before base64 adds a third."""
 _NOT_COLOURS = frozenset({"x", "y", "z"})
 
 
 @dataclass(eq=False)
 class Animation:
-    """Frames of the surface, collected by ``add``; if the mesh has a skin, this is the surface.
+    """Frames of the body's surface (its skin, if it has one), collected by ``add``.
 
     Args:
-        scene: that was recorded.
-        steps: number of steps of the run; it determines the thinning.
-        fields: published fields of cells and vertices for colouring the surface.
+        scene: the recorded scene.
+        steps: number of steps of the run; it determines which steps become frames.
+        fields: topic and name of each published field that can colour the surface.
 
     Attributes:
         frames: indices of the steps that are frames.
@@ -54,7 +54,7 @@ class Animation:
 
     @property
     def mesh(self) -> HexMesh:
-        """The rest mesh."""
+        """Undeformed mesh."""
         return self.scene.mesh
 
     def add(self, number: int, step: BagStep) -> None:
@@ -73,11 +73,11 @@ class Animation:
             self._colours[topic, name].append(on_faces.astype(np.float32))
 
     def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
-        """Return the description for the page's script, and arrays in base64 by name.
+        """Return a description for the page's script, and dict from array name to base64 text.
 
-        The page opens on the frame with the largest eps_eq; without strains, on the last frame.
+        The page first shows the frame with the largest eps_eq; without strains, the last frame.
 
-        Positions and colours are 16-bit levels between the least and the largest value of the run: positions have an
+        Positions and colours are 16-bit levels between the least and the largest value of the run. Positions have an
         error of at most 1/131070 of the bounding box of the run.
         """
         around, arrays = self._around.to_page()
@@ -110,6 +110,6 @@ class Animation:
 
 
 def colour_fields(step: BagStep) -> tuple[tuple[str, str], ...]:
-    """Return the published fields that can colour a surface: eps_eq first, then displacements."""
+    """Return topic and name of the published fields that can colour a surface: eps_eq first, displacements last."""
     found = [(topic, name) for topic in ("strain", "mesh") for name in step.samples.get(topic, {})]
     return tuple((topic, name) for topic, name in found if name not in _NOT_COLOURS)

@@ -17,7 +17,7 @@ from gdfe_ros.analysis.report.history import JOINTS, RunHistory
 from gdfe_ros.scene import Scene
 
 MOST_POINTS = 3000
-"""Limit of points in a series; longer ones are thinned."""
+"""Largest number of points in a series; longer series are thinned."""
 COLUMNS, BINS = 300, 48
 _COLOURS = ("#3266ad", "#c2562d", "#2e8b57", "#8455a8", "#a07b1f", "#4b9fb5", "#b0436e", "#6b6f76")
 _AXES = "xyz"
@@ -35,12 +35,12 @@ Chart = dict[str, Any]
 
 
 def all_charts(history: RunHistory, scene: Scene, *, dt: float) -> list[Chart]:
-    """Return all charts of a run; charts without a series are left out.
+    """Return all charts of a run; charts without data are left out.
 
     Args:
         history: of the run.
         scene: of the run.
-        dt: simulation time of most steps [s], shown beside the wall times; 0: not shown.
+        dt: usual time step [s], drawn as a line in the chart of solve times; 0 for no line.
     """
     charts = [
         *_motion(history, scene),
@@ -64,7 +64,7 @@ def all_charts(history: RunHistory, scene: Scene, *, dt: float) -> list[Chart]:
 
 
 def thinning(history: RunHistory) -> str:
-    """Return a text about the thinning of the charts; empty if they are not thinned."""
+    """Return a remark that describes the thinning of the charts; empty if they are not thinned."""
     stride = _stride(len(history.time))
     if stride == 1:
         return ""
@@ -75,7 +75,7 @@ def thinning(history: RunHistory) -> str:
 
 
 def _motion(history: RunHistory, scene: Scene) -> list[Chart]:
-    """Return charts of commanded and computed position, and of rotation, of commanded handles and obstacles."""
+    """Return charts of positions and rotations of commanded handles and obstacles, and of all other commands."""
     charts, sections = [], {handle.name: handle.section for handle in scene.handles}
     for name, targets in history.targets.items():
         table = np.array(targets)
@@ -102,7 +102,7 @@ def _vector_chart(history: RunHistory, title: str, stem: str, *, sensors: bool =
 
 
 def _actuators(history: RunHistory, scene: Scene) -> list[Chart]:
-    """Return separate charts of cables and of chambers, because newtons and pascals have no common axis."""
+    """Return charts of actuators; cables and chambers have separate charts because their units differ."""
     charts = []
     for title, unit, field, modes in _ACTUATION:
         series = {
@@ -115,7 +115,7 @@ def _actuators(history: RunHistory, scene: Scene) -> list[Chart]:
 
 
 def _others(history: RunHistory) -> list[Chart]:
-    """Return one chart for each further topic; the components of a vector have one chart."""
+    """Return charts of all other published numbers; the components of a vector are in one chart."""
     charts: dict[tuple[str, str], dict[str, list[float]]] = {}
     for (topic, field), values in history.responses.items():
         if topic not in (RECORD, JOINTS) and not topic.endswith(("/pose", "/wrench")):
@@ -183,13 +183,13 @@ def _lines(history: RunHistory, title: str, unit: str, series: dict[str, Sequenc
     moving = {name: np.asarray(values, dtype=float)[kept] for name, values in series.items()}
     moving = {name: values for name, values in moving.items() if np.nanmax(np.abs(values), initial=0.0) > 0.0}
     scale = max((np.nanmax(np.abs(values)) for values in moving.values()), default=0.0)
-    # A component that is rounding noise compared with the others would only fill the legend.
+    # A component that is only rounding noise is left out, because it would fill the legend.
     moving = {name: values for name, values in moving.items() if np.nanmax(np.abs(values)) > 1e-9 * scale}
     return _chart(title, f"[{unit}]" if unit else "", _traces(np.array(history.time)[kept], moving))
 
 
 def _cost(history: RunHistory, title: str, label: str, series: dict[str, Sequence[float]]) -> Chart:
-    """Return a chart of costs over time, thinned to the largest of each group of steps."""
+    """Return a chart of costs over time, thinned to the largest value of each group of steps."""
     stride = _stride(len(history.time))
     starts = np.arange(0, len(history.time), stride)
     ends = np.minimum(starts + stride, len(history.time)) - 1
@@ -228,5 +228,5 @@ def _stride(steps: int) -> int:
 
 
 def _numbers(values: Iterable[float]) -> list[float | None]:
-    """Return numbers with seven digits; JSON has no NaN and no infinity."""
+    """Return numbers rounded to seven digits, and None for NaN and infinity, which JSON does not have."""
     return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values]

@@ -12,11 +12,11 @@ HAS = "kinetic + elastic + potential"
 EXPECTED = "start + work - dissipated"
 DIFFERENCE = "difference"
 SIZES = {"kinetic": "kinetic energy", "elastic": "elastic energy", "work": "work"}
-"""Energies with which the error of the balance is compared, and their names in texts."""
+"""Dict from energy to its name in texts. The error of the balance is compared with the largest of these energies."""
 
 
 def energy_balance(history: RunHistory) -> dict[str, NDArray[np.float64]]:
-    """Return both sides of the balance and their difference at each step [J]; empty without dynamics.
+    """Return both sides of the energy balance and their difference at each step [J]; empty without dynamics.
 
     The difference is the energy created or lost by the time integration. It is zero at the beginning of the recording,
     and at each step that starts from a reset or a loaded state.
@@ -34,7 +34,7 @@ def energy_balance(history: RunHistory) -> dict[str, NDArray[np.float64]]:
 
 
 def balance_text(history: RunHistory) -> str:
-    """Return a text about the error of the balance; empty without dynamics."""
+    """Return a text that states the largest error of the energy balance; empty without dynamics."""
     balance = energy_balance(history)
     if not balance:
         return ""

@@ -23,18 +23,19 @@ class RunHistory:
     """Series over the steps of a run, collected by ``add``.
 
     Args:
-        strain: receives eps_eq of each step.
+        strain: histogram to which eps_eq of each step is added.
 
     Attributes:
         time: at the end of each step [s].
-        targets: by handle, translation [m] and rotation vector [rad] of its target, six numbers per step.
-        commands: other commands, by name; NaN before the first.
-        costs: of each solve: ``iterations, substeps, error_estimate, wall_time`` [s] and ``skipped.<name>``.
-        responses: numbers that were published once per step, by topic and field; NaN if missing.
-        energies: of a body in motion [J], by name; empty for a run without dynamics.
-        starts: indices of the steps that do not begin from the last step's state.
+        targets: dict from handle to its target at each step: translation [m] and rotation vector [rad], six numbers.
+        commands: dict from actuator, load or joint to its command at each step; NaN before the first command.
+        costs: dict from cost to its value at each step: ``iterations, substeps, error_estimate, wall_time`` [s] and
+            ``skipped.<name>``.
+        responses: dict from topic and field to the published number at each step; NaN if it is missing.
+        energies: dict from energy to its value at each step [J]; empty for a run without dynamics.
+        starts: indices of the steps that do not start from the state of the previous step.
         not_converged: times of the steps that did not converge [s].
-        cut: number of steps that a deadline cut.
+        cut: number of steps whose solve was ended by a deadline.
     """
 
     strain: StrainHistogram
@@ -72,7 +73,7 @@ class RunHistory:
         self.cut += record.cut
 
     def _add_commands(self, step: BagStep, count: int) -> None:
-        """Carry commands forward: a command that a step did not consume keeps its last value."""
+        """Add the commands of one step; a command that the step did not consume keeps its last value."""
         for name, pose in step.record.handles.items():
             series = self.targets.setdefault(name, [REST] * count)
             series.append((*pose.translation, *pose.rotation))
@@ -85,9 +86,10 @@ class RunHistory:
 
 
 def _numbers(topic: str, values: Values) -> dict[tuple[str, str], float]:
-    """Return the numbers of a message that has only few numbers; joint states are numbered, as ``effort.0``.
+    """Return the scalars of a message by topic and field; arrays are left out.
 
-    For contacts they are the number of points and the number of slipping points.
+    Entries of joint states are scalars with a number in their name, e.g. ``effort.0``. For contacts, the scalars are
+    the number of points and the number of slipping points.
     """
     found = {}
     if topic == CONTACTS:

@@ -15,9 +15,12 @@ _LEVELS = 65535
 def to_levels(
     values: NDArray[np.floating[Any]], *, least_span: float = 0.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint16]]:
-    """Quantise the columns of (k, c) to 16-bit levels; return least, largest and levels.
+    """Quantise each column of ``values`` (k, c) to 16-bit levels between its least and its largest value.
 
-    The largest value is at least ``least_span`` above the least one.
+    If a column spans less than ``least_span``, its largest value is raised to this span.
+
+    Returns:
+        Least values (c,), largest values (c,), and levels (k, c).
     """
     finite = np.where(np.isfinite(values), values, np.nan)
     low = np.nan_to_num(np.nanmin(finite, axis=0)).astype(np.float64) if values.size else np.zeros(values.shape[1])

@@ -42,7 +42,7 @@ def require_video() -> None:
 
 
 def write_mp4(pictures: Sequence[Image.Image], path: Path) -> Path:
-    """Write an H.264 video for browsers and slides; an odd last row or column is dropped, as they require.
+    """Write an H.264 video for browsers and slides; they require even sizes, so an odd last row or column is dropped.
 
     Raises:
         GdfeError: PyAV is not installed.

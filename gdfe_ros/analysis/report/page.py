@@ -23,15 +23,15 @@ def build_page(
     arrays: Mapping[str, str],
     remarks: Sequence[str],
 ) -> str:
-    """Return the HTML text.
+    """Return the HTML text of the report.
 
     Args:
         title: of the page.
-        description: one sentence below it.
-        tables: rows by heading.
+        description: one sentence below the title.
+        tables: dict from heading to rows.
         charts: from ``charts.all_charts``.
         animation: description from ``Animation.to_page``.
-        arrays: base64 by name, from ``Animation.to_page``.
+        arrays: dict from array name to base64 text, from ``Animation.to_page``.
         remarks: one line each, e.g. about the thinning of the data.
     """
     parts = {

@@ -21,7 +21,7 @@ from gdfe_ros.errors import RecordingError
 from gdfe_ros.scene import Scene
 
 STRAIN = "eps_eq"
-"""The step with the largest value of this field is drawn."""
+"""Field whose largest value decides which step `write_png` draws."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Shown:
     """Data of a drawn step.
 
     Attributes:
-        time: [s].
+        time: simulation time [s].
         positions: of the vertices (n, 3) [m].
         values: of the cells (m,).
         scenery: obstacles, cables, chambers and contact forces.
@@ -82,7 +82,7 @@ def draw_steps(bag: str | Path, *, field: str = STRAIN, frames: int = 40) -> Ite
 
 
 def _steps(run: BagRun, wanted: Collection[int] | None = None) -> Iterator[BagStep]:
-    """Yield steps that have a mesh and strains: those with ``wanted`` numbers, or all."""
+    """Yield the steps with a mesh and strains; if ``wanted`` is given, only the steps with these indices."""
     around = [topic for topic in Scenery.topics(run.scene) if topic in BagSteps(run).topics]
     for number, step in enumerate(BagSteps(run, topics=["mesh", "strain", *around])):
         if (wanted is None or number in wanted) and {"mesh", "strain"} <= step.samples.keys():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Histogram of the strain over the cells, over time, in memory independent of the run's length."""
+"""Histogram of the cells' strains over time; its memory does not depend on the length of the run."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ _SMALLEST = 1e-6
 
 
 class StrainHistogram:
-    """Fractions of the cells by strain, for groups of consecutive steps.
+    """Histogram of the cells' strains for each group of consecutive steps.
 
-    The largest strain of a run need not be known in advance: if a strain exceeds the range, the range doubles and pairs
-    of classes are merged.
+    The largest strain of a run need not be known in advance. If a strain exceeds the range, the range is doubled and
+    pairs of classes are merged.
 
     Args:
         steps: number of steps of the run.
-        columns: limit of groups.
+        columns: largest number of groups.
     """
 
     def __init__(self, steps: int, *, columns: int) -> None:
@@ -28,7 +28,7 @@ class StrainHistogram:
         self._range, self._most = _SMALLEST, 0.0
 
     def add(self, number: int, time: float, strain: NDArray[np.float32]) -> None:
-        """Count the cells (m,) of step ``number`` at ``time`` [s]; values that are not finite are left out."""
+        """Add the strains (m,) of step ``number`` at ``time`` [s]; values that are not finite are left out."""
         values = strain[np.isfinite(strain)].astype(float)
         if not values.size:
             return
@@ -46,8 +46,8 @@ class StrainHistogram:
         """Return the histogram in ``bins`` classes up to the largest strain of the run.
 
         Returns:
-            End of each group (c,) [s], edges of the classes (bins + 1,), and the fraction of the cells in each class,
-            averaged over the group (bins, c); c is 0 if nothing was added.
+            End of each group (c,) [s], edges of the classes (bins + 1,), and fractions (bins, c) of the cells in each
+            class, averaged over each group. c is 0 if no strains were added.
         """
         seen = np.isfinite(self._times)
         edges = np.linspace(0.0, max(self._most, _SMALLEST) * (1.0 + 1e-9), bins + 1)

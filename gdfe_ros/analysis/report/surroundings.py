@@ -16,13 +16,13 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.scene import Scene
 
 MOST_FORCES = 200
-"""Limit of the number of arrows in a frame; only the largest forces have arrows."""
+"""Largest number of arrows in a frame; only the largest forces have arrows."""
 KINDS = ("solids", "chambers", "cables")
-"""Things with a constant number of points, by kind; they are drawn as triangles, triangles and lines."""
+"""Kinds of things with a constant number of points; they are drawn as triangles, triangles, and lines."""
 
 
 class Surroundings:
-    """Frames of everything around and inside of a body, collected by ``add``.
+    """Animation frames of the things around and inside a body, collected by ``add``.
 
     Args:
         scene: the recorded scene.
@@ -51,9 +51,9 @@ class Surroundings:
         self._pushes.append((around.places[most], around.forces[most]))
 
     def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
-        """Return the description for the page's script, and arrays in base64 by name.
+        """Return a description for the page's script, and dict from array name to base64 text.
 
-        All points are 16-bit levels between the corners of one box. All frames have one scale of forces.
+        All points are 16-bit levels between two opposite corners of one box. All frames have the same scale of forces.
         """
         largest = max((float(forces[0] @ forces[0]) ** 0.5 for _, forces in self._pushes if len(forces)), default=0.0)
         scale = {"largest": largest, "size": self._scene.mesh.size}
@@ -70,7 +70,7 @@ class Surroundings:
 
 
 def _shapes(around: Scenery) -> dict[str, NDArray[np.float64]]:
-    """Return the points (k, 3) [m] of each of `KINDS`."""
+    """Return dict from each of `KINDS` to its points (k, 3) [m]."""
     cables = np.concatenate(around.cables) if around.cables else np.zeros((0, 3))
     return {"solids": _triangles(around.obstacles), "chambers": _triangles(around.chambers), "cables": cables}
 

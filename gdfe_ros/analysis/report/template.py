@@ -12,12 +12,12 @@ _FOLDER = files("gdfe_ros.analysis.report") / "page"
 
 
 def read_file(name: str) -> str:
-    """Return a file that reports are made of: ``page.html``, ``page.css``, ``page.js``."""
+    """Return the text of a file that reports are made from, e.g. ``page.html``, ``page.css`` or ``page.js``."""
     return (_FOLDER / name).read_text(encoding="utf-8")
 
 
 def fill(template: str, parts: Mapping[str, str]) -> str:
-    """Return the template with its parts in place; ``@@`` inside a part is not replaced.
+    """Return the template with each ``@@name@@`` replaced by its part; ``@@`` inside a part is not replaced.
 
     Raises:
         KeyError: a part is missing.

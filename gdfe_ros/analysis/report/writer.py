@@ -61,7 +61,7 @@ def write_report(bag: str | Path, path: Path) -> ReportFacts:
 
 
 def _gather(run: BagRun) -> tuple[RunHistory, Animation, int]:
-    """Read the bag once."""
+    """Read the bag once; return its history, its animation, and the number of messages that belong to no step."""
     count, source = len(run.records), BagSteps(run)
     stream = iter(source)
     first = next(stream, None)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene with many overrides, in parallel."""
+"""Sweeps: one scene solved with many overrides, in parallel."""

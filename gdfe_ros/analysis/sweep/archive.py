@@ -17,11 +17,11 @@ _FACTS = "sweep.json"
 
 
 class Archive:
-    """Results on disk.
+    """Results of a sweep on disk.
 
     Args:
         directory: of the sweep; created if it does not exist.
-        scene: YAML text from which all cases start.
+        scene: YAML text of the scene that the overrides of all cases change.
 
     Raises:
         GdfeError: the directory has results of another scene, or other contents.

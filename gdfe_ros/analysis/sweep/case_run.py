@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work of a sweep's worker: play the program of each case from rest, and return numbers about its end."""
+"""Work of a sweep's worker: play the program of each case, and return numbers about its final state."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.solver.result import StepResult
 
 Result = dict[str, Any]
 _KEPT: list[Simulation] = []
-"""The simulation of the worker's last case; the next case reuses its factor if its matrix is the same."""
+"""Simulation of the worker's last case, kept because the next case reuses its factor if the matrix is the same."""
 _AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
@@ -24,16 +24,16 @@ def run_cases_in_turn(scene: str, cases: Sequence[Mapping[str, Any]]) -> list[Re
 
 
 def run_case(scene: str, overrides: Mapping[str, Any]) -> Result:
-    """Play a scene's program with overrides and return numbers about its end.
+    """Play a scene's program with overrides and return numbers about its final state.
 
-    A scene that is invalid with these overrides gives a result too: ``status`` is ``failed`` and ``error`` says why.
+    If the scene is invalid with these overrides, ``status`` is ``failed`` and ``error`` is the reason.
 
     Args:
         scene: YAML text that needs no other file.
-        overrides: by dotted key.
+        overrides: dict from dotted scene key to value.
 
     Returns:
-        Values by name; ``elapsed`` and ``cpu_time`` [s] are of the whole case, reading the scene included.
+        Dict from name to value. ``elapsed`` and ``cpu_time`` [s] are for the whole case, reading the scene included.
     """
     started, worked = time.perf_counter(), time.thread_time()
     result = _run(scene, overrides)

@@ -20,19 +20,19 @@ from gdfe_ros.errors import GdfeError
 
 @dataclass(frozen=True)
 class Case:
-    """One set of overrides, by dotted key of the scene."""
+    """One set of overrides: dict from dotted scene key to value."""
 
     overrides: Mapping[str, Any]
 
     @property
     def name(self) -> str:
-        """Name that depends on the overrides only, so that a second sweep finds the results of the first."""
+        """Name that depends only on the overrides, so that a resumed sweep finds its earlier results."""
         text = json.dumps(dict(self.overrides), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def grid_cases(axes: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, Any]] = ({},)) -> list[Case]:
-    """Return the combinations of all values of all axes with all rows of a list; equal cases occur once."""
+    """Return a case for each row of overrides with each combination of the axes' values; equal cases occur once."""
     cases = [
         Case({**row, **dict(zip(axes, values, strict=True))}) for row in rows for values in product(*axes.values())
     ]
@@ -40,10 +40,12 @@ def grid_cases(axes: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, An
 
 
 def read_axes(entries: Iterable[str]) -> dict[str, list[Any]]:
-    """Read ``KEY=VALUES``: a YAML list, or ``low:high:count`` for evenly spread numbers.
+    """Return dict from key to values, read from ``KEY=VALUES``: a YAML list, or ``low:high:count``.
+
+    ``low:high:count`` stands for ``count`` evenly spaced numbers.
 
     Raises:
-        GdfeError: an entry is neither.
+        GdfeError: an entry has neither form.
 
     Example:
         >>> read_axes(["materials.e20.young=1e4:4e4:4", "mesh.bar.cells=[[10, 1, 1], [25, 2, 2]]"])
@@ -58,7 +60,7 @@ def read_axes(entries: Iterable[str]) -> dict[str, list[Any]]:
 
 
 def read_list(path: Path) -> list[dict[str, Any]]:
-    """Return a list of overrides from CSV with keys in its first line, or from YAML, a list of mappings.
+    """Return a list of overrides, read from CSV with the keys in the first line, or from a YAML list of mappings.
 
     Raises:
         GdfeError: the file is no such list.

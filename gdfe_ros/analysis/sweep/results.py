@@ -20,7 +20,7 @@ _LABELS = {"energy": "strain energy [J]", "eps_eq_max": "largest eps_eq", "solve
 
 
 def flat_row(case: str, overrides: dict[str, Any], result: dict[str, Any]) -> Row:
-    """Return a row of the table: the settings (``set.<key>``, lists as JSON text), then the result."""
+    """Return a row of the table: the case, its overrides (``set.<key>``, lists as JSON text), then its result."""
     settings = {f"set.{key}": _plain(value) for key, value in overrides.items()}
     return {"case": case, **settings, **result}
 
@@ -35,9 +35,9 @@ def draw_results(rows: Sequence[Row], path: Path, *, title: str) -> None:
 
 
 def results_figure(rows: Sequence[Row], *, title: str, shown: Sequence[str] = SHOWN) -> Figure:
-    """Draw quantities over the first varied key, with a line for each combination of the others.
+    """Draw the ``shown`` quantities over the first varied key, a line for each combination of the other varied keys.
 
-    Crosses mark two kinds of cases: failed ones at the bottom, and those that did not converge at their last value.
+    A cross marks a case that failed, at the bottom, or a case that did not converge, at its last value.
     """
     keys = [key for key in rows[0] if key.startswith("set.") and len({row.get(key) for row in rows}) > 1]
     first, others = (keys[0], keys[1:]) if keys else ("case", [])

@@ -19,13 +19,13 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.workers import THREAD_COUNTS
 
 TASK_SECONDS = 1.0
-"""Intended duration of a task [s]. Short cases are combined into tasks, because every task costs the scheduler some
-milliseconds. If the workers use all cores, they lose this time.
+"""Intended duration of a task [s]. Short cases are combined into tasks, because the scheduler needs some milliseconds
+per task. If the workers use all cores, this time is taken from them.
 """
 _SHARE = 4
-"""The last cases are divided into this number of tasks per thread, so that all threads end at the same time."""
+"""The remaining cases make at least this number of tasks per thread, so that all threads end at about the same time."""
 PATIENCE = 600.0
-"""Longest time without a worker on this machine [s]. The wait for a user's own scheduler has no limit."""
+"""Time [s] without any worker after which a sweep on this machine fails. With a user's own scheduler it never fails."""
 _POLL = 0.02
 _LOOK = 1.0
 """While no task is completed, the workers are checked at this interval [s]."""
@@ -37,17 +37,17 @@ _SETTINGS = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.worker.memory.monitor-interval": "1s",
-    # A dead worker is started again, which may take long on a busy machine. By default the cluster gives up after 15 s
-    # and closes the process that would have started it, and the sweep waits for ever.
+    # A dead worker is started again, which may take long on a busy machine. By default, dask waits 15 s and then closes
+    # the process that starts the worker, and the sweep waits for ever.
     "distributed.deploy.lost-worker-timeout": "1d",
 }
 
 
 @contextmanager
 def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
-    """Connect to a user's own scheduler, or start ``workers`` processes of one thread each on this machine.
+    """Yield a client of a user's own scheduler, or of ``workers`` new processes with one thread each on this machine.
 
-    A worker that dies is restarted, and its cases go to another one.
+    A worker that dies is restarted, and its cases go to another worker.
     """
     if scheduler:
         with Client(scheduler) as client:
@@ -65,9 +65,9 @@ def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
 
 
 def run_cases(client: Client, scene: str, cases: Sequence[Case]) -> Iterator[tuple[Case, Result]]:
-    """Run cases and yield each with its result on completion.
+    """Run cases and yield each case with its result when it is completed.
 
-    A case that fails in a worker has this failure as result; the death of a worker counts after four attempts.
+    If a case fails in a worker, its result is this failure. The death of a worker is a failure after four attempts.
 
     Raises:
         GdfeError: all workers on this machine died and do not restart.
@@ -82,7 +82,7 @@ def run_cases(client: Client, scene: str, cases: Sequence[Case]) -> Iterator[tup
 
 
 def _as_done(client: Client, finished: as_completed) -> Iterator[Future]:
-    """Yield tasks on completion, and check the workers meanwhile."""
+    """Yield tasks when they are completed; raise a GdfeError if there is no worker for `PATIENCE`."""
     looked = seen = time.monotonic()
     while not finished.is_empty():
         if finished.has_ready():
@@ -103,13 +103,15 @@ def _as_done(client: Client, finished: as_completed) -> Iterator[Future]:
 
 
 class _Queue:
-    """Cases that wait to be combined into tasks, and running tasks.
+    """Cases that are not yet in a task, and the running tasks.
 
-    If a task loses its worker, its cases then run alone, so that none of them affects others again.
+    If the worker of a task dies, each case of the task is repeated in a task of its own. A case that makes workers die
+    then affects no other case.
     """
 
     def __init__(self, client: Client, scene: str, cases: Sequence[Case]) -> None:
-        # Every task contains the scene: scattered data are lost if all workers die, and the sweep would wait for ever.
+        # Every task contains the scene. Data scattered to the workers would be lost if all workers die, and the sweep
+        # would wait for ever.
         self._client, self._scene = client, scene
         self._left, self._alone = deque(cases), deque[Case]()
         self._running: dict[Future, tuple[Case, ...]] = {}
@@ -128,7 +130,7 @@ class _Queue:
         return started
 
     def take(self, future: Future) -> Iterator[tuple[Case, Result]]:
-        """Yield the cases of a completed task. If its worker died, its cases run once more, one by one."""
+        """Yield the cases of a completed task with their results; if its worker died, repeat its cases one by one."""
         cases, results, error = self._running.pop(future), [], None
         try:
             results = future.result()
@@ -146,7 +148,7 @@ class _Queue:
         future.release()
 
     def _next(self, threads: int) -> list[Case]:
-        """Return the cases of the next task, as many as the duration of the last ones suggests."""
+        """Return the cases of the next task; their number is chosen so that the task lasts `TASK_SECONDS`."""
         if self._alone:
             return [self._alone.popleft()]
         count = 1

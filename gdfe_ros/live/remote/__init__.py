@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A page for a node in another process, which it reads and commands over topics. Needs rclpy."""
+"""Session for a node in another process, which a page shows and commands over topics. Needs rclpy."""

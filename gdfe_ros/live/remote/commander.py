@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Orders on a node's topics, and requests to its services."""
+"""Orders to a node over its topics, and requests to its services."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ SERVICES = {
     Ability.RESET: services.RESET,
     Ability.RECORD: services.RECORD,
 }
-"""Services for the requests to a node."""
+"""Dict from request to the node's service."""
 
 
 class Commander:
-    """Sends orders and requests, from any thread.
+    """Sends orders and requests to the node of a simulation; callable from any thread.
 
     Args:
-        node: publishes messages and calls services.
+        node: node that publishes messages and calls services.
         name: full name of the simulation's node.
-        scene: scene of that node.
+        scene: scene of the simulation.
     """
 
     def __init__(self, node: Node, name: str, scene: Scene) -> None:
@@ -66,10 +66,10 @@ class Commander:
         }
 
     def require(self, name: str, order: Order) -> None:
-        """Check that `send` would accept an order of ``name``.
+        """Check an order of ``name`` without sending it.
 
         Raises:
-            GdfeError: a number is not finite, or a target is too far away.
+            GdfeError: a number is not finite, or a target is too far from rest.
         """
         require_order(name, order, self._scene.mesh.size)
 
@@ -77,7 +77,7 @@ class Commander:
         """Publish an order of ``name``.
 
         Raises:
-            GdfeError: a number is not finite, a target is too far away, or the kind of order is not supported.
+            GdfeError: a number is not finite, a target is too far from rest, or the kind of order is not supported.
         """
         self.require(name, order)
         if isinstance(order, (PoseOrder, TeleportOrder)):
@@ -92,9 +92,10 @@ class Commander:
             raise GdfeError(f"a page sends poses and values, not {type(order).__name__}")
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
-        """Set Young's moduli [Pa] of materials, which are parameters of the node, all or none.
+        """Set Young's moduli [Pa] by material, which are parameters of the node; the node sets either all or none.
 
-        The future answer is empty, because the body shows the effect. It raises a GdfeError if the node refuses.
+        The future answer is an empty text, because the body shows the effect. It raises a GdfeError if the node
+        refuses.
 
         Raises:
             GdfeError: the node does not answer at present.
@@ -115,10 +116,10 @@ class Commander:
         return answer
 
     def call(self, ability: Ability, *, on: bool = False) -> Future[str]:
-        """Call a service; ``on`` is the request of a switching service.
+        """Call the service of a request and return the future answer; ``on`` is the data of a SetBool request.
 
-        The future answer is the node's message about a bag, or empty for the other services, whose effect is visible.
-        It raises a GdfeError if the node refuses.
+        The answer is the node's message about a bag, or an empty text for other services, whose effect is visible. It
+        raises a GdfeError if the node refuses.
 
         Raises:
             GdfeError: the node does not offer the service at present.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A running node as a session: read over its topics, commanded over them and its services."""
+"""A node in another process as a session of a page: received over its topics, commanded over topics and services."""
 
 from __future__ import annotations
 
@@ -48,19 +48,19 @@ _OWN = "gdfe_live"
 
 
 class NodeSession:
-    """Shows a node in another process; its scene is known after construction.
+    """Session for a node in another process; the constructor waits for the node's scene.
 
     Args:
         name: name of the node, e.g. ``gdfe_sim`` or ``/left/gdfe_sim``.
-        patience: longest wait for its scene [s].
-        say: receives texts about the wait.
+        patience: longest wait for the node's scene [s].
+        say: function that receives texts about the wait.
 
     Raises:
         GdfeError: the name is invalid, the node does not exist (the message lists the nodes), or it is not configured.
 
     Attributes:
-        failure: reason if the reception ended without a request; None otherwise.
-        outdated: whether the node has another scene now; a new session is then needed.
+        failure: exception that ended the reception; None if there was none.
+        outdated: whether the node has changed to another scene; a new session is then needed.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class NodeSession:
 
     @property
     def abilities(self) -> frozenset[Ability]:
-        """Requests that the node's services and parameters offer; playback only if the scene has a program."""
+        """Requests that the node supports: all, but playback only if the scene has a program."""
         return frozenset(Ability) - ({Ability.PLAY} if self._scene.program is None else frozenset())
 
     @property
@@ -107,7 +107,11 @@ class NodeSession:
 
     @property
     def commands(self) -> Mapping[str, float]:
-        """Commands received, or else the present values of the actuators; loads appear after their first command."""
+        """Commands of actuators, loads and joints by name, as the node's steps have consumed them.
+
+        An actuator without a known command has its present value. Loads and joints without a known command are left
+        out.
+        """
         state, known = self.state, {}
         for actuator in self._scene.actuators if state is not None else ():
             position, _, effort = state.joints[actuator.name]
@@ -116,7 +120,7 @@ class NodeSession:
 
     @property
     def targets(self) -> Mapping[str, Pose]:
-        """Targets received, or else the present poses of handles and obstacles."""
+        """Targets of handles and obstacles by name, as the node's steps have consumed them, or else present poses."""
         poses = {handle.name: Pose() for handle in self._scene.handles}
         return poses | (self.state.poses if self.state is not None else {}) | self._led
 
@@ -139,8 +143,8 @@ class NodeSession:
         """Begin to receive steps.
 
         Args:
-            told: called with the view of each step, in a separate thread.
-            warn: receives texts for the user.
+            told: function that is called with the view of each shown step, in a separate thread.
+            warn: function that receives texts for the user.
         """
         self._told, self._warn, self._heard = told, warn, time.monotonic()
         node, name = self._node, self.name
@@ -168,11 +172,11 @@ class NodeSession:
         self.stop()
 
     def watch(self, wanted: bool) -> None:
-        """Receive whole steps, or only their records."""
+        """Receive whole steps if there are viewers (``wanted``), otherwise only the step records."""
         self._watched = wanted
 
     def doing(self) -> tuple[str, bool]:
-        """Return the node's report and whether it is a problem; empty if its steps show the activity."""
+        """Return a text about the node's activity, and whether it is a problem; empty while it only makes steps."""
         silence = time.monotonic() - self._heard
         if self.failure is not None:
             return f"the reception ended: {self.failure}", True
@@ -185,17 +189,17 @@ class NodeSession:
         return self._report.text or ("paused" if self.paused else ""), False
 
     def command(self, name: str, order: Order) -> None:
-        """Publish an order.
+        """Publish an order; the program stops commanding the same items.
 
         Raises:
-            GdfeError: a number is not finite, or a target is too far away.
+            GdfeError: a number is not finite, or a target is too far from rest.
         """
         self._commander.require(name, order)
         self._player.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
         self._commander.send(name, order)
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Call the service of a request, or play the program; return the future answer.
+        """Carry out a request: call its service, or play the program; return the future answer, or None.
 
         Raises:
             GdfeError: the node does not offer the service at present.
@@ -218,7 +222,7 @@ class NodeSession:
         return answer
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
-        """Set Young's moduli [Pa] of materials, which are parameters of the node.
+        """Set Young's moduli [Pa] by material, which are parameters of the node; return the future answer.
 
         Raises:
             GdfeError: the node does not answer at present.
@@ -226,7 +230,7 @@ class NodeSession:
         return self._commander.set_moduli(moduli)
 
     def _find(self, patience: float, say: Callable[[str], None]) -> Scene:
-        """Wait for the node's scene, and report the node's state meanwhile."""
+        """Wait for the node's scene and return it; meanwhile report the node's lifecycle state."""
         profile = qos_profile(topics.SCENE.delivery)
         self._node.create_subscription(String, f"{self.name}/{topics.SCENE.key()}", self._hear_scene, profile)
         end, waiting = time.monotonic() + patience, Waiting(self._node, self.name, say)
@@ -254,7 +258,7 @@ class NodeSession:
             self._report, self._heard = report, time.monotonic()
 
     def _keep(self, record: StepRecord) -> None:
-        """Store the commands that a step has consumed; let the program command the next one."""
+        """Store the commands that a step has consumed; let the program command the next step."""
         try:
             self._player.follow(record)
         except GdfeError as error:
@@ -267,12 +271,12 @@ class NodeSession:
         self._led = {**self._led, **record.handles}
 
     def _take(self, state: PublishedState) -> None:
-        """Pass on the view of a step."""
+        """Pass the view of a received step to ``told``."""
         self.state = state
         self._told(view_of(state, self._scene))
 
     def _note_pause(self, paused: bool) -> None:
-        """Note whether the node is paused, before its next report states it."""
+        """Store whether the node is paused, because the node's next report comes later."""
         self._report = replace(self._report, paused=paused)
 
     def _spin(self) -> None:
@@ -287,7 +291,7 @@ class NodeSession:
             self._fail(error)
 
     def _note_silence(self) -> None:
-        """Report once that a node has become silent, and once that it answers again."""
+        """Warn once if the node has become silent, and once when it is heard again."""
         silent = time.monotonic() - self._heard > _SILENT
         if silent and not self._silent:
             ended = f"nothing is heard of {self.name} any more: it has ended, was killed, or is out of reach"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Playback of a scene's program to a node: orders over its topics, at the pace of its steps."""
+"""Playback of a scene's program to a node: after each step of the node, orders for the next step are published."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.scene import Scene
 
 LOST = 1.0
-"""Wall time [s] without a step after which orders are repeated. An order, or the record of a step, may be lost, and a
-node that waits for commands then makes no step.
+"""Orders are repeated after this wall time without a step [s]. If an order or the record of a step is lost, a node that
+waits for commands makes no step.
 """
 
 
 class Player:
-    """Plays one program at a time; the program begins at the first step received after `play`.
+    """Plays the program of a scene; the program begins at the first step that is received after `play`.
 
     Args:
-        scene: with the program.
-        send: publishes an order of a name.
+        scene: scene with the program.
+        send: function that publishes an order, given a name and the order.
     """
 
     def __init__(self, scene: Scene, send: Callable[[str, Order], None]) -> None:
@@ -33,7 +33,7 @@ class Player:
 
     @property
     def text(self) -> str:
-        """Progress of the program; empty if none is played."""
+        """Text with the progress of the program; empty while no program is played."""
         programme = self._programme
         if programme is None:
             return ""
@@ -41,22 +41,22 @@ class Player:
         return f"plays the program, {moment:.2f} of {programme.duration:g} s"
 
     def play(self) -> None:
-        """Start from the beginning; the first command makes a waiting node step."""
+        """Play the program from its beginning. The first orders are sent at once; a waiting node then makes a step."""
         self._begun, programme = False, Programme(self._scene.program, self._time)
         self._programme = programme
         self._give(programme, self._time)
 
     def stop(self) -> None:
-        """Stop commanding."""
+        """Stop the program."""
         self._programme = None
 
     def leave(self, names: Iterable[str]) -> None:
-        """Stop commanding the named handles, actuators and loads, because the viewer commands them now."""
+        """Stop commanding the named handles, actuators, loads and joints, because a viewer commands them now."""
         if self._programme is not None:
             self._programme.leave(names)
 
     def follow(self, record: StepRecord) -> None:
-        """Receive a step, and command the next one."""
+        """Receive the record of a step, and send the orders for the next step."""
         back, self._time = record.begin is not Begin.LAST, record.time
         programme = self._programme
         if programme is None:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 _ACTIVE, _RECORDING, _PAUSED = "active", "recording", "paused"
-"""Texts in a node's reports: about its lifecycle, about a bag that it writes, and in place of its clock when paused."""
+"""Texts in a node's report: its lifecycle state, its message while it writes a bag, and its clock while paused."""
 
 
 @dataclass(frozen=True)
 class NodeReport:
-    """Report of a node, once a second.
+    """Report that a node publishes once a second.
 
     Attributes:
         text: activity or problem of the node; empty if the node is active without problems.
@@ -29,7 +29,7 @@ class NodeReport:
 
     @classmethod
     def of(cls, message: DiagnosticArray, name: str) -> NodeReport | None:
-        """Return the report of a node by its full name; None if the message has none."""
+        """Return the report of the node with this full name; None if the message does not contain it."""
         parts = {status.name: status for status in message.status}
         whole, recording, clock = (
             parts.get(f"{name.lstrip('/')}: {part}") for part in ("simulation", "recording", "clock")

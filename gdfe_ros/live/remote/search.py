@@ -19,7 +19,7 @@ from gdfe_ros.node.interface import topics
 from gdfe_ros.node.strays import namesakes
 
 _LOST = 2.0
-"""Time [s] after which an answer counts as lost: a node that has not discovered the client yet cannot answer it."""
+"""Time after which a request is repeated [s]. A node that has not discovered the client yet cannot answer it."""
 
 
 def full_name(name: str) -> str:
@@ -38,12 +38,12 @@ def full_name(name: str) -> str:
 
 
 class Waiting:
-    """Reports each change of the lifecycle state of a node from which a scene is awaited.
+    """Reports each change of a node's lifecycle state while its scene is awaited.
 
     Args:
-        node: receives.
+        node: node that requests the state.
         name: full name of the awaited node.
-        say: receives the texts.
+        say: function that receives the texts.
     """
 
     def __init__(self, node: Node, name: str, say: Callable[[str], None]) -> None:
@@ -53,7 +53,7 @@ class Waiting:
         self._asked = 0.0
 
     def look(self) -> None:
-        """Request the state, and report the last answer; called in the thread that spins the node."""
+        """Request the state, or report the answer if it has arrived; called in the thread that spins the node."""
         if self._answer is None or (not self._answer.done() and time.monotonic() > self._asked + _LOST):
             if self._client.service_is_ready():
                 self._answer, self._asked = self._client.call_async(GetState.Request()), time.monotonic()
@@ -67,15 +67,15 @@ class Waiting:
 
 
 def configuring(name: str) -> str:
-    """Return the command that configures a node."""
+    """Return the text of the commands that configure and activate a node."""
     return f"ros2 lifecycle set {name} configure, then activate"
 
 
 def absence(node: Node, name: str, patience: float) -> str:
-    """Return a message that explains why no scene of a node was received; it lists the other nodes.
+    """Return a message that explains why the scene of a node was not received, and lists the simulating nodes.
 
     Args:
-        node: the receiving node.
+        node: node that searches the ROS graph.
         name: full name of the awaited node.
         patience: duration of the wait [s].
     """

@@ -24,24 +24,24 @@ from gdfe_ros.testing.state import Moment, PublishedState, moment_of, unpack
 
 _QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _MOST = 16
-"""Limit of incomplete steps that are kept."""
+"""Largest number of incomplete steps that are stored."""
 _INTERVAL = 1.0 / 60.0
-"""Least time between two steps that are decoded [s]; steps in between are not shown."""
+"""Shortest time between two steps that are decoded [s]; steps in between are not shown."""
 
 
 class Steps:
     """Subscribes to the topics of a scene's state, and passes on the newest complete step.
 
-    The records of steps are always received. Other topics are received only while they are needed, because a node makes
-    no message without a subscriber.
+    The step records are always received. Other topics are subscribed to only while there are viewers, because the node
+    makes no message for a topic without subscriber.
 
     Args:
-        node: subscribes.
+        node: node of the subscriptions.
         name: full name of the simulation's node.
-        scene: of that node.
-        consumed: called with the record of each step, shown or not.
-        told: called with each step that is shown, in a separate thread.
-        failed: called in that thread with the exception that ended it.
+        scene: scene of the simulation.
+        consumed: function that is called with the record of each step, shown or not.
+        told: function that is called with each shown step, in a separate thread.
+        failed: function that is called in the separate thread with the exception that ended it.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Steps:
         self._thread.start()
 
     def listen(self, wanted: bool) -> None:
-        """Begin or end the subscriptions for drawing, in the thread that spins the node."""
+        """Begin or end the subscriptions for drawing; called in the thread that spins the node."""
         if wanted and not self._subscriptions:
             others = [key for key in self._specs if key != topics.STEP_RECORD.key()]
             self._subscriptions = [self._subscribe(key) for key in others]
@@ -85,7 +85,7 @@ class Steps:
         return self._node.create_subscription(kind, f"{self._name}/{key}", partial(self._hear, key), _QOS)
 
     def _hear(self, key: str, message: Any) -> None:
-        """Store a message until its step is complete; older steps are then dropped."""
+        """Store a message until all messages of its step have arrived; then drop older steps."""
         if key == topics.STEP_RECORD.key():
             self._consumed(StepRecord.from_json(message.data))
         moment = moment_of(message)
@@ -131,7 +131,7 @@ def view_of(state: PublishedState, scene: Scene) -> View:
 
 
 def _readings(actuator: Actuator, position: float, speed: float, effort: float) -> list[Reading]:
-    """Return the values of an actuator in ``~/joint_states``."""
+    """Return the readings of an actuator from its values in ``~/joint_states``."""
     match actuator.mode:
         case Mode.GROWTH:
             return [("growth", position, "")]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every parameter, topic and service of the node: the only place where they are named and described.
+"""Names and descriptions of every parameter, topic and service of the node.
 
-The declarations of the node and the tables of its page are both made from here.
+The node's declarations and the tables of its documentation page are both generated from this package.
 """
 
 NODE_NAME = "gdfe_sim"

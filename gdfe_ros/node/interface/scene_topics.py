@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The topics of a scene: commands of its handles and obstacles, and outputs of a step."""
+"""The topics of a scene: command topics of its handles and obstacles, and output topics of a step."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ def is_commanded(handle: Handle) -> bool:
 
 
 def target_key(handle: Handle) -> str:
-    """Return the target topic of a handle or obstacle, relative to the node's name."""
+    """Return the name of the target topic of a handle or obstacle, relative to the node's name."""
     return topics.MOVED[handle.section].target.key(**{handle.noun: handle.name})
 
 
 def put_key(handle: Handle) -> str:
-    """Return the topic that teleports a rigid body, relative to the node's name."""
+    """Return the name of the topic that teleports a rigid body, relative to the node's name."""
     return topics.MOVED[handle.section].put.key(**{handle.noun: handle.name})
 
 
 def pose_and_wrench(handle: Handle) -> dict[str, TopicSpec]:
-    """Return the topics of the pose and the wrench of a handle, obstacle or rigid body, in this order, by key."""
+    """Return a dict from key to topic, first the pose, then the wrench, of a handle, obstacle or rigid body."""
     moved, brace = topics.MOVED[handle.section], {handle.noun: handle.name}
     return {spec.key(**brace): spec for spec in (moved.pose, moved.wrench)}
 
 
 def state_topics(scene: Scene) -> dict[str, TopicSpec]:
-    """Return the topics of the state after a step, by key; the record comes first, as it begins a step in a bag."""
+    """Return a dict from key to topic of all topics with the state after a step, first the step record."""
     found = {spec.key(): spec for spec in (topics.STEP_RECORD, topics.MESH, topics.STRAIN)}
     for handle in scene.handles:
         found |= pose_and_wrench(handle)

@@ -317,9 +317,10 @@ OUTPUTS = (
 
 @dataclass(frozen=True)
 class MovableTopics:
-    """The topics of a handle, obstacle or rigid body; a commanded one has ``target`` and ``velocity``.
+    """The topics of a handle, obstacle, rigid body or link.
 
-    A freely moving body has ``put`` instead, which teleports it.
+    Handles and obstacles have the command topics ``target`` and ``velocity``. A rigid body has the command topic
+    ``put``, which teleports it.
     """
 
     pose: TopicSpec
@@ -340,4 +341,4 @@ MOVED = {
     "bodies": MovableTopics(BODY_POSE, BODY_WRENCH, put=BODY_SET),
     "links": MovableTopics(LINK_POSE, LINK_WRENCH),
 }
-"""Topics by the section of the scene."""
+"""Dict from a section of the scene to the topics of each of its items."""

@@ -8,14 +8,14 @@ import math
 from gdfe_ros.compiled import inlined, kernel
 
 MOST_STEPS = 12
-"""Limit of Gauss-Newton steps on one face. A flat face needs two."""
+"""Largest number of Gauss-Newton iterations in one closest-point search. A flat face needs two."""
 OPPOSED = -0.1
 """Largest cosine between the normals of two faces that can touch each other."""
 
 
 @kernel
 def face_areas(x, quads, out):
-    """Write the area vectors (q, 3) [m^2] of faces; they point out of the body."""
+    """Write the area vectors (q, 3) [m^2] of the faces ``quads`` to ``out``; they point out of the body."""
     for f in range(len(quads)):
         a, b, c, d = quads[f, 0], quads[f, 1], quads[f, 2], quads[f, 3]
         p0, p1, p2 = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
@@ -47,7 +47,7 @@ def corner_normals(areas, starts, smooth, out):
 
 @inlined
 def weights_at(u, v):
-    """Return the bilinear weights of a face's four corners at its coordinates u, v, each in [0, 1]."""
+    """Return the bilinear weights (4,) of a face's corners at the face coordinates u, v, each in [0, 1]."""
     return (1.0 - u) * (1.0 - v), u * (1.0 - v), u * v, (1.0 - u) * v
 
 
@@ -59,7 +59,7 @@ def clamped(value):
 
 @inlined
 def closest_on(x, quads, f, px, py, pz):
-    """Return the coordinates u, v of the point of a face that is closest to the point p [m]."""
+    """Return the face coordinates u, v of the closest point of face ``f`` to the point p [m]."""
     a, b, c, d = quads[f, 0], quads[f, 1], quads[f, 2], quads[f, 3]
     u, v = 0.5, 0.5
     for _ in range(MOST_STEPS):
@@ -93,7 +93,7 @@ def closest_on(x, quads, f, px, py, pz):
 
 @inlined
 def point_on(x, quads, f, u, v):
-    """Return the point (3,) [m] of a face at its coordinates u, v."""
+    """Return the point (3,) [m] of face ``f`` at the face coordinates u, v."""
     w = weights_at(u, v)
     p0, p1, p2 = 0.0, 0.0, 0.0
     for a in range(4):
@@ -104,7 +104,7 @@ def point_on(x, quads, f, u, v):
 
 @inlined
 def opposes(areas, starts, about, vertex, n0, n1, n2):
-    """Return whether one of the faces around a vertex points against the normal n (cosine below `OPPOSED`)."""
+    """Return whether the normal of any face around a vertex has a cosine below `OPPOSED` with the unit normal n."""
     for i in range(starts[vertex], starts[vertex + 1]):
         m0, m1, m2 = areas[about[i], 0], areas[about[i], 1], areas[about[i], 2]
         if m0 * n0 + m1 * n1 + m2 * n2 < OPPOSED * math.sqrt(m0 * m0 + m1 * m1 + m2 * m2):
@@ -114,7 +114,7 @@ def opposes(areas, starts, about, vertex, n0, n1, n2):
 
 @inlined
 def among(starts, values, row, value):
-    """Return whether a row of a ragged list contains a value; each row is in ascending order (bisection)."""
+    """Return whether a row of a ragged list contains a value, by bisection; each row is in ascending order."""
     low, high = starts[row], starts[row + 1]
     while low < high:
         middle = (low + high) // 2
@@ -129,26 +129,26 @@ def among(starts, values, row, value):
 def nearest_faces(
     x, last, sunk, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap, support
 ):
-    """Find the nearest face that each vertex can touch.
+    """Find, for each surface vertex, the nearest face that the vertex can touch.
 
     Args:
         x: (n, 3) [m] positions.
-        last: (n, 3) [m] last positions at which nothing penetrated.
-        sunk: (k,) whether a vertex already penetrated at ``last``. Such a vertex takes the nearest face, even from
-            behind.
-        pairs: (p,) index of each candidate pair's vertex among the surface's vertices.
+        last: (n, 3) [m] positions of the last accepted state.
+        sunk: (k,) whether each vertex already penetrated at ``last``. Such a vertex takes its nearest face, even if it
+            is deep behind this face.
+        pairs: (p,) vertex of each candidate pair, as an index into the surface's vertices.
         faces: (p,) face of each candidate pair.
         surface: the topology of an `OwnSurface`.
         areas: (q, 3) [m^2] area vectors of the faces at ``x``.
         normals: (q, 4, 3) unit normals at the corners of the faces.
         reach: [m] search distance.
-        distance: (k,) [m], is written: distance to the nearest face, infinite where none is within reach.
-        face: (k,) int64, is written: the nearest face, -1 where none is within reach.
+        distance: (k,) [m], is written: distance to the nearest face; infinite if no face is within reach.
+        face: (k,) int64, is written: the nearest face; -1 if no face is within reach.
         weights: (k, 4), is written: weights of the face's corners at the closest point.
         normal: (k, 3), is written: unit normal of the plane that the vertex must stay in front of.
         gap: (k,) [m], is written: signed distance to that plane.
         support: (k,), is written: fraction of the contact force that the face carries. It is 1 above the face and falls
-            to 0 at the outer edge of the rim.
+            to 0 across the rim beside it. Beyond the rim of a convex edge it is 1: the vertex then touches the edge.
     """
     quads = surface.quads
     for pair in range(len(pairs)):
@@ -195,7 +195,7 @@ def nearest_faces(
 
 @inlined
 def was_before(last, quads, f, vertex, w):
-    """Return whether a vertex was in front of a point of a face at the positions ``last`` (n, 3) [m]."""
+    """Return whether a vertex was in front of a face at ``last`` (n, 3) [m]; ``w`` (4,) weights the face's corners."""
     c0, c1, c2 = 0.0, 0.0, 0.0
     for a in range(4):
         q = quads[f, a]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact with one obstacle or rigid body, as a term."""
+"""Term of the potential for the contact of points with one obstacle or rigid body."""
 
 from __future__ import annotations
 
@@ -26,21 +26,22 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 
 ENTRY = 1e-3
-"""A point counts as outside if its distance from the obstacle, over the body's size, exceeds this. A point from outside
-that enters the obstacle within one step gets a penetration plane.
+"""A point counts as outside if its distance from the obstacle, divided by the body's size, exceeds this. A point that
+moves from outside into the obstacle within one step gets an entry plane.
 """
 REACH = 0.05
-"""Points take part in contact up to this distance, over the body's size. Distances are computed again once the body has
-moved by half of it. While every point is farther away, they are computed again once a point can have come that near.
+"""Points take part in contact if their distance from the obstacle, divided by the body's size, is below this. Distances
+are computed again after the body has moved by half of this. If every point was farther away, they are computed again
+only after a motion that may bring a point within this distance.
 """
 SLIP = 3e-7
-"""Slip, over the body's size, that the linearisation assumes for a slipping point that has hardly moved yet."""
+"""Slip, divided by the body's size, that the linearisation assumes for a slipping point whose own slip is smaller."""
 HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
 """Columns of a point's row that `Contact.update` changes."""
 STIFFER = 30.0
-"""Factor of the penalty at elements on which a fold barrier acts. The barrier makes a corner much stiffer than an
-undeformed one. With the usual penalty multipliers then converge slowly: a cube of 8^3 cells on its corner took 836
-iterations a step instead of 18.
+"""Factor that raises the penalty of points at elements on which a fold barrier acts. The barrier makes a corner much
+stiffer than an undeformed corner. With the usual penalty, the multipliers then converge slowly: a step of a cube of 8^3
+cells that stands on its corner took 836 iterations instead of 18.
 """
 
 
@@ -88,12 +89,12 @@ class Contact(ContactTerm):
 
     @property
     def updates(self) -> bool:
-        """Whether any point is near the obstacle; only then are multipliers updated."""
+        """Whether any point is near the obstacle. If not, there are no multipliers to update."""
         return len(self._chosen) > 0
 
     @property
     def inside(self) -> bool:
-        """Whether a point was inside the obstacle at the beginning of the last solve."""
+        """Whether any point was inside the obstacle when the distances were last computed."""
         return bool(self._distances.min(initial=0.0) < -FAINT * self._body.size)
 
     @property
@@ -106,14 +107,14 @@ class Contact(ContactTerm):
         self._usual = self._penalty = PENALTY * self._points.stiffness(matrix.assembled.diagonal())
 
     def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """Raise the penalties of points carried by ``vertices`` (k,) in the next solve; fold barriers act on these."""
+        """In the next solve, raise the penalties of points that ``vertices`` (k,) carry: fold barriers act there."""
         self._penalty = self._usual
         if len(vertices):
             beside = np.isin(self._points.carriers, vertices).any(axis=1)
             self._penalty = np.where(beside, STIFFER * self._usual, self._usual)
 
     def couplings(self) -> NDArray[np.int32]:
-        """Return the vertices (k, c) that each point's force acts on: its carriers and a touched rigid body's."""
+        """Return the vertices (k, c) on which each point's force acts: its carriers, then a touched rigid body's."""
         ends = self._points.carriers
         if isinstance(self._touched, RigidBody):
             ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
@@ -122,7 +123,7 @@ class Contact(ContactTerm):
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return contact tangents (k, 3 c, 3 c) [N/m] at ``positions`` (n, 3) [m], without the obstacle's curvature.
 
-        Each is J^T H J with the contact Jacobian J of `_ways` and the positive semi-definite Hessian H of
+        Each tangent is J^T H J with the contact Jacobian J of `_ways` and the positive semi-definite Hessian H of
         `contact_tangents`.
         """
         count = self.couplings().shape[1]
@@ -146,7 +147,7 @@ class Contact(ContactTerm):
         self._pose, self._last = poses[self._touched.name], last
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Start from the multipliers of the last step, rotated with the obstacle."""
+        """Choose the points near the obstacle. Start from the last step's multipliers, rotated with the obstacle."""
         free = saved["press"] is self._free["press"] or not saved["press"].any()
         self._saved, self._settling, self._damping = saved, Settling(positions, held=True), Damping()
         self._lag = self._shifted(positions)
@@ -165,7 +166,7 @@ class Contact(ContactTerm):
         missed = max(miss, self._judge(change, forces, penalties), self._correct(positions))
         if not (self.stocky and forces > 0.0 and self.reals[gap.FRICTION] > 0.0):
             return missed
-        return self._settling.way(positions, missed)  # friction's limit and direction follow the normal forces
+        return self._settling.way(positions, missed)  # friction depends on the normal forces
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Choose the points again if the body has moved far enough; return whether points were added."""
@@ -178,8 +179,8 @@ class Contact(ContactTerm):
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: contact forces, and the anchors of the sticking points.
 
-        Points that slip store no anchor: in the next step they start from one at their present place. ``lost`` is the
-        energy dissipated by friction so far [J].
+        Points that slip store no anchor. In the next step, their anchors are their positions at its start. The entry
+        ``lost`` is the energy dissipated by friction so far [J].
         """
         if not self.updates:
             return {**self._free, "lost": saved["lost"]}
@@ -193,10 +194,10 @@ class Contact(ContactTerm):
         return {**self._spread(presses, -shears), **kept, "share": np.array([self.share])}
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Choose the points that touched at the end of a solve, with the forces found there, for the linearisation.
+        """Prepare the linearisation of a solve: choose the points in contact at its end, with their contact forces.
 
-        The direction of slip must be defined. A slipping point that has hardly moved therefore gets the slip `SLIP` in
-        the direction of its friction force.
+        The direction of slip must be defined. A slipping point that has hardly moved therefore gets an additional slip
+        of `SLIP` times the body's size in the direction of its friction force.
         """
         self._led = np.zeros((0, 3))
         if not found["press"].any():
@@ -215,7 +216,7 @@ class Contact(ContactTerm):
         rows[:, ANCHOR : ANCHOR + 3] -= self._led
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Move the touched obstacle and the anchors of the chosen points; keep the choice of points."""
+        """Update the obstacle's frame and the anchors of the chosen points; keep the choice of points."""
         if not self.updates:
             return
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
@@ -228,17 +229,17 @@ class Contact(ContactTerm):
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
-        """Scales of the multipliers per metre (8 k,): penalties [N/m], 1 / size for normals, 1 for offsets."""
+        """Expected change of each multiplier per metre (8 k,): penalty [N/m], 1 / size for normals, 1 for offsets."""
         k, one = self._rows()[:, gap.PENALTY], np.ones(len(self._chosen))
         turned = one / self._body.size
         return np.stack([k, k, k, k, turned, turned, turned, one], axis=1).ravel()
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the multipliers of the chosen points."""
+        """Set the multipliers (8 k,) of the chosen points."""
         self._rows()[:, HELD] = multipliers.reshape(-1, len(HELD))
 
     def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the multipliers after one plain update, and leave those of the term unchanged."""
+        """Return the multipliers (8 k,) after one plain update; the term's own multipliers stay unchanged."""
         held = self.multipliers
         if not self.updates:
             return held
@@ -249,7 +250,7 @@ class Contact(ContactTerm):
         return found
 
     def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the wrench (6,) of the obstacle on the points: force [N], and moment [N m] about its origin."""
+        """Return the obstacle's wrench (6,) on the points: force [N], then moment [N m] about the obstacle's origin."""
         if not self.updates:
             return np.zeros(6)
         forces = self.share * self._forces(positions)[0]
@@ -257,7 +258,7 @@ class Contact(ContactTerm):
         return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
-        """Return the contact of a state whose positions are relative to ``origin`` (3,) [m]."""
+        """Return the contacts and forces stored in ``state``; its positions are relative to ``origin`` (3,) [m]."""
         saved = state.terms[self.name]
         if saved["press"] is self._free["press"]:
             return NOTHING
@@ -296,7 +297,7 @@ class Contact(ContactTerm):
         return self._touched.frame(pose)
 
     def _ways(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the contact Jacobian (k, c): d(distance of a point) / d(displacement of each coupled vertex)."""
+        """Return the contact Jacobian (k, c): d(relative position of a point) / d(position of each coupled vertex)."""
         ways = self._points.weights[self._chosen]
         if not isinstance(self._touched, RigidBody):
             return ways
@@ -304,10 +305,10 @@ class Contact(ContactTerm):
         return np.column_stack([ways, -0.25 - places @ self._touched.signs.T])
 
     def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the planes (p, 4) through which points enter the obstacle on straight paths to ``places`` (p, 3) [m].
+        """Return the entry planes (p, 4) of points that move on straight lines to ``places`` (p, 3) [m].
 
-        The row of a point is zero if it does not enter or if it moved less than `ENTRY`. ``starts`` (p, 3) [m] are in
-        the obstacle's frame.
+        The row of a point is zero if the point does not enter the obstacle, or if it moved by less than `ENTRY` times
+        the body's size. The positions ``starts`` (p, 3) [m] are in the obstacle's frame.
         """
         planes, ends, reach = np.zeros((len(places), 4)), self._in_frame(places), ENTRY * self._body.size
         moved = ends - starts
@@ -319,7 +320,7 @@ class Contact(ContactTerm):
         return planes
 
     def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the points (p, 3) [m] at the last step's end in the obstacle's frame; before any step, ``places``."""
+        """Return the points (p, 3) [m] at the last step's end (at first, ``places``) in the obstacle's frame."""
         if self._last is None:
             return self._in_frame(places)
         origin, axes = self._frame(self._last.positions, self._last.poses[self._touched.name])
@@ -333,11 +334,11 @@ class Contact(ContactTerm):
         return longest * max(TURNED if isinstance(self._touched, RigidBody) else 1.0, self._points.reach)
 
     def _shifted(self, positions: NDArray[np.float64]) -> float:
-        """Return an upper bound of the displacement [m] that the obstacle's motion gives any point relative to it.
+        """Return an upper bound of any point's relative displacement [m] that the obstacle's motion causes.
 
-        The motion counts from the last computation of the distances. Only links of arms have a finite bound, because an
-        arm has many links and most are far from any contact. For other obstacles that moved the bound is infinite, so
-        that their distances are computed again.
+        The motion counts from the last computation of the distances. A finite bound is computed only for links of arms,
+        because an arm has many links and most are far from any contact. For any other obstacle that moved, the bound is
+        infinite, so that its distances are computed again.
         """
         if self._pose == self._seen_at:
             return 0.0
@@ -383,7 +384,7 @@ class Contact(ContactTerm):
         self._correct(positions)
 
     def _measure(self, places: NDArray[np.float64]) -> None:
-        """Compute the distances and normals of all points at ``places`` (p, 3) [m]."""
+        """Write the distances [m] and normals of all points at ``places`` (p, 3) [m] to the term's arrays."""
         gap.distances(places, self.reals, self.integers[gap.KIND], self._distances, self._normals)
 
     def _anchors(self, saved: Saved, positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -395,11 +396,11 @@ class Contact(ContactTerm):
         return np.where(np.isnan(anchors), starts[self._chosen], anchors)
 
     def _kept(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the anchors in the stored form (k, 3) [m], for points at ``places`` (k, 3) [m]."""
+        """Return the anchors (k, 3) [m] that the state stores for the chosen points at ``places`` (k, 3) [m]."""
         return self._rows()[:, ANCHOR : ANCHOR + 3]
 
     def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the places (k, 3) [m] at which friction acts on the chosen points."""
+        """Return the positions (k, 3) [m] at which friction acts on the chosen points."""
         return self._points.at(positions)[self._chosen]
 
     def _correct(self, positions: NDArray[np.float64]) -> float:
@@ -417,7 +418,7 @@ class Contact(ContactTerm):
         return float(change)
 
     def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Return contact (k, 3), normal (k,), friction forces (k, 3) [N] of the chosen points, and slip flags (k,)."""
+        """Return contact (k, 3), normal (k,), friction forces (k, 3) [N] and slip flags (k,) of the chosen points."""
         count = len(self._chosen)
         forces, shears = np.zeros((count, 3)), np.zeros((count, 3))
         presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)
@@ -425,7 +426,10 @@ class Contact(ContactTerm):
         return forces, presses, shears, slips
 
     def _spread(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> Saved:
-        """Scatter forces of the chosen points (k,), (k, 3) [N] to all points, friction in the obstacle's axes."""
+        """Return normal and friction forces [N] of all points from those of the chosen points (k,), (k, 3).
+
+        The returned friction forces are in the obstacle's axes.
+        """
         press, shear = np.zeros(len(self._penalty)), np.zeros((len(self._penalty), 3))
         press[self._chosen], shear[self._chosen] = presses, shears @ self._axes
         return {"press": press, "shear": shear}

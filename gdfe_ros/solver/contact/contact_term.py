@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base class of the contact terms: forces by multipliers, and the accuracy to which they must be known."""
+"""Base class of the contact terms: contact forces from multipliers, and the required accuracy of these forces."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.terms.term import Term
 
 PENALTY = 1.0
-"""Penalty over the constant matrix' diagonal at a vertex: a few updates suffice, and the constant matrix still
-preconditions the minimisation."""
+"""Penalty divided by the constant matrix' diagonal at a vertex. With 1, a few updates of the multipliers suffice, and
+the constant matrix still preconditions the minimisation."""
 FORCE = 1e-2
-"""The solver's tolerance over the relative tolerance of contact forces: a tolerance of 1e-4 requires forces to 1 %."""
+"""The solver's tolerance divided by the relative tolerance of contact forces. A solver tolerance of 1e-4 thus allows
+an error of 1 % in the contact forces."""
 FAINT = 1e-7
-"""Displacement, over the body's size, that counts as zero, as does the penalty force it causes. No minimisation
-resolves less.
+"""Displacement, divided by the body's size, that counts as zero. The penalty force of this displacement counts as zero,
+too. No minimisation resolves less.
 """
 
 
@@ -33,15 +34,16 @@ class ContactTerm(Term):
 
     Attributes:
         potential: the compiled energy; `add_forces` computes the forces as its gradient.
-        on_body: whether the elastic body touches an obstacle.
-        resolution: displacement [m] to which a minimisation must converge so that the forces are known.
-        share: force over a step in motion, divided by the multipliers, which are the forces at the end of the step.
+        on_body: whether the points of the term belong to the elastic body; False for self-contact.
+        resolution: error [m] of the displacements up to which the contact forces are accurate enough.
+        share: effective contact force over a step with dynamics, divided by the multipliers. The multipliers are the
+            forces at the end of the step.
         missed: largest error [m] in gap or slip of a self-contact pair at the last update of a solve.
-        gives_up: whether hopeless solves end at once, because smaller steps may succeed.
-        stocky: whether the minimiser does not certify the distance to the equilibrium. Displacements then measure the
-            remaining distance, and updates are extrapolated.
-        buried: whether the penetration that `flaw` found is deep, not only above the tolerance.
-        hopeless: whether separate parts have penetrated so deeply that the search finds no pair for them any more.
+        gives_up: whether ``hopeless`` is determined, and ends a solve at once. Smaller increments may then succeed.
+        stocky: True if the minimiser gives no bound of the distance to the equilibrium (`Minimiser.certified` is
+            False). The remaining distance is then estimated from successive displacements.
+        buried: whether the penetration that `flaw` found is too deep even for a step that has not converged.
+        hopeless: whether vertices have penetrated so deeply that the search finds no face for them any more.
     """
 
     potential: ClassVar[Callable[..., float]]
@@ -57,23 +59,24 @@ class ContactTerm(Term):
         return 0.0
 
     def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """Raise the penalties of points carried by ``vertices`` (k,) in the next solve; fold barriers act on these."""
+        """In the next solve, raise the penalties of points that ``vertices`` (k,) carry: fold barriers act there."""
 
     def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
-        """Add the contact forces of a solve that ended at ``positions`` (n, 3) [m] to ``forces`` (n, 3) [N]."""
+        """Add the contact forces at the final ``positions`` (n, 3) [m] of a solve to ``forces`` (n, 3) [N]."""
         slopes = np.zeros_like(forces)
         self.potential(positions, self.reals, self.integers, slopes, np.zeros(1))
         forces -= slopes
 
     def _expect(self, presses: NDArray[np.float64], penalties: NDArray[np.float64]) -> None:
-        """Set the resolution from the normal forces (k,) [N] of the last step and their penalties [N/m]."""
+        """Set the resolution from the last step's normal forces (k,) [N] and the points' penalties (k,) [N/m]."""
         on = presses > 0.0
         self.resolution = FORCE * presses[on].sum() / penalties[on].sum() if on.any() else np.inf
 
     def _judge(self, change: float, forces: float, penalties: float) -> float:
-        """Set the resolution from the sum of ``forces`` [N], and return their ``change`` [N] as a distance [m].
+        """Set the resolution, and return the ``change`` [N] of the contact forces as a distance [m].
 
-        The distance is `FORCE` times the body's size times the relative change.
+        The distance is `FORCE` times the body's size times the relative change. ``forces`` [N] is the sum of the normal
+        forces, and ``penalties`` [N/m] the sum of the pressing points' penalties.
         """
         if not forces > 0.0:
             self.resolution = np.inf

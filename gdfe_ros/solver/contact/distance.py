@@ -8,15 +8,15 @@ import math
 from gdfe_ros.compiled import inlined
 
 PLANE, SPHERE, BOX, CAPSULE, CYLINDER, MESH = range(6)
-"""Kinds of shapes, with the numbers of `gdfe_ros.constraints.obstacle`; for a mesh see `grid.py`."""
+"""Kinds of shapes: the values of ``kind`` in `gdfe_ros.constraints.form`. Distances to a mesh are in `grid.py`."""
 
 
 @inlined
 def signed_distance(kind, a, b, c, x, y, z):
     """Return the signed distance [m] from a point to a shape, negative inside, and its gradient (3,).
 
-    ``a``, ``b`` and ``c`` are the shape's numbers. At a centre, or on a medial plane, the gradient is not unique; one
-    of its limits is returned.
+    ``a``, ``b`` and ``c`` [m] are the shape's ``numbers`` (see `Form`). At a centre, or on a medial plane, the gradient
+    is not unique. The function then returns one of its limits.
     """
     if kind == PLANE:
         return z, 0.0, 0.0, 1.0
@@ -41,7 +41,7 @@ def signed_distance(kind, a, b, c, x, y, z):
 
 @inlined
 def box_distance(a, b, c, x, y, z):
-    """Return signed distance [m] and gradient of a box with half edges ``a``, ``b``, ``c`` [m]."""
+    """Return the signed distance [m] to a box with half edges ``a``, ``b``, ``c`` [m], and its gradient (3,)."""
     sx, sy, sz = math.copysign(1.0, x), math.copysign(1.0, y), math.copysign(1.0, z)
     dx, dy, dz = abs(x) - a, abs(y) - b, abs(z) - c
     if dx <= 0.0 and dy <= 0.0 and dz <= 0.0:

@@ -12,27 +12,28 @@ from gdfe_ros.solver.contact.distance import MESH, signed_distance
 from gdfe_ros.solver.contact.grid import SURE, grid_distance
 
 AXES, ORIGIN, NUMBERS, FRICTION, SIGNS, HEAD = 0, 9, 12, 15, 16, 28
-"""Layout of a term's reals. Each number is the offset of one field: the frame's rotation, its origin [m], the shape's
-numbers, the friction coefficient, the signs s_a (4, 3) [1/m] of a rigid body, and the points.
+"""Layout of a term's reals. Each number is the offset of one field: the frame's rotation, the frame's origin [m], the
+shape's numbers, the friction coefficient, a rigid body's signs s_a (4, 3) [1/m], and the rows of the points.
 """
 PENALTY, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, STRIDE = 0, 1, 2, 5, 8, 11, 12, 20, 24
 """Layout of a point's row. The offsets are those of the penalty k [N/m], normal force l [N], friction force t (3,) [N],
 anchor (3,) [m] in the frame, normal (3,), offset [m], weights (8,) and entry plane (4,). The plane n . q = d in the
-frame is stored as (n, d); n = 0 means none. `STRIDE` is the row's length.
+frame is stored as (n, d); n = 0 means no entry plane. `STRIDE` is the row's length.
 """
 KIND, COUNT, CARRIERS, BODY, VERTICES = 0, 1, 2, 3, 7
-"""Layout of a term's integers: offsets of the shape's kind, the number of points, the number of vertices that carry
-each point, the frame's four vertices, and the points' carriers. The frame's vertices are -1 for a prescribed frame.
+"""Layout of a term's integers. Each number is the offset of one field: the shape's kind, the number of points, the
+number of vertices that carry each point, the frame's four vertices, and the points' carriers. The frame's vertices are
+-1 for a prescribed frame.
 """
 MOST_STEPS = 60
-"""Limit of sphere-tracing steps along one path. A point that has not arrived by then only grazes the obstacle."""
+"""Largest number of sphere-tracing moves along one path. If they do not reach the obstacle, the path only grazes it."""
 SMOOTH = 0.95
-"""The obstacle counts as smooth at a face if the mean of its unit normals at the face's corners is longer than this."""
+"""The obstacle is smooth at a face if the mean of its unit normals at the four corners has at least this length."""
 
 
 @inlined
 def take_frame(x, reals, integers):
-    """Compute rotation and origin from a rigid body's four vertices; leave a prescribed frame as it is."""
+    """Write rotation and origin [m] of a rigid body's frame from its four vertices; skip a prescribed frame."""
     if integers[BODY] < 0:
         return
     for i in range(3):
@@ -48,7 +49,7 @@ def take_frame(x, reals, integers):
 
 @inlined
 def point_at(x, reals, integers, i):
-    """Return the position (3,) [m] of point i."""
+    """Return the position (3,) [m] of contact point ``i``."""
     count = integers[CARRIERS]
     first = VERTICES + count * i
     if count == 1:
@@ -63,7 +64,7 @@ def point_at(x, reals, integers, i):
 
 @inlined
 def in_frame(head, dx, dy, dz):
-    """Return a world vector in the axes of the frame."""
+    """Return the components of a world vector along the frame's axes."""
     return (
         head[0] * dx + head[3] * dy + head[6] * dz,
         head[1] * dx + head[4] * dy + head[7] * dz,
@@ -73,7 +74,7 @@ def in_frame(head, dx, dy, dz):
 
 @inlined
 def in_world(head, a, b, c):
-    """Return a vector of the frame in world axes."""
+    """Return the world components of a vector that is given along the frame's axes."""
     return (
         head[0] * a + head[1] * b + head[2] * c,
         head[3] * a + head[4] * b + head[5] * c,
@@ -83,7 +84,7 @@ def in_world(head, a, b, c):
 
 @inlined
 def distance_in_frame(kind, head, x, y, z):
-    """Return the signed distance [m] from a point of the frame to the obstacle, and its gradient (3,)."""
+    """Return the signed distance [m] from a point to the obstacle, and its gradient (3,), all in the frame."""
     if kind == MESH:
         return grid_distance(head, int(head[NUMBERS]), x, y, z)
     return signed_distance(kind, head[NUMBERS], head[NUMBERS + 1], head[NUMBERS + 2], x, y, z)
@@ -100,7 +101,7 @@ def distance_at(kind, head, px, py, pz):
 
 @inlined
 def unit(nx, ny, nz):
-    """Return the direction of a gradient, which is shorter than 1 at a mesh's edges; zero for a zero gradient."""
+    """Return the unit vector along a gradient, whose length is below 1 at a mesh's edges; zero for a zero gradient."""
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
     return (nx / length, ny / length, nz / length) if length > 0.0 else (0.0, 0.0, 0.0)
 
@@ -109,8 +110,8 @@ def unit(nx, ny, nz):
 def gap_at(kind, reals, r, px, py, pz):
     """Return the signed distance [m] from a point to the obstacle, and the normal (3,) there, in world axes.
 
-    If the obstacle would push the point out on another side than it entered, distance and normal are those of the entry
-    plane.
+    If the obstacle would push the point out on another side than the entry side, the distance and the normal are those
+    of the point's entry plane.
     """
     g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
     a, b, c = reals[r + PLANE], reals[r + PLANE + 1], reals[r + PLANE + 2]
@@ -125,7 +126,7 @@ def gap_at(kind, reals, r, px, py, pz):
 
 @kernel
 def distances(points, head, kind, out, normals):
-    """Write signed distances [m] from ``points`` (k, 3) [m] to the obstacle to ``out`` (k,), and normals (k, 3)."""
+    """Write the signed distances of ``points`` (k, 3) [m] from the obstacle to ``out`` (k,) [m], and normals (k, 3)."""
     for i in range(len(points)):
         found = distance_at(kind, head, points[i, 0], points[i, 1], points[i, 2])
         out[i], normals[i, 0], normals[i, 1], normals[i, 2] = found
@@ -133,11 +134,11 @@ def distances(points, head, kind, out, normals):
 
 @kernel
 def entries(starts, ends, reach, head, kind, planes):
-    """Write the planes (k, 4) through which points on straight paths in the frame (k, 3) [m] enter the obstacle.
+    """Write the entry planes (k, 4) of points that move on straight lines from ``starts`` to ``ends`` (k, 3) [m].
 
-    Rows of points that do not enter are zero. A point that starts nearer than ``reach`` [m] counts as entering only if
-    the obstacle would push it out on the other side at the path's end. Each path is sphere-traced: each step is as long
-    as the distance to the obstacle at its start.
+    All positions and planes are in the frame. Rows of points that do not enter the obstacle are zero. A point that
+    starts nearer than ``reach`` [m] counts as entering only if the obstacle would push it out on the other side at the
+    path's end. Each path is sphere-traced: each move is as long as the distance to the obstacle at its start.
     """
     for i in range(len(starts)):
         planes[i] = 0.0
@@ -163,11 +164,11 @@ def entries(starts, ends, reach, head, kind, planes):
 
 @kernel
 def nearness(x, quads, gauss, shape, head, kind, out):
-    """Add the error of interpolated distances to the obstacle, integrated over faces, to ``out`` (n,) [m^3].
+    """Add the integral over faces of the error of interpolated obstacle distances to ``out`` (n,) [m^3].
 
     The error is the distance interpolated between a face's corners, minus the true distance. Each face's integral is
-    distributed to its vertices. A face across an edge of the obstacle is left out, because the normals at its corners
-    differ.
+    distributed to its vertices. A face that spans an edge of the obstacle is left out, because the normals at its
+    corners differ.
     """
     corner, normal = np.empty(4), np.empty((4, 3))
     for q in range(len(quads)):

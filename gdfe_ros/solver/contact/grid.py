@@ -8,11 +8,11 @@ import math
 from gdfe_ros.compiled import inlined, internal
 
 START, CELL, COUNTS, SAMPLES = 0, 3, 4, 7
-"""Offsets in a mesh's numbers of its grid's first point [m], spacing [m], counts, and signed distances [m]."""
+"""Layout of a mesh's grid: offsets of its first point [m], spacing [m], three counts, and signed distances [m]."""
 
 SURE = 0.7
-"""Least ratio of the true distance to the interpolated one. Off the grid the interpolated distance is up to sqrt(2)
-times too large.
+"""Least ratio of the true distance to the interpolated distance. Outside the grid the interpolated distance is up to
+sqrt(2) times too large.
 """
 
 
@@ -33,7 +33,7 @@ def spline(t):
 
 @inlined
 def inside_grid(head, base, axis, x):
-    """Return the cell of a coordinate [m] along an axis and its fraction in the cell, clamped to the grid."""
+    """Return the cell that contains a coordinate [m] along an axis, and the fraction in it, clamped to the grid."""
     last = head[base + COUNTS + axis] - 2.0
     u = (x - head[base + START + axis]) / head[base + CELL]
     u = min(u, last) if u > 1.0 else 1.0  # also for NaN
@@ -45,9 +45,9 @@ def inside_grid(head, base, axis, x):
 def grid_distance(head, count, x, y, z):
     """Return the distance [m] from a point to a mesh, and the exact gradient (3,) of this interpolated distance.
 
-    The grid is the last ``count`` numbers of ``head``. Outside of the grid nothing touches. The function then takes the
-    closest point of the grid, and the surface point nearest to that one; it returns the distance and direction to this
-    surface point.
+    The grid is the last ``count`` numbers of ``head``. A point outside the grid cannot be in contact. The function then
+    takes the closest point of the grid, and the surface point nearest to this grid point. It returns the distance from
+    this surface point, and the direction away from it.
     """
     base = len(head) - count
     h, ny, nz = head[base + CELL], int(head[base + COUNTS + 1]), int(head[base + COUNTS + 2])

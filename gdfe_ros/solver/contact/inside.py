@@ -16,21 +16,21 @@ from gdfe_ros.solver.contact.closest import among, closest_on, point_on
 from gdfe_ros.solver.contact.own_surface import Topology, vertices_about
 
 MOST_STEPS = 25
-"""Limit of Newton steps in one cell."""
+"""Largest number of Newton iterations in one cell."""
 EXACT = 1e-9
-"""Distance beyond a cell's faces, in its coordinates from 0 to 1, that still counts as inside."""
+"""A point counts as inside a cell if its cell coordinates exceed the limits 0 and 1 by less than this."""
 SEPARATE = "remedy: return to a sound state and approach in smaller steps, or move the parts away from each other"
 MOST_BINS = 4
-"""Limit of the search grid's bins over the number of vertices."""
+"""Largest number of bins of the search grid, divided by the number of vertices."""
 
 
 class Inside:
-    """Search for surface vertices that lie inside of the body.
+    """Search for surface vertices that have penetrated into other cells of the body.
 
     Args:
         body: the discretised body.
         surface: faces that may touch each other, and their vertices.
-        meant: the self-contact definition, which names the parts.
+        meant: the self-contact definition, which gives the names of the parts.
     """
 
     def __init__(self, body: Body, surface: Topology, meant: SelfContact) -> None:
@@ -64,7 +64,7 @@ class Inside:
         return depth, cell
 
     def told(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
-        """Return the largest penetration depth [m] and a sentence with the parts, the depth and the place."""
+        """Return the largest penetration depth [m], and a sentence with parts, depth and place; 0 and empty if none."""
         depths, cells = self.depths(x, bound)
         deepest = int(depths.argmax())
         if not depths[deepest] > 0.0:
@@ -78,7 +78,7 @@ class Inside:
 
 @inlined
 def corner_shape(corner, u, v, w):
-    """Return a corner's shape function (VTK's order) at the coordinates u, v, w in [0, 1], and its three slopes."""
+    """Return a corner's shape function (VTK's order) at u, v, w in [0, 1], and its three derivatives."""
     a = u if corner in (1, 2, 5, 6) else 1.0 - u
     b = v if corner in (2, 3, 6, 7) else 1.0 - v
     c = w if corner >= 4 else 1.0 - w
@@ -90,7 +90,7 @@ def corner_shape(corner, u, v, w):
 
 @internal
 def within_cell(x, cells, e, px, py, pz):
-    """Return whether the point p [m] lies in a cell, by Newton's method for its coordinates."""
+    """Return whether the point p [m] lies in cell ``e``, by Newton's method for the point's cell coordinates."""
     u, v, w = 0.5, 0.5, 0.5
     for _ in range(MOST_STEPS):
         r0, r1, r2 = px, py, pz
@@ -126,9 +126,10 @@ def clamp(value):
 
 @internal
 def depth_below(x, quads, touchable, first, last, vertex, bound):
-    """Return the distance [m] from a vertex to the nearest face, among ``first`` to ``last``, without this vertex.
+    """Return the distance [m] from a vertex to the nearest of the faces from ``first`` up to ``last``.
 
-    It is 0 if that distance is below ``bound`` [m] or the nearest face takes no part in self-contact.
+    Faces with this vertex as a corner are left out. The result is 0 if the distance is below ``bound`` [m], or if the
+    nearest face takes no part in self-contact.
     """
     px, py, pz = x[vertex, 0], x[vertex, 1], x[vertex, 2]
     least, takes_part = np.inf, False
@@ -155,7 +156,7 @@ def depth_below(x, quads, touchable, first, last, vertex, bound):
 
 @internal
 def sorted_into_bins(x, vertices, low, edge, n0, n1, n2):
-    """Return the offsets of the grid's bins and the vertices' indices sorted by bin."""
+    """Return the offset of each bin of the search grid, and the indices of the vertices (k,), sorted by bin."""
     count = len(vertices)
     where, starts, order = np.empty(count, np.int64), np.zeros(n0 * n1 * n2 + 1, np.int64), np.empty(count, np.int64)
     for k in range(count):
@@ -175,18 +176,18 @@ def sorted_into_bins(x, vertices, low, edge, n0, n1, n2):
 
 @kernel
 def find_inside(x, vertices, quads, touchable, quad_starts, cells, pieces, near_starts, near, bound, depth, cell):
-    """Find the cells in which vertices lie, and the depth of these vertices below the faces of the cell's piece.
+    """Find the surface vertices inside cells, and their depth below the faces of the cell's connected piece.
 
     Args:
         x: (n, 3) [m] positions, finite.
         vertices: (k,) surface vertices.
         quads: (q, 4) all boundary faces, ordered by piece.
-        touchable: (q,) faces that take part in self-contact.
+        touchable: (q,) whether each face takes part in self-contact.
         quad_starts: (p + 1,) index at which the faces of each piece begin.
         cells: (m, 8) corners of the cells.
-        pieces: (m,) piece of each cell.
+        pieces: (m,) connected piece of each cell.
         near_starts: (m + 1,) index into ``near`` at which the list of each cell begins.
-        near: vertices of the cells around each cell, ascending; these are not tested in it.
+        near: vertices of the cells that share a vertex with each cell, ascending. They are not tested in this cell.
         bound: [m] least depth that is reported.
         depth: (k,) [m], is written for vertices inside a cell.
         cell: (k,), is written for vertices inside a cell.

@@ -3,19 +3,20 @@
 
 With the gap g, a multiplier l >= 0 and a penalty k, contact has the potential (max(0, l - k g)^2 - l^2) / 2 k.
 Minimising it and updating l <- max(0, l - k g) in turn converges to g >= 0, l >= 0, l g = 0 (Rockafellar 1973).
-Friction has the Moreau envelope of mu l |s|: with the slip s since the anchor, in the plane of contact, and the
-multiplier t, the trial force t + k s is shortened to mu l, and becomes the new t. A point that sticks keeps its
+Friction has the Moreau envelope of mu l |s| as its potential. Here s is the slip since the anchor in the contact plane.
+With the multiplier t, the trial force t + k s is shortened to mu l and becomes the new t. A point that sticks keeps its
 anchor, so sticking contacts do not creep.
 
-The gap of a vertex is its distance to the obstacle minus its ``offset`` (at least 0). Flat faces come nearer to a round
-obstacle than their corners do. The offset is the mean of this difference over the faces around the vertex: the distance
-interpolated between a face's corners, minus the true distance. On a ball the offset halves the error of the gaps.
+The gap of a vertex is its distance to the obstacle minus its ``offset`` (at least 0). Between its corners, a flat face
+comes nearer to a round obstacle than at its corners. The error of a face is the distance interpolated between its
+corners, minus the true distance. The offset is the mean of this error over the faces around the vertex. On a ball the
+offset halves the error of the gaps.
 
 A point is one of three things: a vertex, a skin point carried by the eight vertices of a cell, or a point carried by
 the four vertices of a rigid body. The frame of the touched obstacle is prescribed, or is that of a rigid body. The four
-vertices of a rigid body are corners of a box around its centre of mass c. With the signs s_a of these corners over four
-times the half edges, R = sum_a x_a s_a^T and c = mean x_a. Both are linear in the positions, so forces on the vertices
-follow directly.
+vertices of a rigid body are corners of a box around its centre of mass c. Let s_a be the signs of these corners divided
+by four times the half edges. Then the rotation is R = sum_a x_a s_a^T, and c = mean x_a. Both are linear in the
+positions, so forces on the vertices follow directly.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 @inlined
 def push(reals, integers, i, f0, f1, f2, force):
-    """Distribute the gradient dE/dp [N] of a point to the gradients of its carriers in ``force`` (n, 3)."""
+    """Add the gradient f = dE/dp [N] of a point, times its weights, to ``force`` (n, 3) [N] at the point's carriers."""
     count = integers[CARRIERS]
     first = VERTICES + count * i
     for a in range(count):
@@ -66,9 +67,9 @@ def push(reals, integers, i, f0, f1, f2, force):
 
 @inlined
 def push_back(reals, integers, f0, f1, f2, r0, r1, r2, force):
-    """Add the reaction to a point's gradient to ``force`` (n, 3), at the four vertices of the rigid body's frame.
+    """Subtract the gradient f = dE/dp [N] of a point from ``force`` (n, 3) [N] at the touched rigid body's vertices.
 
-    ``r`` is p - c in the frame. Prescribed frames have no vertices and take no reaction.
+    ``r`` [m] is p - c in the frame. A prescribed frame has no vertices, so nothing is subtracted.
     """
     if integers[BODY] < 0:
         return
@@ -82,7 +83,7 @@ def push_back(reals, integers, f0, f1, f2, r0, r1, r2, force):
 
 @inlined
 def shear_at(reals, r, px, py, pz, limit):
-    """Return the friction force (3,) [N] at a point, shortened to ``limit`` [N], and the length of its trial [N]."""
+    """Return the friction force (3,) [N] at a point, shortened to ``limit`` [N], and the trial force's length [N]."""
     k, n0, n1, n2 = reals[r + PENALTY], reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
     a0, a1, a2 = in_world(reals, reals[r + ANCHOR], reals[r + ANCHOR + 1], reals[r + ANCHOR + 2])
     dx, dy, dz = px - reals[ORIGIN] - a0, py - reals[ORIGIN + 1] - a1, pz - reals[ORIGIN + 2] - a2
@@ -95,7 +96,7 @@ def shear_at(reals, r, px, py, pz, limit):
 
 @kernel
 def contact_energy(x, reals, integers, force, size):
-    """Return the augmented Lagrangian [J] of all points and add its gradient; `term_kernel` needs this signature."""
+    """Return the augmented Lagrangian [J] of all points; add its gradient to ``force``. See `term_kernel`."""
     energy, kind = 0.0, integers[KIND]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):

@@ -16,17 +16,17 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.contact import gap
 
 TOUCHING = 1e-3
-"""Bodies only touch if the penetration depth, over a rigid body's diagonal, is at most this."""
+"""Penetration depth, divided by the rigid body's diagonal, up to which bodies count as touching, not as overlapping."""
 POINTS, ROUNDS, CLOSER = 9, 14, 0.4
 """Search grid for the deepest point: points along each edge, number of refinements, and factor of the grid's size in
 each refinement.
 """
 MOST_SHIFTS = 20
-"""Limit of shifts towards the outside. One is enough except where edges cross."""
+"""Largest number of shifts that move a body out of another one. One shift is enough, except where edges cross."""
 WITHIN = 0.75
-"""A point counts as inside, not on the edge, if it sees the surface in more than this fraction of all directions."""
+"""A point is inside, not on the edge, if the surface covers more than this fraction of all directions from it."""
 SKIN = 0.98
-"""Scale of a rigid body's own surface points when they are tested for being inside of the soft body."""
+"""Factor by which a rigid body is shrunk before its surface points are tested for being inside of the soft body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,8 @@ class Placed:
 
     Attributes:
         thing: the obstacle or rigid body.
-        origin: (3,) [m] of its frame.
-        axes: (3, 3) rotation of its frame.
+        origin: (3,) [m] origin of the thing's frame.
+        axes: (3, 3) rotation of the thing's frame.
     """
 
     thing: Obstacle
@@ -49,11 +49,11 @@ class Placed:
         return np.array(self.thing.form.half)
 
     def world(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points (k, 3) [m] of its frame in world coordinates."""
+        """Return the world coordinates (k, 3) [m] of points (k, 3) [m] that are given in the thing's frame."""
         return self.origin + places @ self.axes.T
 
     def seen_from(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return signed distances (k,) [m] from it to points (k, 3) [m], negative inside, and the normals (k, 3)."""
+        """Return signed distances (k,) [m] of points (k, 3) [m] to the thing, negative inside, and normals (k, 3)."""
         form: Form = self.thing.form
         head = np.concatenate([self.axes.ravel(), self.origin, form.numbers, form.samples])
         away, normals = np.empty(len(points)), np.empty((len(points), 3))
@@ -77,7 +77,7 @@ def placed_now(handles: Sequence[Handle], poses: Mapping[str, Pose], positions: 
 
 
 def overlaps(placed: Sequence[Placed], names: Collection[str] | None = None) -> Iterator[str]:
-    """Yield a sentence with partner, depth and remedy for each penetration of one of the rigid bodies ``names``."""
+    """Yield a sentence with partner, depth and remedy for each penetration of a rigid body in ``names`` (None: all)."""
     for i, one in enumerate(placed):
         if not isinstance(one.thing, RigidBody) or (names is not None and one.thing.name not in names):
             continue
@@ -95,7 +95,7 @@ def overlaps(placed: Sequence[Placed], names: Collection[str] | None = None) -> 
 
 
 def inside_surface(one: Placed, points: NDArray[np.float64], quads: NDArray[np.int32]) -> str:
-    """Return a sentence if a rigid body is inside of the soft body; empty if it is not.
+    """Return a sentence if a rigid body penetrates the soft body or lies inside of it; else an empty string.
 
     Args:
         one: the rigid body.
@@ -150,7 +150,7 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
 
 
 def _seen_share(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
-    """Return the largest fraction of all directions in which a point sees the faces (q, 4, 3) [m], over ``points`` [m].
+    """Return the largest solid angle of the faces (q, 4, 3) [m] at any of the ``points`` (k, 3) [m], divided by 4 pi.
 
     The solid angle of a triangle is that of van Oosterom and Strackee (1983).
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Self-contact as a term: each surface vertex is paired with its nearest face."""
+"""Term of the potential for self-contact: each surface vertex is paired with its nearest face."""
 
 from __future__ import annotations
 
@@ -22,24 +22,26 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 
 REACH, FARTHEST = 0.02, 0.25
-"""Search distance for faces over the body's size, and its limit. Twice the step's displacement is added to it."""
+"""Search distance for faces, and its upper limit, both divided by the body's size. Twice the step's largest
+displacement is added to the search distance.
+"""
 ROUNDING = 1e-9
 """A pair counts as slipping if its friction force is below the limit by less than this fraction."""
 DEEPEST = 1e-4
-"""Largest penetration depth, over the body's size, at the end of a converged step."""
+"""Largest penetration depth, divided by the body's size, at the end of a converged step."""
 BURIED = 1e-3
-"""Largest penetration depth, over the body's size, with which a step is accepted, even if not converged."""
+"""Largest penetration depth, divided by the body's size, with which a step is accepted, even if not converged."""
 CLEAR = 1.5
-"""Search distance over the largest penetration depth at the beginning of a solve."""
+"""Least search distance, divided by the largest penetration depth in the last accepted state."""
 SAME_SIDE = 0.5
 """A vertex keeps its multipliers if the cosine between its old and its new contact normal exceeds this."""
 
 
 class OwnContact(ContactTerm):
-    """Contact of parts of a mesh with each other, and of each with itself.
+    """Contact of the parts of a mesh with each other, and of each part with itself.
 
-    During a minimisation each vertex keeps its face and the plane of that face. Between minimisations both are searched
-    anew. The search starts from the last accepted state, in which nothing penetrated.
+    During a minimisation each vertex keeps its face and the plane of that face. Between minimisations, new faces and
+    planes are searched. The first search uses the positions of the last accepted state.
 
     Args:
         meant: the self-contact definition: faces that may touch, and friction.
@@ -79,10 +81,11 @@ class OwnContact(ContactTerm):
                 self._yielding[handle.vertices] = 0.0
 
     def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """Return the penalties of pressing pairs and of sticking pairs as springs between their vertices.
+        """Return the penalties as springs: one normal to each pressing pair, two tangential to each sticking pair.
 
         Returns:
-            (k, 5) vertices of each spring, and (k, 5, 3) their directions times the square root of the penalty [N/m].
+            Vertices (m, 5) of each spring, and (m, 5, 3) [(N/m)^(1/2)] the root of the penalty times d(length of the
+            spring)/d(position of each vertex).
         """
         rows, chosen = self._rows(), self._chosen
         _, presses, _, slips, _ = self._forces(positions)
@@ -103,11 +106,11 @@ class OwnContact(ContactTerm):
         return {**self._free, "lost": np.zeros(1)}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
-        """Set the last state without penetration: the anchor of ``last``, or ``last`` itself if it has none."""
+        """Set the state from which pairs are searched: the anchor of ``last`` if it has one, else ``last`` itself."""
         self._last = last if last is None else last.anchor or last
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Start from the multipliers of the last step, rotated with their faces, and search the pairs."""
+        """Search the pairs. Start from the multipliers of the last step, rotated with their faces."""
         last = positions if self._last is None else self._last.positions
         self._from, size = last, self._body.size
         moved = positions - last
@@ -158,7 +161,7 @@ class OwnContact(ContactTerm):
         return way if self.stocky else missed
 
     def hasten(self, near: float) -> None:
-        """Extrapolate multipliers and normals from their last updates, if there were several."""
+        """Extrapolate multipliers and normals from their last updates, unless a plain one is due; see `Settling`."""
         if not self._on:
             return
         found = self._multipliers()
@@ -169,7 +172,7 @@ class OwnContact(ContactTerm):
         rows[on, law.PRESS], rows[on, law.SHEAR : law.HOLD], rows[on, law.NORMAL : law.WEIGHTS] = press, shear, normal
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Search the pairs if nothing touched; return whether a pair has come to touch."""
+        """Search the pairs again if no pair touched so far; return whether one touches at ``positions`` (n, 3) [m]."""
         if self._on:
             return False
         found = self.surface.look(positions, self._from, self._reach, self._sunk)
@@ -182,7 +185,7 @@ class OwnContact(ContactTerm):
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: pair forces, and the anchors of the sticking pairs.
 
-        ``lost`` is the energy dissipated by friction so far [J].
+        The entry ``lost`` is the energy dissipated by friction so far [J].
         """
         if not self._on:
             return {**self._free, "lost": saved["lost"]}
@@ -203,7 +206,7 @@ class OwnContact(ContactTerm):
         return {**kept, "lost": saved["lost"] + self.share * rubbed, "share": np.array([self.share])}
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
-        """Return both sides of all pairs in contact, for positions relative to ``origin`` (3,) [m]."""
+        """Return the forces on both sides of all pairs; positions of ``state`` are relative to ``origin`` (3,) [m]."""
         saved = state.terms[self.name]
         on = np.flatnonzero(saved["press"])
         if not len(on):
@@ -223,18 +226,19 @@ class OwnContact(ContactTerm):
         )
 
     def flaw(self, positions: NDArray[np.float64]) -> str:
-        """Return a sentence about the deepest penetration, or an empty one if it is within `DEEPEST`.
+        """Return a sentence about the deepest penetration, or an empty string if its depth is within `DEEPEST`.
 
-        Every surface vertex is checked, also those without a pair in the solve. Sets ``buried``.
+        Every surface vertex is checked, also a vertex without a pair in the solve. The attribute ``buried`` is set.
         """
         depth, text = self.inside.told(positions, DEEPEST * self._body.size)
         self.buried = depth > BURIED * self._body.size
         return text
 
     def _entered(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the penetration depths (k,) [m] of vertices that were outside at the last accepted state.
+        """Return the penetration depths (k,) [m] of the surface vertices that were outside in the last accepted state.
 
-        Vertices that already penetrated there are marked in ``_sunk``: they leave through the nearest face.
+        The depth of a vertex that already penetrated in this state is 0. ``_sunk`` marks such a vertex. Contact pushes
+        it out through its nearest face.
         """
         within = min(REACH * self._body.size, self.surface.topology.depth)
         depths = self.inside.depths(positions, within)[0]
@@ -247,10 +251,11 @@ class OwnContact(ContactTerm):
         return np.where(self._sunk, 0.0, depths)
 
     def _follow(self, found: Nearest, x: NDArray[np.float64]) -> None:
-        """Set the points on which friction acts.
+        """Set the face point of each pair on which friction acts.
 
-        A slipping pair gets its present point; any other pair keeps its point at the start. The slip is the motion
-        since the last state relative to the material point that is touched now. Positions in between do not matter.
+        A slipping pair gets the face point that its vertex touches now; any other pair keeps its face point from the
+        start of the solve. The slip is the vertex' motion since the last state relative to this material point.
+        Intermediate positions have no effect on it.
         """
         rows, chosen, limit = self._rows(), self._chosen, self.reals[law.FRICTION] * self._rows()[:, law.PRESS]
         shear = np.linalg.norm(rows[:, law.SHEAR : law.HOLD], axis=1)
@@ -271,19 +276,19 @@ class OwnContact(ContactTerm):
         face: NDArray[np.int64],
         weights: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return the vectors (k, 3) [m] from points of faces (k,), given by corner weights (k, 4), to the vertices."""
+        """Return the vectors (k, 3) [m] to the vertices of pairs from face points with corner weights (k, 4)."""
         return x[self._vertices[pairs]] - np.einsum("ka,kai->ki", weights, x[self._quads[face]])
 
     def _before(
         self, x: NDArray[np.float64], pairs: NDArray[np.int64], face: NDArray[np.int64], weights: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the vectors (k, 3) [m] of `_away` at the last state, turned with the faces to ``x``."""
+        """Return the vectors (k, 3) [m] of `_away` in the last state, rotated with the faces to ``x`` (n, 3) [m]."""
         quads, last = self._quads[face], self._from
         away = self._away(last, pairs, face, weights)
         return np.einsum("kij,klj,kl->ki", frames(x, quads), frames(last, quads), away)
 
     def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
-        """Pack the pairs found at ``x`` (n, 3) [m] for the kernels, with the multipliers of those that persist."""
+        """Write the pairs found at ``x`` (n, 3) [m] to the kernels' arrays; persisting pairs keep their multipliers."""
         on = found.face >= 0
         corners = self._quads[found.face]
         give = self._yielding[self._vertices] + np.einsum("ka,ka->k", found.weights**2, self._yielding[corners])
@@ -311,7 +316,7 @@ class OwnContact(ContactTerm):
         ends[:, law.HELD :] = self._quads[self._hold[chosen]]
 
     def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-        """Return gaps (k,) [m], normal (k,) and friction forces (k, 3) [N], slip flags (k,), and slips (k, 3) [m]."""
+        """Return gaps (k,) [m], normal (k,) and friction forces (k, 3) [N], slip flags (k,) and slips (k, 3) [m]."""
         count = len(self._chosen)
         gaps, presses, slips = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_)
         shears, slid = np.zeros((count, 3)), np.zeros((count, 3))
@@ -319,7 +324,7 @@ class OwnContact(ContactTerm):
         return gaps, presses, shears, slips, slid
 
     def _multipliers(self) -> NDArray[np.float64]:
-        """Return normal force, friction force [N] and scaled normal [N] of all surface vertices (k, 7).
+        """Return normal force, friction force and scaled normal [N] of each surface vertex (k, 7).
 
         The normals of pressing pairs are multiplied by the mean normal force, so that all columns have one unit.
         """

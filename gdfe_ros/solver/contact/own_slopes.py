@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Self-contact for derivatives: the pairs of a converged solve keep their faces and continue to stick or slip."""
+"""Self-contact for derivatives: each pair of a converged solve keeps its face, and continues to stick or to slip."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from gdfe_ros.solver.state import Saved
 HELD = [*range(law.PRESS, law.OFFSET), law.SUPPORT]
 """Columns of a pair's row that an update changes."""
 WIDTH = len(HELD) + 3
-"""Multipliers of a pair: `HELD`, and the change of its offset."""
+"""Number of multipliers of a pair: the columns `HELD`, and the three components of the change of its offset."""
 
 
 class DifferentiableOwnContact(OwnContact):
-    """Self-contact with converged solves that can be linearised. Pairs keep their faces.
+    """Self-contact that can be linearised at a converged solve. The pairs then keep their faces.
 
-    The multipliers of a pair are, in this order: its normal force, its normal, the weights of its face's corners; its
-    friction force and the weights of the corners on which friction acts; its support, and the change of its offset.
+    The multipliers of a pair are, in this order: its normal force, its normal, the weights of its face's corners, its
+    friction force, the weights of the corners on which friction acts, its support, and the change of its offset.
     """
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
@@ -40,7 +40,7 @@ class DifferentiableOwnContact(OwnContact):
         return self._on and self.reals[law.FRICTION] > 0.0
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Choose the pairs that pressed at the end of a solve, with the forces found there.
+        """Prepare the linearisation of a solve: choose the pairs that press at its end, with their forces.
 
         The direction of slip must be defined. A slipping pair that has hardly moved therefore gets the slip `SLIP` in
         the direction of its friction force.
@@ -66,7 +66,7 @@ class DifferentiableOwnContact(OwnContact):
         self._kept = ~self._slips & (saved["slips"][self._chosen] == 0.0)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Move the anchors of the chosen pairs; keep the choice of pairs."""
+        """Update the anchors of the chosen pairs; keep the choice of pairs."""
         if not self._on:
             return
         self._from, chosen, rows = self._last.positions, self._chosen, self._rows()
@@ -86,7 +86,11 @@ class DifferentiableOwnContact(OwnContact):
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
-        """Scales of the multipliers per metre: penalties [N/m] for forces, 1 / edge for directions and weights."""
+        """Expected change of each multiplier per metre (`WIDTH` k,).
+
+        It is the penalty [N/m] for forces, 1 / shortest edge for normals and weights, 1 / rim for supports, and 1 for
+        offsets.
+        """
         topology, rows = self.surface.topology, self._rows()
         scales = np.full((len(rows), law.STRIDE), DEPTH / topology.depth)
         scales[:, law.PRESS] = rows[:, law.PENALTY]
@@ -95,7 +99,7 @@ class DifferentiableOwnContact(OwnContact):
         return np.hstack([scales[:, HELD], np.ones((len(rows), 3))]).ravel()
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the multipliers."""
+        """Set the multipliers (`WIDTH` k,); a sticking pair keeps the weights of the corners on which friction acts."""
         rows, given = self._rows(), multipliers.reshape(-1, WIDTH)
         if not len(rows):
             return
@@ -106,7 +110,7 @@ class DifferentiableOwnContact(OwnContact):
         self._moved()[...] = given[:, len(HELD) :]
 
     def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the multipliers after one plain update, and leave those of the term unchanged."""
+        """Return the multipliers (`WIDTH` k,) after one plain update; the term's own multipliers stay unchanged."""
         held = self.multipliers
         if not len(held):
             return held
@@ -123,14 +127,14 @@ class DifferentiableOwnContact(OwnContact):
         return np.hstack([found[:, HELD], moved]).ravel()
 
     def _nearest(self, x: NDArray[np.float64], face: NDArray[np.int64]) -> Nearest:
-        """Return the nearest points of faces (k,) to the vertices of the chosen pairs."""
+        """Return the nearest points on the given faces ``face`` (k,) to the vertices of the chosen pairs."""
         inside = np.ones(len(self._vertices), dtype=np.bool_)
         return self.surface.nearest(x, x, self._chosen, face, np.inf, inside).of(self._chosen)
 
     def _slid(self, x: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the vectors from face points to vertices since the last state, in the contact planes (k, 3) [m].
+        """Return the tangential vectors (k, 3) [m] from face points to vertices in the last state.
 
-        The face points have the corner weights of ``rows``.
+        They are rotated with the faces to ``x`` (n, 3) [m]. The face points have the corner weights of ``rows``.
         """
         weights = rows[:, law.HOLD : law.OFFSET]
         before = self._before(x, self._chosen, self._hold[self._chosen], weights)
@@ -139,7 +143,7 @@ class DifferentiableOwnContact(OwnContact):
     def _set_anchors(self, positions: NDArray[np.float64]) -> None:
         """Set the offsets of slipping pairs.
 
-        The slip has its length in the solve, and the direction of the friction force.
+        Each slip has its length in the solve, or at least `SLIP`, and the direction of the friction force.
         """
         chosen, rows, slips = self._chosen, self._rows(), self._slips
         self._anchors = self._slid(positions, rows)
@@ -153,5 +157,5 @@ class DifferentiableOwnContact(OwnContact):
         self._ends = rows[:, law.OFFSET : law.SUPPORT].copy()
 
     def _moved(self) -> NDArray[np.float64]:
-        """Return the changes (k, 3) [m] of the offsets, which are stored after all pairs."""
+        """Return the changes (k, 3) [m] of the offsets, a view; they are stored after the rows of all pairs."""
         return self.reals[-3 * len(self._vertices) :][: 3 * len(self._chosen)].reshape(-1, 3)

@@ -18,8 +18,8 @@ from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_
 CREASE = 0.7
 """The surface counts as smooth over an edge if the cosine between the rest normals of its two faces exceeds this."""
 DEPTH, RIM = 0.25, 0.05
-"""Two distances over the shortest edge. A vertex touches a face from behind, up to `DEPTH`, even if it was never in
-front of it. A vertex beside a face, up to `RIM`, still counts as above it.
+"""Two distances divided by the shortest edge. A vertex up to `DEPTH` behind a face touches this face even if it was
+never in front of it. A vertex up to `RIM` beside a face still counts as above it.
 """
 
 
@@ -31,8 +31,8 @@ class Topology(NamedTuple):
         quads: (q, 4) int32 faces.
         about_starts, about: (n + 1,) faces around each vertex of the body.
         smooth_starts, smooth: (4 q + 1,) faces over which the normal at each face corner is averaged.
-        near_starts, near: (q + 1,) vertices that can never touch each face, ascending: those of the cells around the
-            face's own cell.
+        near_starts, near: (q + 1,) vertices that can never touch each face, ascending: the vertices of all cells that
+            share a vertex with the face's own cell.
         depth: [m] depth behind a face up to which a vertex touches it even if it was never in front of it.
         rim: [m] distance beside a face that still counts as above it.
     """
@@ -54,11 +54,11 @@ class Nearest:
     """The nearest face that each surface vertex can touch.
 
     Attributes:
-        face: (k,) int64, -1 where there is none.
-        weights: (k, 4) weights of its corners at the closest point.
+        face: (k,) int64 nearest face; -1 if no face is within reach.
+        weights: (k, 4) weights of the face's corners at the closest point.
         normal: (k, 3) unit normal of the plane that the vertex must stay in front of.
-        gap: (k,) [m] signed distance to that plane; infinite where there is no face.
-        support: (k,) fraction of the contact force that the face carries: 1 above it, 0 once the vertex has left it.
+        gap: (k,) [m] signed distance to that plane; infinite if no face is within reach.
+        support: (k,) fraction of the contact force that the face carries, as in `nearest_faces`.
     """
 
     face: NDArray[np.int64]
@@ -68,7 +68,7 @@ class Nearest:
     support: NDArray[np.float64]
 
     def of(self, chosen: NDArray[np.int64]) -> Nearest:
-        """Return the faces of the ``chosen`` vertices only."""
+        """Return the entries of the ``chosen`` vertices only."""
         whole = self.face, self.weights, self.normal, self.gap, self.support
         return Nearest(*(values[chosen] for values in whole))
 
@@ -126,9 +126,9 @@ class OwnSurface:
 
         Args:
             x: (n, 3) [m] positions.
-            last: (n, 3) [m] last positions at which nothing penetrated.
+            last: (n, 3) [m] positions of the last accepted state.
             reach: [m] search distance.
-            sunk: (k,) vertices that already penetrated at ``last``; None for none.
+            sunk: (k,) whether each surface vertex already penetrated at ``last``; None if none did.
         """
         surface = self.topology
         sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk
@@ -147,15 +147,15 @@ class OwnSurface:
         reach: float,
         sunk: NDArray[np.bool_],
     ) -> Nearest:
-        """Return the nearest of the given faces for each vertex; arguments as in `look`.
+        """Return, for each surface vertex, the nearest of the candidate faces that it can touch.
 
         Args:
             x: (n, 3) [m] positions.
-            last: (n, 3) [m] last positions at which nothing penetrated.
-            pairs: (p,) index of a surface vertex.
-            faces: (p,) a face for it.
+            last: (n, 3) [m] positions of the last accepted state.
+            pairs: (p,) vertex of each candidate pair, as an index into the surface's vertices.
+            faces: (p,) face of each candidate pair.
             reach: [m] search distance.
-            sunk: (k,) vertices that already penetrated at ``last``.
+            sunk: (k,) whether each surface vertex already penetrated at ``last``.
         """
         surface, count = self.topology, len(self.topology.vertices)
         areas, normals = np.empty((len(surface.quads), 3)), np.empty((len(surface.quads), 4, 3))

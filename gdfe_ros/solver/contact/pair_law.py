@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled augmented Lagrangian of gaps and friction between vertices and faces of the same body.
 
-The law is that of `gdfe_ros.solver.contact.law`. During a minimisation, the pair of a vertex x has a plane with the
-normal n through the point sum w_a x_a of its face: g = n . (x - sum w_a x_a). Friction ties x to the point y = sum v_b
-x_b of the face on which it stuck last. With the offset o, the value of x - y at that time, the slip s is the part of x
-- y - o in the plane. Gap and slip are linear in the positions and invariant to translation, so the forces on vertex and
-face cancel to rounding.
+The law is that of `gdfe_ros.solver.contact.law`. During a minimisation, the pair of a vertex x and its face has a plane
+with the normal n through the face point sum w_a x_a. The gap is g = n . (x - sum w_a x_a). Friction ties x to the point
+y = sum v_b x_b of the face on which it stuck last. The offset o is the value of x - y at that time. The slip s is the
+component of x - y - o in the plane. Gap and slip are linear in the positions and invariant to translation, so that the
+forces on vertex and face cancel to rounding.
 
-A vertex at the rim of its face has a fraction c of the face's support: 1 above the face, 0 beside it. Its normal force
-is c max(0, l - k g). In the limit of the updates this is a spring of stiffness k c / (1 - c) between vertex and face. A
-vertex that slides over an edge is thus released gradually, and no equilibrium is skipped.
+A face carries a vertex at its rim with the fraction c only: c is 1 above the face, and 0 at the outer edge of the rim.
+The normal force is c max(0, l - k g). In the limit of the updates this is a spring of stiffness k c / (1 - c) between
+vertex and face. A vertex that slides over an edge is thus released gradually, and no equilibrium is skipped.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from gdfe_ros.solver.contact.coulomb import envelope, shortened
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 FRICTION, HEAD = 0, 1
-"""Offsets in the reals of the friction coefficient and of the pairs."""
+"""Layout of the term's reals: offsets of the friction coefficient and of the first pair's row."""
 PENALTY, PRESS, NORMAL, WEIGHTS, SHEAR, HOLD, OFFSET, SUPPORT, STRIDE = 0, 1, 2, 5, 9, 12, 16, 19, 20
-"""Layout of a pair's row: offsets of k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,) and c; and the
-row's length.
+"""Layout of a pair's row: offsets of the penalty k [N/m], normal force l [N], normal n (3,), weights w (4,), friction
+force t (3,) [N], weights v (4,), offset o (3,) [m] and support c. `STRIDE` is the row's length.
 """
 COUNT, VERTICES = 0, 1
-"""Offsets in the integers of the number of pairs and of the pairs' vertices."""
+"""Layout of the term's integers: offsets of the number of pairs and of the first pair's vertices."""
 VERTEX, FACE, HELD, WIDTH = 0, 1, 5, 9
 """Layout of a pair's integers: offsets of the vertex, of its face's corners (4,), and of the corners (4,) of the face
-to which friction ties it; and their number.
+to which friction ties the vertex. `WIDTH` is the number of integers of a pair.
 """
 
 
 @inlined
 def away(x, reals, integers, weights, vertex, corners):
-    """Return the vector (3,) [m] from a point of a face to a vertex."""
+    """Return the vector (3,) [m] from a face point with four corner weights to a vertex."""
     v = integers[vertex]
     d0, d1, d2 = x[v, 0], x[v, 1], x[v, 2]
     for a in range(4):
@@ -47,7 +47,7 @@ def away(x, reals, integers, weights, vertex, corners):
 
 @inlined
 def push(reals, integers, weights, vertex, corners, f0, f1, f2, force):
-    """Add the gradient f = dE/d(away) [N] to those of the vertex and of the face's corners, ``force`` (n, 3)."""
+    """Add the gradient f = dE/d(away) [N] to ``force`` (n, 3) [N], at the vertex and, negated, at the face corners."""
     v = integers[vertex]
     force[v, 0] += f0
     force[v, 1] += f1
@@ -78,7 +78,7 @@ def slip_of(x, reals, integers, r, i):
 
 @inlined
 def shear_of(x, reals, integers, r, i, limit):
-    """Return the friction force (3,) [N] of a pair, shortened to ``limit`` [N], and the length of its trial [N]."""
+    """Return the friction force (3,) [N] of a pair, shortened to ``limit`` [N], and the trial force's length [N]."""
     k = reals[r + PENALTY]
     s0, s1, s2 = slip_of(x, reals, integers, r, i)
     t0, t1, t2 = reals[r + SHEAR] + k * s0, reals[r + SHEAR + 1] + k * s1, reals[r + SHEAR + 2] + k * s2
@@ -87,7 +87,7 @@ def shear_of(x, reals, integers, r, i, limit):
 
 @kernel
 def pair_energy(x, reals, integers, force, size):
-    """Return the augmented Lagrangian [J] of all pairs and add its gradient; `term_kernel` needs this signature."""
+    """Return the augmented Lagrangian [J] of all pairs; add its gradient to ``force``. See `term_kernel`."""
     energy = 0.0
     for pair in range(integers[COUNT]):
         r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair

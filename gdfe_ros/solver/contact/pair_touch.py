@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Published forces of self-contact: those of vertex-face pairs, distributed to the vertices on both sides."""
+"""Published forces of self-contact: the forces of vertex-face pairs, distributed to the vertices on both sides."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def touching_vertices(
 
     Args:
         x: (n, 3) [m] positions, relative to ``origin``.
-        origin: (3,) [m] of ``x``.
+        origin: (3,) [m] world position of the origin of ``x``.
         vertices: (k,) vertex of each pair.
         quads: (k, 4) corners of each pair's face.
         weights: (k, 4) weights of the corners at the point of contact.
         normals: (k, 3) unit normals out of the faces.
         presses: (k,) [N] normal forces on the vertices.
         shears: (k, 3) [N] friction forces on the vertices.
-        slips: (k,) pairs that slip.
+        slips: (k,) whether each pair slips.
     """
     places = np.einsum("ka,kai->ki", weights, x[quads])
     gaps = np.einsum("ki,ki->k", normals, x[vertices] - places)
@@ -50,7 +50,7 @@ def touching_vertices(
     np.add.at(push, place, pushes)
     np.add.at(rub, place, rubs)
     np.add.at(slip, place, np.where(slips[:, None], size, -size))
-    # The partner reported for a vertex is that of its largest force, and the gap is that pair's.
+    # The partner and the gap reported for a vertex are those of the pair with the largest force on it.
     order = np.argsort(size, axis=None, kind="stable")
     partner, gap = np.zeros(count, np.int32), np.zeros(count)
     partner[place.ravel()[order]] = other.ravel()[order]
@@ -78,12 +78,12 @@ def across(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def tangential(vectors: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the parts of vectors (k, 3) in the planes with unit normals (k, 3)."""
+    """Return the components of vectors (k, 3) in the planes with unit normals (k, 3)."""
     return vectors - np.einsum("ki,ki->k", vectors, normals)[:, None] * normals
 
 
 def frames(x: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]; columns are axes, the third the normal."""
+    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]. Columns are axes, the third the normal."""
     a, b, c, d = np.moveaxis(x[quads], 1, 0)
     along, normal = b + c - a - d, np.cross(c - a, d - b)
     along = along / np.linalg.norm(along, axis=1)[:, None]

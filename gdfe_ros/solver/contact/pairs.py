@@ -16,7 +16,7 @@ from gdfe_ros.solver.contact.surface import ContactSurface
 
 
 def contacts_of(body: Body) -> list[ContactTerm]:
-    """Return the contact terms of a body: with obstacles and rigid bodies, among these, and with itself."""
+    """Return all contact terms: of the soft body with obstacles, rigid bodies and itself, and of each rigid body."""
     touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
     surface, found = (ContactSurface if body.skin is None else Skin).of(body) if touched else None, []
     for thing in touched:

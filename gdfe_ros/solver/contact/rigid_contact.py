@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of a rigid body with an obstacle or another rigid body, as a term."""
+"""Term of the potential for the contact of a rigid body with an obstacle or another rigid body."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
 
 SUPPORTED = 0.1
-"""Bound in the computation of impacts: a point's displacement by all contacts counts as at least this fraction of its
-displacement by one contact alone.
+"""Bound in the computation of impacts: the displacement of a point that all contacts cause counts as at least this
+fraction of the displacement that one contact alone causes.
 """
 
 
 class RigidContact(Contact):
-    """Contact of a rigid body's points with an obstacle or another rigid body; the larger friction coefficient counts.
+    """Contact of a rigid body's points with an obstacle or another rigid body, with the larger friction coefficient.
 
-    Two rigid bodies have two such terms: each has its points against the other's shape.
+    Two rigid bodies have two such terms, unless one is a ball: each body's points are tested against the other's shape.
 
     Args:
         rigid: the body whose points touch.
@@ -41,7 +41,7 @@ class RigidContact(Contact):
         super().__init__(f"{rigid.name} on {touched.name}", touched, body, points, friction)
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set the penalties from the constant matrix' diagonal; those of two rigid bodies act in series."""
+        """Set the penalties from the constant matrix' diagonal; the penalties of two rigid bodies act in series."""
         super().fit(matrix)
         if isinstance(self._touched, RigidBody):
             other = PENALTY * matrix.assembled.diagonal()[self._touched.vertices].sum()
@@ -59,9 +59,10 @@ class RigidContact(Contact):
 
         Args:
             positions: (n, 3) [m] at the end of the step.
-            before: the state at its beginning.
+            before: the state at the beginning of the step.
             approach: (n, 3) [m] displacement of the vertices over the step at their last velocity.
-            moved: two arrays (n, 3) [m]: displacement of the step by all contacts, and by this contact alone.
+            moved: two arrays (n, 3) [m]: the displacements over the step that all contacts cause, and that this contact
+                alone causes.
             forces: (n, 3) [N], is added to.
         """
         if not self.updates:
@@ -90,7 +91,7 @@ class RigidContact(Contact):
         np.add.at(forces, self.couplings()[self._chosen], ways[:, :, None] * pushes[:, None, :])
 
     def _carried(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
-        """Return the displacement (k, 3) [m] of the obstacle since ``before`` at the chosen points."""
+        """Return the obstacle's displacement (k, 3) [m] since the state ``before`` at the chosen points."""
         places = self._points.at(positions)[self._chosen]
         origin, axes = self._frame(before.positions, before.poses[self._touched.name])
         return places - origin - self._in_frame(places) @ axes.T

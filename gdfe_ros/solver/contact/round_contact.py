@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of a ball, or of a row of balls, with an obstacle or another rigid body, as a term."""
+"""Term of the potential for the contact of a ball, or of a row of balls, with an obstacle or another rigid body."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from gdfe_ros.solver.state import Saved
 
 
 class RoundContact(RigidContact):
-    """Contact of a rigid body that is round: its points are centres, one radius away from its surface.
+    """Contact of a rigid body that is a ball or a row of balls; its points are the centres of the balls.
 
-    A sticking point stores the slip of its material point instead of a place. A rolling ball touches with another
-    material point in each step, and a resting ball must not creep.
+    For a sticking point, the state stores the slip of the material point in contact, instead of an anchor position. The
+    reason is that a rolling ball touches with another material point in each step. A ball at rest thus does not creep.
 
     Args:
         rigid: the round body.
@@ -36,7 +36,7 @@ class RoundContact(RigidContact):
         self._rigid, self._radius = rigid, rigid.form.rounding
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return contact tangents (k, 3 c, 3 c) [N/m] as `Contact.tangents`, of centres and of material points."""
+        """Return contact tangents as `Contact.tangents`: normal parts at centres, friction parts at material points."""
         count = self.couplings().shape[1]
         tangents = np.zeros((len(self._penalty), 3 * count, 3 * count))
         if not self.updates:
@@ -63,7 +63,7 @@ class RoundContact(RigidContact):
         self._rows()[:, ANCHOR : ANCHOR + 3] = self._anchors(saved, positions)
 
     def _anchors(self, saved: Saved, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Set the material points; return their anchors (k, 3) [m]: their places at the start minus their slips."""
+        """Set the material points. Return their anchors (k, 3) [m]: positions at the step's start minus stored slip."""
         state, chosen = self._last, self._chosen
         before = positions if state is None else state.positions
         pose = self._pose if state is None else state.poses[self._touched.name]
@@ -92,7 +92,7 @@ class RoundContact(RigidContact):
         return rows[:, round_law.RUB : round_law.RUB + 4] @ positions[self._rigid.vertices]
 
     def _rub_ways(self) -> NDArray[np.float64]:
-        """Return d(slip of a material point) / d(displacement of each coupled vertex), (k, c)."""
+        """Return the friction Jacobian (k, c): d(slip of a material point) / d(position of each coupled vertex)."""
         rows = self._rows()
         ways = rows[:, round_law.RUB : round_law.RUB + 4]
         if not isinstance(self._touched, RigidBody):
@@ -111,6 +111,6 @@ class RoundContact(RigidContact):
         np.add.at(forces, ends, self._rub_ways()[:, :, None] * shears[:, None, :])
 
     def _correct(self, positions: NDArray[np.float64]) -> float:
-        """Set the offsets to the radius."""
+        """Set the offsets to the radius; return their error 0."""
         self._rows()[:, OFFSET] = self._radius
         return 0.0

@@ -6,8 +6,8 @@ for every rotation of the ball. The friction force acts at the material point th
 with q = -r R^T n. While the ball rolls by the angle theta in a step, that point slips by r theta^3 / 6 only. A capsule
 is a row of such balls.
 
-The arrays are those of `law`: a row has the centre's weights, then those of the material point, and the radius as
-offset.
+The arrays have the layout of `law`. The weights in a point's row are those of the centre (4,), then those of the
+material point (4,). The offset is the radius.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ RUB = WEIGHTS + 4
 
 @inlined
 def rub_at(x, reals, integers, i):
-    """Return the position (3,) [m] of the material point of point i."""
+    """Return the position (3,) [m] of the material point that touches for point ``i``."""
     px, py, pz, weights, first = 0.0, 0.0, 0.0, HEAD + STRIDE * i + RUB, VERTICES + 4 * i
     for a in range(4):
         w, v = reals[weights + a], integers[first + a]
@@ -56,7 +56,7 @@ def rub_at(x, reals, integers, i):
 
 @inlined
 def rub(reals, integers, i, f0, f1, f2, force):
-    """Add the gradient dE/dp [N] of a material point to the gradients of its carriers, ``force`` (n, 3)."""
+    """Add the gradient f = dE/dp [N] of a material point, times its weights, to ``force`` (n, 3) at its carriers."""
     for a in range(4):
         w, v = reals[HEAD + STRIDE * i + RUB + a], integers[VERTICES + 4 * i + a]
         force[v, 0] += w * f0
@@ -66,7 +66,7 @@ def rub(reals, integers, i, f0, f1, f2, force):
 
 @kernel
 def round_energy(x, reals, integers, force, size):
-    """Return the augmented Lagrangian [J] of all points and add its gradient; `term_kernel` needs this signature."""
+    """Return the augmented Lagrangian [J] of all points; add its gradient to ``force``. See `term_kernel`."""
     energy, kind = 0.0, integers[KIND]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):
@@ -104,7 +104,7 @@ def round_entry(x, n, reals, k, integers, i, force, size):
 
 @kernel
 def update_multipliers(x, reals, integers):
-    """Update the multipliers and the normals; return the values that `law.update_multipliers` returns."""
+    """Update the multipliers and the normals; return the same four numbers as `law.update_multipliers`."""
     miss, kind, changed, held_now, stiff = 0.0, integers[KIND], 0.0, 0.0, 0.0
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):
@@ -151,7 +151,7 @@ def contact_forces(x, reals, integers, forces, presses, shears, slips):
 
 @kernel
 def normal_tangents(x, reals, integers, out):
-    """Write k n n^T (k, 3, 3) [N/m] of each point that presses."""
+    """Write the normal tangent k n n^T [N/m] of each pressing point, with its penalty k, to ``out`` (p, 3, 3)."""
     kind = integers[KIND]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):

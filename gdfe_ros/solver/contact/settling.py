@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Anderson acceleration of the contact multipliers, and an estimate of the remaining displacement.
 
-An update and the minimisation after it map the forces and normals of pairs to new ones; an equilibrium is a fixed
-point of this map. Without friction a body may slide along the other side. The normals of a bent surface then rotate,
-all forces rotate with them, and the plain map may diverge from its fixed point. Updates are therefore extrapolated, and
-one short displacement alone is no proof of convergence.
+An update and the next minimisation together map the forces and normals of the pairs to new forces and normals. An
+equilibrium is a fixed point of this map. Without friction, a surface may slide along the surface that it touches. The
+normals of a bent surface then rotate, all forces rotate with them, and the plain map may diverge from its fixed point.
+Updates are therefore extrapolated, and one short displacement is no proof of convergence.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.distance import largest_distance
 
 PLAIN = 2
-"""Number of plain updates at the beginning of a solve before extrapolation, and of successive plain updates before a
-rate of convergence is measured."""
+"""Number of plain updates at the beginning of a solve before extrapolation starts, and number of successive plain
+updates before a rate of convergence is measured."""
 UNKNOWN = 3.0
-"""Assumed remaining displacement, over the last one, while no rate of convergence is known."""
+"""Assumed ratio of the remaining to the last displacement while no rate of convergence is known."""
 SLOWEST = 0.95
 """Largest ratio of successive displacements that the estimate uses."""
 NORMALS = slice(4, 7)
-"""Columns of normals among the forces of pairs."""
+"""Columns of the normals in the array (k, 7) of the pairs' forces and normals."""
 SHARE = 0.5
-"""Fraction of a normal's rotation that a plain update applies. Updates then converge unless they overshoot more than
-twofold.
+"""Fraction of a normal's rotation that a plain update applies. Updates then converge, unless they are still more than
+twice as long as the distance to the fixed point.
 """
 SWINGING, MOST_SWINGS = 0.5, 8
-"""An update counts as an oscillation if it reverses more than this fraction of the last one. Updates are damped after
-this number of successive oscillations.
+"""An update counts as an oscillation if it reverses more than the fraction `SWINGING` of the last update. Updates are
+damped after `MOST_SWINGS` successive oscillations.
 """
 SHORTER, LEAST = 0.5, 1.0 / 256.0
-"""Each oscillation multiplies the applied fraction of an update by the first number; the second is the fraction's lower
-limit.
+"""Each oscillation multiplies the applied fraction of an update by `SHORTER`. `LEAST` is the lower limit of this
+fraction.
 """
 
 
@@ -50,7 +50,7 @@ class Damping:
         self._swings, self._share = 0, 1.0
 
     def shortened(self, held: NDArray[np.float64], found: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the next forces (k, 4) [N], from those before (``held``) and after an update (``found``)."""
+        """Return the next forces (k, 4) [N], from the forces before (``held``) and after an update (``found``)."""
         change, last = found - held, self._last
         self._last = change
         if last is None or last.shape != change.shape:
@@ -94,10 +94,11 @@ class Settling:
         return max(self.left, float((factors * last).max()))
 
     def mixed(self, held: NDArray[np.float64], found: NDArray[np.float64], near: float) -> NDArray[np.float64]:
-        """Return the next forces and normals (k, 7), from those before (``held``) and after an update (``found``).
+        """Return the next forces and normals (k, 7), from the values before and after an update (``held``, ``found``).
 
-        The result is extrapolated while more than ``near`` [m] remains. If less remains, it is ``found``, with normals
-        that rotate by `SHARE` only and so do not oscillate. Such plain updates measure the rate of convergence.
+        The first `PLAIN` updates of a solve are plain. Later updates are extrapolated while more than ``near`` [m]
+        remains. If less remains, `PLAIN` successive plain updates measure the rate of convergence. A plain update
+        returns ``found``, with normals that rotate by `SHARE` only and so do not oscillate.
         """
         if not self._last[0] > 0.0:
             return found
@@ -114,7 +115,7 @@ class Settling:
 def parted(
     mixed: NDArray[np.float64], before: NDArray[np.float64], alike: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return normal forces (k,), friction in the contact planes (k, 3) [N] and unit normals (k, 3) of a mixture (k, 7).
+    """Return normal forces (k,) [N], tangential friction forces (k, 3) [N] and unit normals (k, 3) of ``mixed`` (k, 7).
 
     A normal keeps its direction from ``before`` (k, 3) if the cosine between old and new direction is below ``alike``.
     """

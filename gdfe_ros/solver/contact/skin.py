@@ -12,20 +12,20 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.surface import ContactSurface, driven_vertices
 
 HELD = 0.5
-"""A point counts as driven, and does not touch, if at least this fraction of its weights is on driven vertices."""
+"""A skin point is driven, and left out of contact, if at least this fraction of its weights is on driven vertices."""
 
 
 @dataclass(frozen=True, eq=False)
 class Skin(ContactSurface):
-    """Points of a skin carried by cells, and the vertices of those meshes that touch by their faces.
+    """Contact points of a body with a skin: the skin points, and the vertices of faces without a skin.
 
     Attributes:
         carriers: (k, 8) int32 corners of the cell that carries each point; for a vertex, eight times itself.
         weights: (k, 8) weights of the carriers; for a vertex, the first is one.
-        areas: (k,) [m^2] undeformed area of the faces that belongs to a vertex; infinite for points of a skin, on which
-            integrals over faces then have no effect.
-        points: (k,) int32 index of each among the mesh's skin points; -1 for a vertex.
-        driven: (n,) bool vertices that handles drive.
+        areas: (k,) [m^2] undeformed area of the faces that belongs to each vertex. It is infinite for a skin point, so
+            that integrals over faces have no effect on it.
+        points: (k,) int32 index of each point among the mesh's skin points; -1 for a vertex.
+        driven: (n,) bool, whether handles drive each vertex.
     """
 
     points: NDArray[np.int32]
@@ -51,17 +51,17 @@ class Skin(ContactSurface):
 
     @property
     def vertices(self) -> NDArray[np.int32]:
-        """The vertex with the largest weight of each point (k,)."""
+        """For each point (k,), its carrier with the largest weight."""
         most = np.abs(self.weights).argmax(axis=1)
         return self.carriers[np.arange(len(most)), most]
 
     @property
     def reach(self) -> float:
-        """Bound of a point's displacement over that of its carriers; above 1 if a point lies outside of its cell."""
+        """Bound of the ratio of a point's to its carriers' displacement; above 1 for points outside their cell."""
         return max(1.0, float(np.abs(self.weights).sum(axis=1).max(initial=0.0)))
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions of the points (k, 3) [m]."""
+        """Return the positions (k, 3) [m] of the points for vertices at ``positions`` (n, 3) [m]."""
         return np.einsum("ka,kai->ki", self.weights, positions[self.carriers])
 
     def stiffness(self, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,5 +78,5 @@ class Skin(ContactSurface):
         return alone / np.maximum(crowd, 1.0)
 
     def about(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the faces that have one of ``points`` as a corner; only vertices are considered."""
+        """Return the faces that have one of ``points`` as a corner; skin points are ignored."""
         return super().about(points[self.points[points] < 0])

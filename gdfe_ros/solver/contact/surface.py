@@ -18,12 +18,14 @@ SHAPE = np.stack([0.25 * (1.0 + GAUSS * SIGNS * point).prod(axis=1) for point in
 """(4, 4) weights of a face's corners at each of its Gauss points."""
 
 TURNED = 6.0
-"""Bound of the displacement of a rigid body's point over that of the body's four vertices, also between two bodies."""
+"""Bound of the displacement of a rigid body's point, divided by the largest displacement of the body's four vertices.
+It holds also for the displacement relative to another rigid body.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactSurface:
-    """The boundary of a body without the faces that handles drive, and without those represented by a skin.
+    """The boundary of a body, without the faces that handles drive and without the faces that a skin represents.
 
     Attributes:
         carriers: (k, 1) int32 vertices that are not driven, sorted.
@@ -61,8 +63,8 @@ class ContactSurface:
     def _of_nodes(cls, body: Body, faces: NDArray[np.int32], driven: NDArray[np.bool_]) -> ContactSurface:
         """Return the surface of tetrahedra: all six nodes of each face touch.
 
-        Gaps have no offset (see `law`), because the faces are curved themselves. In a prototype the faces entered a
-        ball between their nodes, by 4 to 9 % of its depth.
+        Gaps have no offset (see `law`), because the faces are curved themselves. In a prototype, between their nodes,
+        the faces entered a ball by 4 to 9 % of its depth.
         """
         flat = flat_quads(faces)
         shares = corner_areas(body.rest, flat)
@@ -79,7 +81,7 @@ class ContactSurface:
 
     @property
     def reach(self) -> float:
-        """Bound of a point's displacement over that of its carrier: 1."""
+        """Bound of the ratio of a point's to its carrier's displacement: 1, because each point is a vertex."""
         return 1.0
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -98,7 +100,7 @@ class ContactSurface:
 
 
 def driven_vertices(body: Body) -> NDArray[np.bool_]:
-    """Return which vertices (n,) handles drive in all directions."""
+    """Return whether a handle drives each vertex (n,) in all directions."""
     driven = np.zeros(len(body.rest), dtype=bool)
     for handle in body.handles:
         driven[handle.vertices] = not (handle.free or handle.turning)
@@ -111,8 +113,8 @@ class Corners:
 
     Attributes:
         carriers: (k, 4) int32 the body's four vertices.
-        weights: (k, 4) weights of these at each point.
-        reach: bound of a point's displacement over that of its carriers.
+        weights: (k, 4) weights of the four vertices at each point.
+        reach: bound of a point's displacement divided by the largest displacement of its carriers.
     """
 
     carriers: NDArray[np.int32]
@@ -138,7 +140,7 @@ class Corners:
         return self.weights @ positions[self.carriers[0]]
 
     def stiffness(self, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sum of the constant matrix' diagonal (n,) [N/m] over the body, for each point (k,)."""
+        """Return the sum of the constant matrix' diagonal (n,) [N/m] over the four vertices, for each point (k,)."""
         return np.full(len(self.carriers), diagonal[self.carriers[0]].sum())
 
     def about(self, points: NDArray[np.int64]) -> NDArray[np.int64]:

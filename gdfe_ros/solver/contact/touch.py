@@ -21,10 +21,11 @@ class Touch:
             because contact closes the mean gap of the faces.
         presses: (k,) [N] normal forces.
         shears: (k, 3) [N] friction forces on the body.
-        slips: (k,) whether a vertex slips, or is free to.
-        points: (k,) int32 index of each skin point among those of the mesh, -1 for a vertex; empty for a body without
-            skin.
-        others: (k,) int32 the vertex of the body that each one touches most; empty for contact with an obstacle.
+        slips: (k,) whether a vertex slips, or is free to slip.
+        points: (k,) int32 index of each skin point among the mesh's skin points, -1 for a vertex; empty for a body
+            without skin.
+        others: (k,) int32 for self-contact, the partner of each vertex in the pair with the largest force; empty for
+            contact with an obstacle.
     """
 
     vertices: NDArray[np.int32]
@@ -52,4 +53,4 @@ NOTHING = Touch(
     shears=np.zeros((0, 3)),
     slips=np.zeros(0, dtype=np.bool_),
 )
-"""The result of an obstacle without contact."""
+"""The contact result of an obstacle that nothing touches."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The part of a body that a solve moves and evaluates: all of it, or the awake part."""
+"""The part of a body that a solve moves and evaluates: the whole body, or its awake part."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.settings import Skip
 
 LEAST_BLOCKS = 25
-"""More threads are used only if each has at least this number of element blocks."""
+"""Least number of element blocks per thread. For small bodies, fewer threads are used."""
 _ENDS = tuple(End)
 
 
@@ -33,7 +33,7 @@ class Movable:
 
     Attributes:
         unknowns: numbering of the unknowns.
-        frozen: int32 vertices without a handle that the solve does not move.
+        frozen: int32 vertices that belong to no handle and that the solve does not move.
         matrix: the constant matrix of the unknowns.
     """
 
@@ -43,7 +43,7 @@ class Movable:
 
     @classmethod
     def all_of(cls, unknowns: Unknowns, matrix: ConstantMatrix) -> Movable:
-        """Return a set without frozen vertices."""
+        """Return the given unknowns and matrix as a set without frozen vertices."""
         return cls(unknowns, np.zeros(0, np.int32), matrix)
 
 
@@ -52,12 +52,13 @@ class ActiveSet(Movable):
     """Unknowns of a solve, the elements that it evaluates, and their workspace.
 
     Attributes:
-        elements: (k,) int32 evaluated elements; the forces of all others are kept.
+        elements: (k,) int32 evaluated elements; the forces of all other elements stay constant.
         carried: int32 evaluated elements whose pressures are updated.
         softening: int32 evaluated elements whose hourglass scales are updated.
-        blocks: these elements in the layout of the kernels, without growth.
-        skipped: work that is left out, by name: the number of elements, or 1 for work that is not counted by elements.
-        workspace: the arrays of its minimisations; a part uses the positions and forces of the whole.
+        blocks: the evaluated elements in the layout of the kernels, for a body without growth.
+        skipped: dict from kind of work to the number of elements for which it is left out.
+        workspace: the arrays of its minimisations; the awake part uses the same arrays of positions and forces as the
+            whole body.
         keeper: copies the workspace's history to and from immutable values.
     """
 
@@ -79,7 +80,7 @@ class ActiveSet(Movable):
             body: the discretised body.
             matrix: the constant matrix.
             memory: number of pairs in the history of a minimisation.
-            rigid: whether elements inside of handles always have zero force; they do if nothing grows.
+            rigid: whether elements inside of handles always have zero force; this is so if nothing grows.
             skip: kinds of work to leave out.
         """
         elements = np.arange(len(body.material), dtype=np.int32)
@@ -125,7 +126,7 @@ class ActiveSet(Movable):
 
     @cached_property
     def turning(self) -> NDArray[np.bool_] | None:
-        """Which of the handles with a free axis rotate freely (p,); None if none does."""
+        """Whether each handle with a free axis also rotates freely (p,); None if no handle does."""
         turning = self.unknowns.turn_row >= 0
         return turning if turning.any() else None
 
@@ -142,7 +143,7 @@ class ActiveSet(Movable):
             positions: (n, 3) [m] of the free vertices, frozen ones included.
             base: (n, 3) [m]; only the rows of handle vertices are read.
             slides: (p, 3) translations [m] of the handles with a free axis.
-            turns: (p, 3) their rotation vectors [rad].
+            turns: (p, 3) rotation vectors [rad] of these handles.
         """
         work, unknowns = self.workspace, self.unknowns
         count = len(unknowns.free)
@@ -166,7 +167,7 @@ class ActiveSet(Movable):
         return slides, turns
 
     def threads(self, most: int) -> int | None:
-        """Return the number of threads, at most ``most``, that is fastest; None stands for the calling thread."""
+        """Return the fastest number of threads, at most ``most``; None stands for the calling thread alone."""
         if self.matrix.kind is Factorisation.DENSE:
             return None
         count = min(most, len(self.blocks.element) // LEAST_BLOCKS)
@@ -186,7 +187,7 @@ def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
 def _updated(
     body: Body, elements: NDArray[np.int32], skip: Collection[Skip]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return two sets of elements that are updated between minimisations: for pressures, and for hourglass scales."""
+    """Return the elements whose pressures, and those whose hourglass scales, are updated between minimisations."""
     material = body.material[elements]
     carried = body.table.parameters[material, CARRIED] == 1.0
     softening = body.table.law[material] != Law.LINEAR
@@ -203,7 +204,10 @@ def _skipped(
     carried: NDArray[np.int32],
     softening: NDArray[np.int32],
 ) -> dict[str, int]:
-    """Return the counts of work left out if only ``elements`` are evaluated, instead of those of ``movable``."""
+    """Return a dict from kind of work to the number of elements for which it is left out.
+
+    ``elements`` are evaluated; ``movable`` are the elements that would be evaluated if all vertices were awake.
+    """
     counts = {
         Skip.HANDLES: len(body.material) - len(movable),
         Skip.DORMANT: len(movable) - len(elements),

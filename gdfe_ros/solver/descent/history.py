@@ -17,7 +17,7 @@ class UpdateHistory:
 
     Attributes:
         steps: (3 r,) each, changes s of the unknowns [m].
-        images: (3 r,) each, v = H_0 y of the changes y of the gradient [m].
+        images: (3 r,) each, v = H_0 y [m], where y is the change of the gradient [N].
         triangle, gram: (k, k) s_i . y_j (upper triangle) and y_i . v_j [J].
     """
 

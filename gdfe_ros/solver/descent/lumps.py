@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hard inclusions in a soft body: their moment balance, which the preconditioned step does not show.
+"""Hard inclusions in a soft body, and their remaining rotation, which the preconditioned step does not show.
 
 The constant matrix resists a rotation of an inclusion as if the rotation strained hard material. At a stiffness ratio
-of 1e6 the preconditioned step becomes tiny long before the inclusion has rotated; several per cent of the energy are
-still to be released. The remaining rotation is the moment on the inclusion over the rotational stiffness of its soft
-surroundings.
+of 1e6 the preconditioned step becomes tiny long before the inclusion has rotated. At that point the body can still
+release several per cent of its energy. The remaining rotation is the moment on the inclusion, divided by the rotational
+stiffness of its soft surroundings.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 
 CONTRAST = 30.0
-"""An element counts as hard from this multiple of the least stiffness in the body."""
+"""An element counts as hard if its stiffness exceeds the least stiffness in the body by this factor."""
 
 
 class Lump(NamedTuple):
-    """A connected inclusion of hard elements that no handle holds.
+    """A connected inclusion of hard elements without a vertex of a handle.
 
     Attributes:
         vertices: (k,) int32.
-        stiffness: of its surroundings against a rotation [N m / rad].
+        stiffness: rotational stiffness [N m / rad] of its soft surroundings.
         radius: largest undeformed distance of its vertices from their mean [m].
     """
 
@@ -38,7 +38,7 @@ class Lump(NamedTuple):
 
 
 def find_lumps(body: Body, weight: NDArray[np.float64], bending: NDArray[np.float64]) -> tuple[Lump, ...]:
-    """Return the hard inclusions; ``weight`` (m,) [Pa] and ``bending`` (m,) [N/m] are those of the constant matrix."""
+    """Return the hard inclusions; the constant matrix has the weights ``weight`` (m,) [Pa], ``bending`` (m,) [N/m]."""
     hard = weight > CONTRAST * weight.min()
     if not hard.any() or hard.all():
         return ()
@@ -61,7 +61,7 @@ def find_lumps(body: Body, weight: NDArray[np.float64], bending: NDArray[np.floa
 
 
 def largest_turn(lumps: tuple[Lump, ...], x: NDArray[np.float64], gradient: NDArray[np.float64]) -> float:
-    """Return the largest displacement [m] by which an inclusion has yet to turn, from its unbalanced moment.
+    """Return the largest remaining displacement [m] by the rotation of an inclusion, from its unbalanced moment.
 
     Args:
         lumps: the inclusions of the body.

@@ -26,25 +26,25 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.tangent import Tangent
 
 SAFETY = 0.1
-"""Lower bound of the ratio of the quasi-Newton step to the distance to the equilibrium; slender bodies come near it."""
+"""Assumed least ratio of the quasi-Newton step to the distance to the equilibrium. Slender bodies come close to it."""
 PATIENT_ITERATIONS = 20
-"""Iterations between two checks of the moments of hard inclusions."""
+"""Number of iterations between two checks of the moments on hard inclusions."""
 LEARNED = 2
-"""An emptied history contains the softest modes again after this many iterations per pair of its memory."""
+"""Number of iterations, per pair that it can keep, after which an emptied history contains the softest modes again."""
 FLOOR = 1e-3
-"""Iterations end even before their least number if the step, over the tolerance, is below this."""
+"""A minimisation ends before its least number of iterations if the distance is below this fraction of the tolerance."""
 LEAST_FLOOR = 1e-9
-"""Smallest useful step over the body's size. Shorter steps follow rounding errors, and could leave an unstable
-equilibrium.
+"""Length of the smallest useful step, divided by the body's size. Shorter steps follow rounding errors, and could leave
+an unstable equilibrium.
 """
 FARTHEST = 3000.0
 """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
 CHUNK = 20
-"""Iterations with an explicit inverse between two checks of the deadline."""
+"""Number of iterations with an explicit inverse between two checks of the deadline."""
 _TEAM = threading.Lock()
 """Lock for numba's threads. They serve one caller at a time; a second one could crash the process."""
 Observer = Callable[[float, float, bool], None]
-"""Receives the minimised energy [J], the size of its terms [J], and whether the minimisation just begins."""
+"""Function of the minimised energy [J], the size of its terms [J], and whether the minimisation just begins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class Task:
 
     @property
     def turn(self) -> AbstractContextManager[object]:
-        """The context of a call that may divide its work among threads."""
+        """The context manager for a call that may divide its work among threads: it holds the lock for threads."""
         return nullcontext() if self.problem.threads is None else _TEAM
 
     def evaluate(self) -> None:
@@ -75,7 +75,7 @@ class Task:
         self.advance(0.0, first=True)
 
     def precondition(self, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
-        """Write H_0 gradient (3 r,) to ``step`` (3 r,)."""
+        """Write the product of the preconditioner H_0 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""
         if self.level is not None:
             self.level.solve(gradient, step)
             return
@@ -84,7 +84,7 @@ class Task:
         close_coupling(gradient, self.coupling, step)
 
     def advance(self, goal: float, *, first: bool = False) -> bool:
-        """Make one iteration towards a step of at most ``goal`` [m]; see `quasi_newton.advance`."""
+        """Make one iteration with the target ``goal`` [m]; return whether the minimisation has ended."""
         with self.turn:
             return quasi_newton.advance(self.problem, self.active.workspace, goal, first)
 
@@ -95,7 +95,7 @@ class Descended:
 
     Attributes:
         iterations: number of iterations.
-        cut: whether the limit or the deadline ended it before its goal.
+        cut: whether the limit of iterations or the deadline ended the minimisation before its target.
     """
 
     iterations: int
@@ -107,10 +107,10 @@ class Minimiser:
 
     Args:
         body: the discretised body.
-        weight, bending: (m,) [Pa] and (m,) [N/m] of the constant matrix.
+        weight, bending: (m,) [Pa] and (m,) [N/m] weights of the elements in the constant matrix (see `assemble`).
 
     Attributes:
-        observer: receives the energy of every iteration; None for none.
+        observer: function that receives the energy of every iteration; None for no observer.
         lumps: hard inclusions, whose rotation the constant matrix makes too stiff.
         certified: whether conjugate gradients bound the distance to the equilibrium.
         lost: whether the solve was abandoned.
@@ -126,7 +126,7 @@ class Minimiser:
         self.observer: Observer | None = None
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
-        """Begin a solve from ``start``. If not ``warm``, the solve ends only after its steps have shrunk."""
+        """Prepare a solve from ``start``. If it is not ``warm``, it ends only after its steps shrink fast enough."""
         work, status = active.workspace, active.status
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["seen"], work.recent[...] = -1 if warm else 0, 0.0
@@ -140,11 +140,11 @@ class Minimiser:
 
         Args:
             task: the problem; its terms are evaluated at the present unknowns.
-            tolerance: estimated largest distance to the equilibrium over the body's size.
-            final: tolerance of the whole solve; a step below a small fraction of it ends also the first ``least``
-                iterations.
+            tolerance: estimated largest distance to the equilibrium, divided by the body's size.
+            final: tolerance of the whole solve. A distance below a small fraction of it ends the minimisation even
+                within the first ``least`` iterations.
             least: least number of iterations.
-            limit: most iterations.
+            limit: largest number of iterations.
         """
         target = SAFETY * tolerance * self._body.size
         floor = min(target, max(FLOOR * SAFETY * final, LEAST_FLOOR) * self._body.size)
@@ -164,7 +164,7 @@ class Minimiser:
         return Descended(used, ended.cut)
 
     def error_estimate(self, active: ActiveSet) -> float:
-        """Return the estimated largest distance to the equilibrium over the body's size."""
+        """Return the estimated largest distance to the equilibrium, divided by the body's size."""
         work, status, size = active.workspace, active.status, self._body.size
         distance = float(status["distance"]) / (SAFETY * size)
         if active.ended is not End.EXHAUSTED and status["seen"] >= 2 * WINDOW:
@@ -172,7 +172,7 @@ class Minimiser:
         return max(distance, self._lag(active))
 
     def spent_tangent(self) -> Tangent | None:
-        """Return the tangent for the next solve: None."""
+        """Return None: this minimiser has no tangent that the next solve can use."""
         return None
 
     def ran_away(self, active: ActiveSet) -> bool:
@@ -182,7 +182,7 @@ class Minimiser:
         return far or active.ended is End.RUNAWAY
 
     def _misled(self, task: Task, target: float) -> bool:
-        """Return whether a minimisation ended above its ``target`` [m], with a history that may be rounding only."""
+        """Return whether the precision ran out above ``target`` [m], with a history that may contain only rounding."""
         short = task.active.ended is End.EXHAUSTED and float(task.active.status["distance"]) > target
         return short and not self._unlearned
 
@@ -195,7 +195,7 @@ class Minimiser:
         are evaluated at the start first.
         """
         compiled = task.active.matrix.kind is not Factorisation.SCIPY
-        later = compiled and limit > 0 and not self.observer  # the compiled iterations evaluate them as well
+        later = compiled and limit > 0 and not self.observer  # the compiled iterations evaluate the terms as well
         if evaluate and not later:
             task.evaluate()
         if compiled:
@@ -205,7 +205,7 @@ class Minimiser:
     def _run_constant(
         self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool
     ) -> Descended:
-        """Iterate with the constant matrix's inverse, which is explicit or by supernodes."""
+        """Iterate in compiled calls with the constant matrix's inverse: explicit, or a factor by supernodes."""
         dense = task.active.matrix.kind is Factorisation.DENSE
         unasked, chunk = (least, CHUNK) if dense else (0, 1)
         given = task.problem, task.active.workspace, task.coupling, floor
@@ -218,9 +218,10 @@ class Minimiser:
     def _run_compiled(
         self, task: Task, iterate: Callable[[int, int], int], limit: int, *, least: int, chunk: int
     ) -> Descended:
-        """Iterate in compiled calls; with a deadline, ``least`` iterations first, then ``chunk`` at a time.
+        """Iterate in compiled calls. With a deadline, the first makes ``least`` iterations, each later one ``chunk``.
 
-        ``iterate`` receives the numbers of iterations made and allowed, and returns the number that it made.
+        ``iterate`` receives the number of iterations made so far and the number allowed. It returns the number of
+        iterations that it made.
         """
         work, done = task.active.workspace, 0
         self._show(work, begins=True)
@@ -240,7 +241,7 @@ class Minimiser:
         return Descended(done, cut=True)
 
     def _run_stepwise(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
-        """Iterate with a factor that a library applies."""
+        """Iterate with a factor of the constant matrix that SciPy applies, in one compiled call for each iteration."""
         work = task.active.workspace
         self._show(work, begins=True)
         task.precondition(work.gradient, work.step)
@@ -263,7 +264,7 @@ class Minimiser:
             self.observer(float(status["energy"]), size, begins)
 
     def _lag(self, active: ActiveSet) -> float:
-        """Return the largest displacement by the remaining rotation of a hard inclusion, over the body's size."""
+        """Return the largest remaining displacement by the rotation of a hard inclusion, divided by the body's size."""
         if not self.lumps:
             return 0.0
         work, free = active.workspace, active.unknowns.free

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled Newton iterations: K d = -g by conjugate gradients, preconditioned by a kept factor M of an earlier tangent.
 
-A product K p is a difference of gradients, so that no term needs a tangent of its own. Conjugate gradients leave a part
-e of the Newton step, with M^-1 K e = M^-1 r for the residual r: |e| is at most |M^-1 r| over the least eigenvalue of
-M^-1 K. The least Ritz value theta estimates this eigenvalue. A single right-hand side may have no component along a
-soft mode; therefore the least theta since the factorisation of M is used.
+A product K p is a difference of gradients, so that no term needs a tangent of its own. Conjugate gradients end with an
+error e of the Newton step. For the residual r, M^-1 K e = M^-1 r, so |e| is at most |M^-1 r| divided by the least
+eigenvalue of M^-1 K. The least Ritz value theta estimates this eigenvalue. A single right-hand side may have no
+component along a soft mode. Therefore the least theta since the factorisation of M is used.
 
-After a full step the same bound, with the new gradient as the residual, bounds the distance to the equilibrium.
+After a full Newton step, the same formula with the new gradient as the residual bounds the distance to the
+equilibrium.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.tangent.substitution import solve_kept
 
 MOST_PRODUCTS = 60
-"""Limit of products K p for one Newton step. Many are needed near buckling, or if the body's shape has changed much
-since the factor was made.
+"""Largest number of products K p for one Newton step. Many are needed near buckling, or if the body's shape has changed
+much since the factor was made.
 """
 FORCING, INEXACT = 0.01, 0.15
-"""Conjugate gradients end when the remainder is below the first number times the Newton step, or below the second times
-the target.
+"""Conjugate gradients end when the bound of the error |e| is below `FORCING` times the Newton step, or below `INEXACT`
+times the target.
 """
 STEADY = 0.5
 """Least ratio of the last two values of theta at the end of conjugate gradients. While theta falls faster, softer modes
@@ -40,51 +41,55 @@ are still being found.
 HALVINGS = 40
 """Number of bisections that find a least Ritz value."""
 ROUNDING = 1e-20
-"""Fraction of the first residual's square that is rounding."""
+"""Conjugate gradients end when r . M^-1 r, divided by its first value, is below this: the rest is rounding."""
 HALF = 0.5
-"""The iterations end if the distance after a step is at most this fraction of the target and of the step."""
+"""The iterations end after a Newton step if the distance is at most this fraction of the target. If the step is longer
+than the target, the distance must also be at most this fraction of the step.
+"""
 CLOSE = 0.02
-"""No step is made up to this distance over the target. The errors of such solves add up along the softest mode, which a
-few products hardly resolve.
+"""No further Newton step is made if the distance, divided by the target, is at most this. The limit is small, because
+the errors of such solves add up along the softest mode, which a few products hardly resolve.
 """
 ENERGY = 1e-5
-"""Largest energy that another step may release, over that of all terms. Small errors of stiff parts store much."""
+"""Largest energy that another Newton step may release at the end, divided by the energy of all terms. Small
+displacement errors of stiff parts store much energy.
+"""
 NOTHING = 1e-6
-"""M^-1 g counts as rounding if its length, over the target, is below this."""
+"""M^-1 g counts as rounding if its length, divided by the target, is below this."""
 LONGEST = 10.0
-"""Longest Newton step over the body's size; an almost singular tangent would give longer ones."""
+"""Longest Newton step, divided by the body's size. An almost singular tangent would give longer steps."""
 AWAY = 0.02
-"""Length, over the body's size, of a step along a direction of negative curvature if no other direction is known."""
+"""Length, divided by the body's size, of a step along negative curvature if no other direction is known."""
 FREE = 4
 """Number of products of each Newton step that do not count towards the renewal of the tangent."""
 
 
 class Why(IntEnum):
-    """Why the iterations ended."""
+    """Reason why the Newton iterations ended."""
 
     NEAR = 0
     """The distance to the equilibrium is within the target."""
     LIMIT = 1
-    """The number of iterations is spent."""
+    """The limit of iterations is reached."""
     STALE = 2
-    """The products with this factor have cost as much as a new tangent does."""
+    """The products with this factor have cost as much as a new tangent would cost."""
     ENDED = 3
     """No step is possible: see `End`."""
     ASTRAY = 4
     """Steps are far too long: the factor is almost singular."""
     HARD = 5
-    """The last step was cut, or conjugate gradients did not find it: the energy is far from a parabola."""
+    """The last Newton step was shortened, or conjugate gradients did not converge: the energy is far from quadratic."""
 
 
 class StepKind(IntEnum):
-    """How conjugate gradients ended."""
+    """Result of the conjugate gradients for one Newton step."""
 
     FOUND = 0
-    """The remainder is small enough."""
+    """The bound of the error |e| is small enough."""
     CURVED = 1
     """A direction of negative curvature was met."""
     UNKNOWN = 2
-    """`MOST_PRODUCTS` were not enough."""
+    """`MOST_PRODUCTS` products were not enough."""
 
 
 COURSE = np.dtype(
@@ -96,7 +101,7 @@ COURSE = np.dtype(
         ("unknown", np.int64),  # steps for which the products were not enough
     ]
 )
-"""Fields of a solve's record."""
+"""Fields of the record of the Newton iterations of a solve."""
 
 
 class Krylov(NamedTuple):
@@ -105,8 +110,8 @@ class Krylov(NamedTuple):
     Attributes:
         direction, image, residual, z: (3 r,) p, K p, r, M^-1 r.
         step: (3 r,) the Newton step d [m].
-        motion: (3 r,) the motion v since the last equilibrium [m]; zero if there is none.
-        diagonal, beside: entries of Lanczos' tridiagonal matrix, on and beside the diagonal.
+        motion: (3 r,) the displacement v since the last equilibrium [m]; zero if it is not known.
+        diagonal, beside: (`MOST_PRODUCTS`,) entries of Lanczos' tridiagonal matrix, on and beside the diagonal.
         course: (1,) record with the fields of `COURSE`.
     """
 
@@ -149,7 +154,7 @@ def least_ritz(diagonal, beside, count):
 
 @internal
 def follow(krylov, length):
-    """Add ``length`` times the direction to the Newton step, and subtract its image from the residual."""
+    """Add ``length`` times p to the Newton step, and subtract ``length`` times K p from the residual."""
     for n in range(len(krylov.step)):
         krylov.step[n] += length * krylov.direction[n]
         krylov.residual[n] -= length * krylov.image[n]
@@ -157,7 +162,7 @@ def follow(krylov, length):
 
 @internal
 def begin_along(problem, work, beside, kept, krylov, spacing):
-    """Begin the Newton step with its part along the motion v, where v^T (K d - r) = 0; return the number of products.
+    """Start the Newton step d with its part along the motion v, from v^T (K d - r) = 0; return the number of products.
 
     A body moves along its softest mode. Forces along this mode are small, and conjugate gradients hardly resolve them.
     """
@@ -178,9 +183,9 @@ def begin_along(problem, work, beside, kept, krylov, spacing):
 def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left):
     """Solve K d = r for the given residual and z = M^-1 r; return a `StepKind` and the number of products.
 
-    Conjugate gradients start from the part of d along ``krylov.motion``. They end when two conditions hold: the
-    remainder is small against d or the ``target`` [m], and r M^-1 r is at most the fraction ``most_left`` of its first
-    value. If the first direction has negative curvature, d is that direction.
+    Conjugate gradients start from the part of d along ``krylov.motion``. They end when two conditions hold: the error
+    bound of d is small against d or against the ``target`` [m], and r . M^-1 r is at most the fraction ``most_left`` of
+    its first value. If the first direction has negative curvature, d becomes this direction.
     """
     course = krylov.course[0]
     p, r, z, d = krylov.direction, krylov.residual, krylov.z, krylov.step
@@ -221,7 +226,7 @@ def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left
 
 @internal
 def aim(work, krylov, share):
-    """Write the Newton step times ``share`` to the direction; its sign is chosen so that the energy falls along it."""
+    """Write the Newton step times ``share`` to the search direction, with the sign for which the energy decreases."""
     status = work.status[0]
     slope = share * inner(work.gradient, krylov.step)
     if slope > 0.0:
@@ -244,8 +249,9 @@ def reached(work, course, far, target):
 def iterate(problem, work, beside, kept, krylov, size, spacing, target, worth, limit):
     """Make Newton steps until the distance to the equilibrium is within the ``target`` [m].
 
-    Return `Why` the steps ended, and their number. ``work`` must hold the gradient, and as ``step`` the product of M^-1
-    and the gradient. Both are up to date again at the end.
+    Return the reason for the end, a `Why`, and the number of Newton steps. At the start, ``work`` must contain the
+    gradient, and as ``step`` the product of M^-1 and the gradient. Both are up to date again at the end. ``size`` is
+    the size of the body [m]. After ``worth`` products a new tangent pays.
     """
     course, first = krylov.course[0], limit < 0
     for iteration in range(limit):

@@ -17,10 +17,11 @@ from gdfe_ros.solver.distance import largest
 CURVATURE = 1e-10
 """A pair enters the history if the cosine between the step and the change of the gradient is at least this."""
 LARGE = 50_000
-"""Threads divide the history from this number of unknowns on."""
+"""Least number of unknowns for which threads divide the work on the history."""
 MOST_SHORTENED = 1e-4
-"""Least length of the quasi-Newton direction over the plain preconditioned step. The last pairs of a very accurate
-solve consist of rounding. With them a body would seem to be at rest after its command has changed.
+"""Least length of the quasi-Newton direction, divided by the length of the plain preconditioned step. A shorter
+direction empties the history: the last pairs of a very accurate solve consist of rounding. With them a body would seem
+to be at rest after its command has changed.
 """
 
 
@@ -49,9 +50,9 @@ def drop_oldest(work, count):
 
 @vector_kernel
 def remember(work):
-    """Add the pair of the last accepted step; skip it if its curvature is not positive.
+    """Add the pair of the last accepted iteration to the history; skip it if its curvature is too small.
 
-    Its products with the older pairs are computed later, together with the next direction.
+    The products of the pair with the older pairs are computed later, together with the next direction.
     """
     status = work.status[0]
     count = status.count
@@ -82,7 +83,7 @@ def remember(work):
 
 @kernel
 def multiply_history(work, first, last):
-    """Write the products of the pairs ``first`` to ``last`` with the gradient."""
+    """Write the products s_i . g and v_i . g of the pairs from ``first`` up to ``last``."""
     for i in range(first, last):
         work.products[2, i] = inner(work.steps[work.row[i]], work.gradient)
         work.products[3, i] = inner(work.images[work.row[i]], work.gradient)
@@ -97,7 +98,7 @@ def multiply_in_threads(threads, work, count):
 
 @kernel
 def take_products(work, threads):
-    """Compute the history's products with the gradient; derive the newest pair's products with the older pairs."""
+    """Write the products of all pairs with the gradient; derive the newest pair's products with the older pairs."""
     status = work.status[0]
     count = status.count
     if threads is None or len(work.direction) < LARGE:
@@ -117,7 +118,7 @@ def take_products(work, threads):
 
 @kernel
 def combine(work, scale, first, last):
-    """Write the entries ``first`` to ``last`` of the direction: the preconditioned gradient and the pairs' terms."""
+    """Write the entries from ``first`` up to ``last`` of the direction d = -H g, by summing over the pairs."""
     d, z = work.direction, work.step
     for n in range(first, last):
         d[n] = -scale * z[n]

@@ -14,8 +14,8 @@ from gdfe_ros.solver.descent.workspace import allocate, numbers
 from gdfe_ros.solver.distance import largest
 
 SPACING = 1e-7
-"""Largest displacement of a finite difference, over the body's size. If a displacement of a tenth of the body's size
-changes its stiffness by 100 %, the truncation error is a millionth of the product; rounding is smaller.
+"""Largest displacement in a finite difference, divided by the body's size. If a displacement of a tenth of the body's
+size changes its stiffness by 100 %, the truncation error is a millionth of the product. The rounding error is smaller.
 """
 
 
@@ -46,7 +46,7 @@ class TangentProducts:
         self._spacing = SPACING * body.size
 
     def begin(self, task: Task) -> None:
-        """Take the unknowns of ``task`` as the point of the products; its workspace is not modified."""
+        """Set the unknowns of ``task`` as the point at which products use the tangent. The task is not modified."""
         work = task.active.workspace
         self._problem, self._u, self._gradient = task.problem, work.u.copy(), work.gradient.copy()
         self._beside.x[...] = work.x
@@ -63,7 +63,7 @@ class TangentProducts:
         return float(numbers(self._beside)["energy"])
 
     def __call__(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return K direction (3 r,) [N]."""
+        """Return the product K d (3 r,) [N] of the tangent and a ``direction`` d (3 r,)."""
         image = np.empty_like(direction)
         multiply(self._problem, self._u, self._gradient, self._beside, direction, self._spacing, image)
         return image

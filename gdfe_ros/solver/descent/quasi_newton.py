@@ -3,7 +3,7 @@
 
 The inverse Hessian is kept in the compact form of Byrd, Nocedal and Schnabel (1994). Let s be the steps, y the changes
 of the gradient g, and v = A^-1 y. An iteration needs the products s_i . g and v_i . g, one pass over the history to
-form the direction, and one solve z = A^-1 g. The length of z also decides when to stop.
+form the direction, and one solve z = A^-1 g. The largest displacement of the direction also decides when to stop.
 """
 
 from __future__ import annotations
@@ -24,9 +24,13 @@ from gdfe_ros.solver.terms.term import terms_energy
 ARMIJO = 1e-4
 """Fraction of the decrease predicted by the slope that a step must achieve: the usual value."""
 MAX_CUTS = 30
-"""The descent counts as stalled after this number of halvings of a step; 2^-30 is below any rounding."""
+"""The descent counts as stalled after this number of trial lengths of a step. Each is at most half of the last one, and
+2^-30 is below any rounding.
+"""
 MOST_BLOCKED = 4
-"""The body counts as running away after this number of successive full steps into infinite energy."""
+"""The body counts as running away after more than this number of successive iterations whose full step has infinite
+energy.
+"""
 ROUNDING = 1e-13
 """Changes of the energy below this fraction of the sum of its terms are rounding errors in double precision."""
 SHIFT_AND_TURN = 2.0
@@ -34,8 +38,8 @@ SHIFT_AND_TURN = 2.0
 at its vertices.
 """
 MOST_FLAT = 60
-"""The minimisation ends after this number of iterations in which the energy fell by no more than rounding and no step
-halved.
+"""The minimisation ends after this number of iterations without progress: the energy fell by no more than rounding, and
+the length of the step did not fall to half of its least value.
 """
 
 
@@ -80,7 +84,8 @@ def search(problem, work, first):
     """Search along the quasi-Newton direction until the energy falls enough; write the step to ``direction``.
 
     The condition is Armijo's, or its approximate form (Hager and Zhang 2005) if the energy cannot resolve the step. If
-    no length satisfies it, or if ``first`` is set, ``u`` stays unchanged, and energy and gradient are evaluated there.
+    no length satisfies the condition, or if ``first`` is set, ``u`` stays unchanged. Energy and gradient are then
+    evaluated at ``u``.
     """
     status = work.status[0]
     slope, energy = status.slope, status.energy
@@ -129,11 +134,12 @@ def absolute_sum(values):
 
 @kernel
 def advance(problem, work, target, first):
-    """Make one iteration from a new preconditioned gradient; return whether none was needed or none is possible.
+    """Make one iteration; return whether the minimisation has ended, at its target or because it cannot continue.
 
-    The quasi-Newton step estimates the distance to the equilibrium; the minimisation ends when its largest vertex
-    displacement is at most ``target`` [m]. With ``first`` the terms are only evaluated at ``work.u``: nothing moves,
-    and the history stays. One function does both, because each compiled copy takes seconds to compile.
+    ``work.step`` must contain the preconditioned gradient. The quasi-Newton step estimates the distance to the
+    equilibrium. The minimisation ends when the largest vertex displacement of this step is at most ``target`` [m]. With
+    ``first`` the terms are only evaluated at ``work.u``: nothing moves, and the history stays. One function does both,
+    because each compiled copy takes seconds to compile.
     """
     status = work.status[0]
     if first:
@@ -166,10 +172,10 @@ def advance(problem, work, target, first):
 
 @kernel
 def descend(problem, work, coupling, floor, least, target, limit, evaluate):
-    """Iterate with the constant matrix until the quasi-Newton step is at most ``target`` [m]; return the count.
+    """Make iterations with the constant matrix until the step is at most ``target`` [m]; return their number.
 
-    During the first ``least`` iterations ``floor`` [m] replaces the target. With ``evaluate``, the terms are evaluated
-    at the start first.
+    At most ``limit`` iterations are made. In the first ``least`` iterations, ``floor`` [m] replaces the target. With
+    ``evaluate``, the terms are first evaluated at the start.
     """
     if evaluate:
         advance(problem, work, target, evaluate)
@@ -185,7 +191,7 @@ def descend(problem, work, coupling, floor, least, target, limit, evaluate):
 
 @kernel
 def descend_kept(problem, work, kept, target, limit):
-    """Iterate as `descend` does, with a kept tangent; ``work.step`` holds the first preconditioned gradient."""
+    """Iterate as `descend`, but with a kept tangent; ``work.step`` must contain the first preconditioned gradient."""
     for iteration in range(limit):
         if advance(problem, work, target, limit < 0):
             return iteration

@@ -10,14 +10,14 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.workspace import WINDOW
 
 LONGEST_WAY = 10.0
-"""Largest estimated remaining distance at which a minimisation may end, as a multiple of its target for a step."""
+"""Largest estimated remaining distance at which a minimisation may end, divided by its target for one step."""
 SLOWEST = 0.95
 """Largest ratio of the steps of two successive windows that the estimate uses."""
 
 
 @internal
 def note_step(work):
-    """Store the displacement of the next step in the ring buffer."""
+    """Store the largest displacement of the next step in the ring buffer."""
     status = work.status[0]
     if status.seen >= 0:
         work.recent[status.seen % (2 * WINDOW)] = status.distance
@@ -26,11 +26,11 @@ def note_step(work):
 
 @kernel
 def way_left(work):
-    """Estimate the displacement [m] of all remaining steps from their rate of decrease; 0 while too few were recorded.
+    """Return the estimated displacement [m] of all remaining steps, from the rate at which the last steps shrank.
 
     The lengths of the steps are summed, because all steps may have one direction. (With a third of the sum, cold solves
-    ended up to 3.4 tolerances away.) The estimate is also 0 if a window has lowered the energy by no more than
-    rounding: such motion is noise.
+    ended up to 3.4 tolerances from the equilibrium.) The estimate is 0 while too few steps are recorded. It is 0, too,
+    if the steps of a window lowered the energy by no more than rounding: such motion is noise.
     """
     status = work.status[0]
     if status.seen < 2 * WINDOW or status.plateau >= WINDOW:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Minimisation with a kept tangent, renewed when that pays: Newton steps in statics, L-BFGS in motion.
+"""Minimisation with a kept tangent, which is renewed when that saves work: Newton steps in statics, L-BFGS in motion.
 
 In statics conjugate gradients find the Newton step, and with it the distance to the equilibrium. The older the tangent
-is, the more products they need. If a step is cut, or conjugate gradients meet negative curvature, L-BFGS continues; its
-history contains the change of the tangent. In motion, tolerances are far finer and inertia keeps bodies from buckling:
-L-BFGS alone takes the fewest evaluations.
+is, the more products they need. If the line search shortens a step, or conjugate gradients meet negative curvature,
+L-BFGS continues, because its history contains the change of the tangent. In motion, tolerances are far finer, and
+inertia keeps bodies from buckling: L-BFGS alone takes the fewest evaluations.
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.tangent import Tangent
 
 TRUST = 5.0
-"""Largest tolerance over the body's softness; larger ones are reduced to it. Softness is about the strain at which a
-slender body buckles. An axial strain that is wrong by this amount doubles or removes the bending stiffness, so that a
-small Newton step proves nothing."""
+"""Largest tolerance, divided by the body's softness; a larger tolerance is reduced to it. The softness is about the
+strain at which a slender body buckles. An axial strain with an error of this size doubles or removes the bending
+stiffness, so that a small Newton step proves nothing."""
 WORTH = 12
-"""A new tangent pays after this number of products, not counting the free ones of each Newton step."""
+"""A new tangent pays after this number of products, without the `FREE` products of each Newton step."""
 MOST_TANGENTS = 60
 """Limit of tangents in a solve. More are needed only if the potential is not smooth, e.g. where cable points meet."""
 MOST_UNKNOWN = 6
-"""Limit of Newton steps in a solve without convergence of conjugate gradients; such a body is about to buckle."""
+"""Limit of a solve's Newton steps without convergence of conjugate gradients. Such a body is about to buckle."""
 MOVING = 0.2
-"""In motion, an L-BFGS step of this length over the tolerance ends the solve. The distance counts as five times the
-step.
+"""In motion, a solve ends if the L-BFGS step, divided by the tolerance, is at most this. The distance to the
+equilibrium then counts as five times the step.
 """
 FLYING = 0.02
-"""As `MOVING`, for a body without handles: only the accuracy of the solve then conserves its angular momentum."""
+"""As `MOVING`, for a body without handles. Only the accuracy of the solve then conserves its angular momentum."""
 PATIENT = 12
-"""The tangent is renewed after this number of successive L-BFGS iterations; after more if a new tangent costs more
-solves.
+"""The tangent is renewed after this number of successive L-BFGS iterations. If the cost of a new tangent, in solutions
+with it, is a larger number, this number counts.
 """
 DAMPING = 10.0
 """If steps in motion do not shrink, the weight of the constant matrix in the tangent grows by this factor; the first
 weight is the body's softness. An almost singular tangent causes steps that are far too long.
 """
 HIDDEN = 0.01
-"""Every mode counts as resolved if the remainder of a random right-hand side is at most this, over its average
-component along one mode.
+"""In the test for a saddle, all modes count as resolved if r . M^-1 r of a random right-hand side has decreased to this
+fraction of its average initial part along one mode.
 """
 
 
@@ -62,10 +62,10 @@ class TangentMinimiser(Minimiser):
 
     Args:
         body: the discretised body.
-        weight, bending: (m,) [Pa] and (m,) [N/m] of the constant matrix.
+        weight, bending: (m,) [Pa] and (m,) [N/m] weights of the elements in the constant matrix (see `assemble`).
         level: the tangent preconditioner.
-        softness: stiffness of the softest mode over that of the constant matrix.
-        moving: whether inertia is among the terms: then a body is never near buckling.
+        softness: stiffness of the softest mode, divided by the constant matrix's stiffness for this mode.
+        moving: whether inertia is among the terms. If so, a body is never near buckling.
 
     Attributes:
         tangent: the kept tangent.
@@ -94,10 +94,10 @@ class TangentMinimiser(Minimiser):
         self._spacing, self._patient = SPACING * body.size, max(PATIENT, level.price)
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
-        """Begin a solve with the tangent of ``start``.
+        """Prepare a solve with the tangent of ``start``.
 
         If the tangent is due for renewal, it is evaluated at the last equilibrium in a ``warm`` solve, else at the
-        start.
+        present positions.
         """
         super().begin(active, start, warm=True)
         active.status["count"], active.status["pending"] = 0, 0
@@ -112,19 +112,19 @@ class TangentMinimiser(Minimiser):
             course["spent"], course["least"] = self.tangent.spent, self.tangent.softest or 1.0
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
-        """Minimise until the distance is within the tolerance.
+        """Minimise until the estimated distance to the equilibrium is within the tolerance.
 
         Args:
             task: the problem.
-            tolerance: estimated largest distance to the equilibrium over the body's size.
+            tolerance: estimated largest distance to the equilibrium, divided by the body's size.
             final: the tolerance of the whole solve.
             least: not used.
-            limit: most iterations.
+            limit: largest number of iterations.
         """
         task.evaluate()
         work, target = task.active.workspace, min(tolerance, self._finest) * self._body.size
         target *= self._share
-        self._beside.x[...] = work.x  # with the handles where they are
+        self._beside.x[...] = work.x  # includes the present positions of the handles
         if self.certified and self._last is not None:
             free = task.active.unknowns.free
             self._krylov.motion.reshape(-1, 3)[: len(free)] = work.x[free] - self._last[free]
@@ -145,11 +145,11 @@ class TangentMinimiser(Minimiser):
         return self._iterate_to(task, target, limit, last=last)
 
     def error_estimate(self, active: ActiveSet) -> float:
-        """Return the distance to the equilibrium over the body's size; infinite if it is unknown."""
+        """Return the distance to the equilibrium, divided by the body's size; infinite if it is unknown."""
         return float(self._course["distance"]) / self._body.size
 
     def spent_tangent(self) -> Tangent | None:
-        """Return the tangent with the cost of this solve added."""
+        """Return the kept tangent for the next solve, with the cost of this solve added; None if there is none."""
         if self.tangent is None:
             return None
         course, sure = self._course, self.tangent.softest > 0.0
@@ -157,16 +157,16 @@ class TangentMinimiser(Minimiser):
 
     @property
     def _hard(self) -> int:
-        """Number of Newton steps of this solve that conjugate gradients did not find; these do not prove a minimum."""
+        """Number of Newton steps in this solve without convergence. Such steps do not prove a minimum."""
         return int(self._course["curved"] + self._course["unknown"])
 
     @property
     def _doubtful(self) -> bool:
-        """Whether this may be a saddle: after hard steps, with a shifted tangent, or in a solve that is not warm."""
+        """Whether the equilibrium may be a saddle: after hard steps, with a shifted tangent, or in a solve not warm."""
         return self.certified and (not self.tangent.softest or self._hard > self._cleared)
 
     def _iterate_to(self, task: Task, target: float, limit: int, *, last: bool) -> Descended:
-        """Iterate to within ``target`` [m]; with ``last``, test a doubtful equilibrium for being a saddle."""
+        """Iterate to within ``target`` [m]. If ``last``, test whether a doubtful equilibrium is a saddle."""
         used, course, status, self._known, self._since = 0, self._course, task.active.status, False, 0
         damping, before = 0.0, np.inf
         while True:
@@ -194,7 +194,7 @@ class TangentMinimiser(Minimiser):
                 self._learning = why is Why.HARD or not self.certified
 
     def _iterate_once(self, task: Task, target: float, limit: int) -> tuple[Why, int]:
-        """Iterate in one compiled call; with an observer or a deadline, it makes a single iteration."""
+        """Iterate in one compiled call; with an observer or a deadline, the call makes a single iteration."""
         work, most = task.active.workspace, 1 if self.observer or task.deadline else limit
         self._show(work, begins=True)
         with task.turn:
@@ -208,7 +208,7 @@ class TangentMinimiser(Minimiser):
         return Why(why), used
 
     def _quasi_newton(self, task: Task, target: float, most: int) -> tuple[Why, int]:
-        """Iterate by L-BFGS, whose history contains the change of the tangent; in statics Newton steps follow."""
+        """Iterate by L-BFGS, whose history contains the change of the tangent. In statics, Newton steps follow."""
         course, status = self._course, task.active.status
         most = min(most, self._patient - self._since)
         used = quasi_newton.descend_kept(task.problem, task.active.workspace, self._level.kept, target, most)
@@ -225,9 +225,10 @@ class TangentMinimiser(Minimiser):
         return Why.NEAR if task.active.ended is End.NONE else Why.ENDED, used
 
     def _asked(self, task: Task) -> bool:
-        """Return whether a random right-hand side finds no direction of negative curvature; it contains all modes.
+        """Return whether conjugate gradients prove that the equilibrium is a minimum, with a random right-hand side.
 
-        If there is one, the body is moved along it.
+        This right-hand side contains all modes. If a direction of negative curvature is found, the body is moved along
+        it.
         """
         work, krylov = task.active.workspace, self._krylov
         distance = float(self._course["distance"])
@@ -249,7 +250,7 @@ class TangentMinimiser(Minimiser):
         return False
 
     def _move_along(self, task: Task, direction: NDArray[np.float64]) -> None:
-        """Search along a direction (3 r,) of negative curvature, from a length that leaves the saddle."""
+        """Search along a direction (3 r,) of negative curvature; the first trial length leaves the saddle."""
         work, status = task.active.workspace, task.active.status
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
         work.direction[...] = sign * newton.AWAY * self._body.size / largest(direction) * direction
@@ -258,7 +259,7 @@ class TangentMinimiser(Minimiser):
         task.advance(0.0)
 
     def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
-        """Take the tangent at positions ``x`` (n, 3) [m], turned to the present ones; None: the present positions."""
+        """Renew the tangent at ``x`` (n, 3) [m] and rotate it to the present positions, for which None stands."""
         work, course = task.active.workspace, self._course
         self.tangent = self._level.take(task.problem, work.u, work.x if x is None else x, damping=damping)
         if x is not None:

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 MEMORY, LONG_MEMORY = 14, 30
-"""Pairs that the history keeps, without and with external forces. Forces excite the softest modes most. The constant
-matrix makes these modes too stiff, and only the history resolves them.
+"""Largest number of pairs in the history, without and with external forces. Forces excite the softest modes most. The
+constant matrix makes these modes too stiff, and only the history resolves them.
 """
 WINDOW = 10
-"""Iterations of a window. The longest steps of the last two windows give the rate at which steps shrink."""
+"""Number of iterations in a window. The longest steps of the last two windows give the rate at which steps shrink."""
 
 
 class End(IntEnum):
@@ -61,10 +61,10 @@ class Problem(NamedTuple):
         shape, blocks: operators of the elements.
         material: (m,) int32 material of each element.
         pressure: (m,) [Pa] multipliers of the volumes.
-        scale: (m,) hourglass stiffness over the initial one.
+        scale: (m,) hourglass stiffness divided by its initial value.
         table: the materials.
         watch: elements near folding, on which fold barriers act; minimisations add to them.
-        unknowns: the numbering.
+        unknowns: the numbering of the unknowns.
         frame: commanded positions of the handles.
         terms: all terms other than the elements.
         threads: threads among which the elements are divided; None for one.
@@ -84,20 +84,20 @@ class Problem(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Work arrays of a minimisation; all are overwritten, and none is returned as a result.
+    """Work arrays of a minimisation. All of them are overwritten, and none is returned as a result.
 
     Attributes:
         u, gradient, step: (3 r,) unknowns [m], dE/du [N], H_0 dE/du [m], row by row.
-        trial, direction, old: (3 r,) work.
+        trial, direction, old: (3 r,) trial unknowns [m], search direction [m], and gradient of the last iteration [N].
         x: (n, 3) positions of all vertices [m].
         force, energies: (m, c, 3) [N] and (m,) [J] of the elements at ``x``.
         outside: (n, 3) dE/dx [N] of the other terms.
-        size: (1,) sum of the magnitudes of their energies [J].
-        steps, images: (memory, 3 r) histories s and v = H_0 y; pair i lies in row ``row[i]``.
+        size: (1,) sum of the magnitudes of the other terms' energies [J].
+        steps, images: (memory, 3 r) [m] pairs s and v = H_0 y of the history; pair i is stored in row ``row[i]``.
         row: (memory,) int32, a permutation.
-        serial: (memory,) int64 number of the pair in each row.
-        triangle, gram: (memory, memory) s_i . y_j and y_i . v_j.
-        products: (4, memory) s_i . g and v_i . g at the last iteration, and work.
+        serial: (memory,) int64 serial number of the pair in each row.
+        triangle, gram: (memory, memory) s_i . y_j and y_i . v_j [J].
+        products: (4, memory) s_i . g and v_i . g [J] at the last iteration, and two rows of scratch.
         recent: (2 WINDOW,) displacements [m] of the last steps, as a ring buffer.
         status: (1,) record with the fields of `STATUS`.
     """
@@ -138,7 +138,7 @@ def allocate(rows: int, x: NDArray[np.float64], cells: tuple[int, int], memory: 
 
 
 def allocate_part(rows: int, whole: Workspace) -> Workspace:
-    """Return a workspace for fewer ``rows`` with the same arrays of positions, forces and energies as the ``whole``."""
+    """Return a workspace for fewer ``rows`` that uses the positions, forces and energies of the ``whole`` body."""
     return _with_history(rows, len(whole.row), whole.x, whole.force, whole.energies, whole.outside)
 
 

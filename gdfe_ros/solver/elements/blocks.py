@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Elements in blocks of one law, eight lanes wide: the layout in which the element kernels vectorise."""
+"""Elements in blocks of eight lanes with one law: the layout that lets the element kernels use SIMD."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.torsion import couplings
 
 LANES = 8
-"""Number of elements in a block; the innermost loops run over these."""
+"""Number of elements in a block. The innermost loops run over the elements of a block."""
 REFERENCE, AXES, EDGES, VOLUME, COUPLING, GEOMETRY_ROWS = 0, 9, 18, 21, 22, 23
 """First rows in ``Blocks.geometry`` of five fields: the inverse of dX/dxi (9), edge directions (9), 2 / edge length
 (3), volume (1), and coupling of shear strains in torsion (1). The last number counts all rows.
@@ -25,10 +25,11 @@ class Blocks(NamedTuple):
 
     Attributes:
         element: (b, LANES) int32 element of each lane.
-        used: (b,) int32 number of lanes in use; the others repeat the first.
+        used: (b,) int32 number of lanes in use; the other lanes repeat the first lane.
         law: (b,) int32 law of the block's elements.
-        parallel: (b,) bool, whether all its elements are parallelepipeds.
-        geometry: (b * GEOMETRY_ROWS * LANES,) float64, rows as named above, lane by lane.
+        parallel: (b,) bool, whether all elements of the block are parallelepipeds.
+        geometry: (b * GEOMETRY_ROWS * LANES,) float64, the rows from `REFERENCE` to `COUPLING` of each block; a row
+            has one number for each lane.
     """
 
     element: NDArray[np.int32]
@@ -41,7 +42,7 @@ class Blocks(NamedTuple):
 def make_blocks(
     shape: ShapeOperators, material: NDArray[np.int32], table: MaterialTable, elements: NDArray[np.int32]
 ) -> Blocks:
-    """Sort ``elements`` into blocks; the order within a kind is kept."""
+    """Return the ``elements`` (k,) in blocks, sorted by law and shape; within a kind the order is kept."""
     kind = (2 * table.law[material] + shape.parallel)[elements]
     element, used = lanes_of(kind, elements)
     return Blocks(
@@ -54,7 +55,7 @@ def make_blocks(
 
 
 def lanes_of(kind: NDArray[np.int32], elements: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the ``elements`` (k,) of each kind in lanes (b, LANES), and the number in use of each block (b,).
+    """Return the ``elements`` (k,), sorted by kind, in lanes (b, LANES), and each block's number of lanes in use (b,).
 
     ``kind`` (k,) is the kind of each element.
     """
@@ -69,7 +70,7 @@ def lanes_of(kind: NDArray[np.int32], elements: NDArray[np.int32]) -> tuple[NDAr
 
 
 def block_geometry(shape: ShapeOperators, element: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the rows of ``Blocks.geometry`` of elements (b, LANES)."""
+    """Return the array ``Blocks.geometry`` for elements (b, LANES)."""
     geometry = np.concatenate(
         [
             shape.reference.reshape(-1, 9),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The compiled functions that a cell type has to implement, and the choice among them by the type of its operators.
+"""The compiled functions that each cell type implements, and their selection by the type of the cell type's operators.
 
 A kernel that calls one of the functions below is compiled once for each cell type. Numba sees the type of ``shape``,
 and replaces the call by the function of that cell type, without a cost at run time. A third type needs an entry in
@@ -27,10 +27,11 @@ class CellKernels(NamedTuple):
     Attributes:
         evaluate_blocks: writes node forces (m, c, 3) [N] and energies (m,) [J] of a range of blocks.
         add_walls: adds the fold barriers of watched elements to these forces and energies.
-        room: distance [m] that vertices may move before the barrier of ``e`` can act; 0 if ``e`` is nearly folded. Its
-            last argument is scratch (8, 3).
+        room: distance [m] that vertices may move before the barrier of ``e`` can act; 0 if ``e`` is nearly folded. The
+            last argument of this function is scratch (8, 3).
         mean_gradient: volume average of the deformation gradient of ``e``.
-        volume_ratio: current over rest volume of ``e``; a pressure of the element keeps this ratio.
+        volume_ratio: current volume of ``e`` divided by its undeformed volume. If ``e`` has a pressure, it is the
+            multiplier of this ratio.
         least_corner: least det F over the corners of ``e``; NaN if one of them is NaN.
     """
 
@@ -53,34 +54,34 @@ KERNELS = {ShapeOperators: _of(hex_response, folding, hexahedra), TetOperators: 
 
 
 def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
-    """Stand for `CellKernels.evaluate_blocks` in a kernel; call it directly if the compiler is off."""
+    """Call `CellKernels.evaluate_blocks` of the cell type. Numba replaces this function in kernels."""
     return KERNELS[type(shape)].evaluate_blocks(
         first, last, x, shape, blocks, material, pressure, scale, table, force, energy
     )
 
 
 def add_walls(x, watched, shape, material, table, force, energy):
-    """Stand for `CellKernels.add_walls` in a kernel; call it directly if the compiler is off."""
+    """Call `CellKernels.add_walls` of the cell type. Numba replaces this function in kernels."""
     return KERNELS[type(shape)].add_walls(x, watched, shape, material, table, force, energy)
 
 
 def room(x, shape, e, scratch):
-    """Stand for `CellKernels.room` in a kernel; call it directly if the compiler is off."""
+    """Call `CellKernels.room` of the cell type. Numba replaces this function in kernels."""
     return KERNELS[type(shape)].room(x, shape, e, scratch)
 
 
 def mean_gradient(x, shape, e):
-    """Stand for `CellKernels.mean_gradient` in a kernel; call it directly if the compiler is off."""
+    """Call `CellKernels.mean_gradient` of the cell type. Numba replaces this function in kernels."""
     return KERNELS[type(shape)].mean_gradient(x, shape, e)
 
 
 def volume_ratio(x, shape, e):
-    """Stand for `CellKernels.volume_ratio` in a kernel; call it directly if the compiler is off."""
+    """Call `CellKernels.volume_ratio` of the cell type. Numba replaces this function in kernels."""
     return KERNELS[type(shape)].volume_ratio(x, shape, e)
 
 
 def least_corner(x, shape, e):
-    """Stand for `CellKernels.least_corner` in a kernel; call it directly if the compiler is off."""
+    """Call `CellKernels.least_corner` of the cell type. Numba replaces this function in kernels."""
     return KERNELS[type(shape)].least_corner(x, shape, e)
 
 
@@ -109,7 +110,7 @@ def _add_walls(x, watched, shape, material, table, force, energy):
 
 
 def _measure(stub: Callable, name: str) -> None:
-    """Make a stub with arguments ``x``, ``shape``, ``e`` stand for the function ``name`` of each cell type."""
+    """Let numba replace calls of ``stub`` (``x``, ``shape``, ``e``) by the function ``name`` of the cell type."""
 
     @overload(stub, jit_options=_INLINED)
     def _chosen(x, shape, e):

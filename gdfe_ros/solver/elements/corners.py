@@ -23,12 +23,12 @@ from gdfe_ros.solver.elements.lanes import (
 )
 
 UNIT = 8.0**-0.5
-"""Scale of a sign pattern to unit length."""
+"""Factor that scales a pattern of signs over eight corners to unit length."""
 
 
 @inlined
 def patterns(b, row, lane):
-    """Return the sums of one coordinate over the corners with the signs xi, eta, zeta and of the four modes."""
+    """Return the sums of one coordinate over the corners, with the signs of xi, eta, zeta and the hourglass modes."""
     i = row * LANES + lane
     x0, x1, x2, x3 = b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES]
     x4, x5, x6, x7 = b[i + 4 * LANES], b[i + 5 * LANES], b[i + 6 * LANES], b[i + 7 * LANES]
@@ -65,7 +65,7 @@ def spread(b, row, lane, c0, c1, c2, c3, c4, c5, c6):
 
 @inlined
 def gather_parallel(b):
-    """Write F and q of a block of parallelepipeds from its corner coordinates."""
+    """Write mean deformation gradients F and hourglass vectors q of a block of parallelepipeds from its corners."""
     for lane in range(LANES):
         i = load9(b, GEOMETRY + REFERENCE, lane)
         for axis in range(3):
@@ -80,7 +80,7 @@ def gather_parallel(b):
 
 @inlined
 def scatter_parallel(b):
-    """Write the corner forces of a block of parallelepipeds from V P and the hourglass forces."""
+    """Write the corner forces of a block of parallelepipeds from volume times stress V P and the hourglass forces."""
     for lane in range(LANES):
         i = load9(b, GEOMETRY + REFERENCE, lane)
         for axis in range(3):
@@ -95,7 +95,7 @@ def scatter_parallel(b):
 
 @inlined
 def gather_general(b, shape, elements):
-    """Write F and q of a block of general hexahedra from its corner coordinates."""
+    """Write mean deformation gradients F and hourglass vectors q of a block of general hexahedra from its corners."""
     for lane in range(LANES):
         e = elements[lane]
         for axis in range(3):
@@ -116,7 +116,7 @@ def gather_general(b, shape, elements):
 
 @inlined
 def scatter_general(b, shape, elements):
-    """Write the corner forces of a block of general hexahedra from V P and the hourglass forces."""
+    """Write the corner forces of a block of general hexahedra from volume times stress V P and the hourglass forces."""
     for lane in range(LANES):
         e = elements[lane]
         for axis in range(3):

@@ -35,8 +35,9 @@ class ElementFields:
         J: determinant of the mean deformation gradient.
         secant: secant modulus Phi'/eps_eq of the material's uniaxial curve [Pa].
         tangent: tangent modulus of the same curve [Pa].
-        energy_density: strain energy over rest volume, hourglass part included [J/m^3].
-        omega: shape factor; for the ``energy`` policy, the secant modulus over the largest one in the body.
+        energy_density: strain energy, hourglass part included, divided by the undeformed volume [J/m^3].
+        omega: shape factor. For the ``energy`` policy it is the secant modulus divided by the body's largest secant
+            modulus.
     """
 
     centroids: NDArray[np.float64]
@@ -61,9 +62,9 @@ def element_fields(
     Args:
         body: the discretised body.
         positions: (n, 3) [m], relative to ``origin``.
-        omega: (m,) shape factors of the ``relative`` policy; None to compute those of ``energy``.
+        omega: (m,) shape factors of the ``relative`` policy; None to compute the shape factors of ``energy``.
         operators: operators of the present growth; None without growth, as everywhere in this module.
-        origin: (3,) [m] of the positions; centroids of the result are in world coordinates.
+        origin: (3,) [m] world position of the origin of ``positions``. The returned centroids are in world coordinates.
     """
     count, shape = len(body.material), (operators or body).shape
     values, centroids = np.empty((4, count)), np.empty((count, 3))
@@ -100,7 +101,7 @@ def corner_forces(
     *,
     operators: Operators | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return corner forces (m, c, 3) [N] and energies (m,) [J] with a given pressure (m,) [Pa]."""
+    """Return corner forces (m, c, 3) [N] and energies (m,) [J] of all elements for a given pressure (m,) [Pa]."""
     force, energies = np.zeros((*body.cells.shape, 3)), np.zeros(len(body.material))
     scale, elements = np.ones(len(body.material)), np.arange(len(body.material), dtype=np.int32)
     shape, material, table = (operators or body).shape, body.material, body.table
@@ -112,11 +113,11 @@ def corner_forces(
 
 @internal
 def uncounted(j, pressure, volume, table, k, solved):
-    """Return U(J) minus the volume energy [J] that the kernels include for an element with a pressure.
+    """Return the volume energy V U(J) [J] of an element with a pressure, minus the volume energy of the kernels.
 
     With ``solved``, U(J) is replaced by its tangent U(J*) + p (J - J*). Here p is the pressure of the solve, and U'(J*)
     = p. With a large bulk modulus, U(J) itself would magnify the remaining error of J. For an incompressible element
-    the result is 0: J is 1 to the tolerance, and the kernels include the augmented Lagrangian.
+    the result is 0, because J is 1 to the tolerance.
     """
     bulk, change = table.parameters[k, BULK], j - 1.0
     if bulk == np.inf:
@@ -133,7 +134,7 @@ def uncounted(j, pressure, volume, table, k, solved):
 
 @kernel
 def _element_states(x, shape, material, table, values, centroids, scale, missing):
-    """Write the values of ``strain_states``, the centroids, the scales and the energy of `uncounted`, in one pass."""
+    """Write, in one pass, the values of `strain_states`, centroids [m], scales and the results of `uncounted` [J]."""
     corners = 8 if shape.cells.shape[1] == 8 else 4
     for e in range(len(material)):
         k = material[e]
@@ -163,8 +164,8 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
     """Write the energies [J] of ``elements``, with U(J) as their volume part, to ``stored`` (m,).
 
     The least volume ratio at a corner of each element is written to ``least`` (m,). For elements with a pressure, the
-    kernels' ``energies`` (m,) contain p_e (J - 1) + kappa/2 (J - 1)^2. ``solved`` states that the pressures are those
-    of a solve (see `uncounted`).
+    kernels' ``energies`` (m,) [J] contain V (p_e (J - 1) + kappa/2 (J - 1)^2) instead. ``solved`` is True if the
+    pressures are the result of a solve (see `uncounted`).
     """
     for e in elements:
         k = material[e]
@@ -178,10 +179,10 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
 def volume_pressures(
     body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
 ) -> NDArray[np.float64]:
-    """Return p_e (m,) [Pa] such that the kernels' volume term has the slope U'(J) of the full volume energy.
+    """Return the pressures p_e (m,) [Pa] with which the kernels' volume term has the slope U'(J) of the volume energy.
 
-    For an incompressible element it is 0, because the shape does not determine the pressure; the volume term is then
-    that of nu = 0.45.
+    For an incompressible element p_e is 0, because the shape does not determine it. The volume term is then that of a
+    material with nu = 0.45.
     """
     pressure = np.zeros(len(body.material))
     _full_pressures(positions, (operators or body).shape, body.material, body.table, pressure)

@@ -28,7 +28,7 @@ EDGES = np.array(
 )
 """First and last corner of the three edges that meet in each corner (8, 3, 2), along xi, eta and zeta."""
 SIDES = np.array([[0, 1, 1, 0, 0, 1, 1, 0], [0, 0, 1, 1, 0, 0, 1, 1], [0, 0, 0, 0, 1, 1, 1, 1]], dtype=np.int32).T
-"""Side of the cell, 0 or 1, on which each corner (8, 3) lies along xi, eta and zeta."""
+"""Coordinates xi, eta and zeta, each 0 or 1, of the corners (8, 3) of a cell."""
 
 
 @internal
@@ -59,7 +59,7 @@ def add_walls(x, watched, shape, material, table, force, energy):
 
 @inlined
 def edge_at(corners, c, axis):
-    """Return the edge [m] of a corner along an axis."""
+    """Return the edge vector (3,) [m] at corner ``c`` along xi, eta or zeta (``axis`` 0, 1 or 2)."""
     return edge(corner(corners, EDGES[c, axis, 0]), corner(corners, EDGES[c, axis, 1]))
 
 
@@ -74,7 +74,7 @@ def add_edge(slopes, c, axis, share, derivative):
 
 @inlined
 def load_corners(x, shape, e, corners):
-    """Write the corners (8, 3) [m] of an element, or of the box that fills a cut cell."""
+    """Write the corners (8, 3) [m] of an element, or of the box that the material of a cut cell fills."""
     for c in range(8):
         for i in range(3):
             if not shape.cut[e]:
@@ -87,7 +87,7 @@ def load_corners(x, shape, e, corners):
 
 @inlined
 def add_slopes(slopes, shape, e, force):
-    """Add derivatives with respect to the corners of `load_corners`, (8, 3) [N], to the corner forces (m, 8, 3) [N]."""
+    """Add dE/d(corners of `load_corners`), ``slopes`` (8, 3) [N], to the corner forces ``force`` (m, 8, 3) [N]."""
     for c in range(8):
         for i in range(3):
             if not shape.cut[e]:
@@ -99,7 +99,7 @@ def add_slopes(slopes, shape, e, force):
 
 @inlined
 def box_weight(box, c, cell_corner):
-    """Return the trilinear weight of a corner of the cell at a corner of its box (3, 2)."""
+    """Return the trilinear weight of the corner ``cell_corner`` of a cell at the corner ``c`` of its ``box`` (3, 2)."""
     weight = 1.0
     for axis in range(3):
         place = box[axis, SIDES[c, axis]]
@@ -109,14 +109,14 @@ def box_weight(box, c, cell_corner):
 
 @inlined
 def room(x, shape, e, corners):
-    """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 near folding."""
+    """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 if nearly folded."""
     load_corners(x, shape, e, corners)
     return element_room(corners, shape.corner_ratio[e])
 
 
 @inlined
 def element_room(corners, ratios):
-    """Return `room` for an element with the corners (8, 3) [m]."""
+    """Return the result of `room` [m] for an element's corners (8, 3) [m] and its ``ratios`` r_c (8,) [1/m^3]."""
     room = math.inf
     for c in range(8):
         a, b, d = edge_at(corners, c, 0), edge_at(corners, c, 1), edge_at(corners, c, 2)

@@ -51,7 +51,10 @@ def load_parameters(b, elements, material, pressure, scale, table):
 
 @inlined
 def hourglass_rows(b):
-    """Add the hourglass part of a block to the rows of forces, of V P and of the energy [J]."""
+    """Write a block's hourglass forces [N]. Turn its rows of stress P and energy density into V P [N m] and energy [J].
+
+    Both include the hourglass part.
+    """
     for lane in range(LANES):
         volume = b[(GEOMETRY + VOLUME) * LANES + lane]
         q = (
@@ -79,7 +82,7 @@ def hourglass_rows(b):
 
 @internal
 def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
-    """Evaluate the blocks from ``first`` up to ``last`` as `evaluate` does, but do not sum the energies."""
+    """Write corner forces (m, 8, 3) [N] and energies (m,) [J] of the blocks from ``first`` up to ``last``."""
     b = np.empty(ROWS * LANES)
     for block in range(first, last):
         elements = blocks.element[block]

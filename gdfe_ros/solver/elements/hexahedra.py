@@ -11,7 +11,7 @@ from gdfe_ros.materials.tensor import cofactor, cross, determinant, dot
 
 @inlined
 def mean_gradient(x, shape, e):
-    """Return the mean deformation gradient of element ``e`` at positions ``x`` (n, 3)."""
+    """Return the mean deformation gradient (9,) of element ``e`` at positions ``x`` (n, 3) [m]."""
     f0, f1, f2, f3, f4, f5, f6, f7, f8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(8):
         v = shape.cells[e, a]
@@ -31,7 +31,7 @@ def mean_gradient(x, shape, e):
 
 @inlined
 def corner(x, v):
-    """Return the position of a vertex."""
+    """Return the position (3,) [m] of vertex ``v``."""
     return x[v, 0], x[v, 1], x[v, 2]
 
 
@@ -55,7 +55,7 @@ def part(a, b, sides):
 
 @inlined
 def box_corners(x0, x1, x2, x3, x4, x5, x6, x7, box):
-    """Return the corners of a cut cell's box (3, 2) from the cell's corners, by trilinear weights."""
+    """Return the corners of the box (3, 2) of a cut cell from the cell's corners, by trilinear weights."""
     x0, x1 = part(x0, x1, box[0])
     x3, x2 = part(x3, x2, box[0])
     x4, x5 = part(x4, x5, box[0])
@@ -76,7 +76,7 @@ def least_corner(x, shape, e):
     """Return the least volume ratio det F over the corners of element ``e``; NaN if one of them is NaN.
 
     The mean gradient does not show a folded corner, because hourglass patterns do not contribute to it. The corners of
-    a cut cell are those of the box that its material fills; its empty part may fold.
+    a cut cell are the corners of the box that its material fills. The empty part of the cell may fold.
     """
     c, r = shape.cells[e], shape.corner_ratio[e]
     x0, x1, x2, x3 = corner(x, c[0]), corner(x, c[1]), corner(x, c[2]), corner(x, c[3])

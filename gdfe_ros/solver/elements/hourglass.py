@@ -2,11 +2,12 @@
 """Compiled hourglass energy of one element: assumed strains per mode type, in the element's current edge directions.
 
 The four vectors q_k = sum_b gamma_kb x_b contain the deformation that the mean gradient does not. They are projected on
-the current directions e_i = F d_i / |F d_i| of the three edges. A mode k < 3 lacks axis k. Its projection on an edge i
-!= k is bending: a normal strain 2 a / h_i along i that varies linearly over the third axis. Its projection on edge k is
-torsion, with shear strains. Mode 3 varies trilinearly. In bending, parasitic shear and thickness strains are left out
-(enhanced assumed strain: Belytschko and Bindeman 1993, Puso 2000). The moduli are the initial ones times the element's
-scale, which is constant during a minimisation.
+the current directions e_i = F d_i / |F d_i| of the three edges. A mode k < 3 does not vary along edge k. Its projection
+on an edge i != k is bending: a normal strain 2 a / h_i along i that varies linearly along the third edge, with the
+mode's amplitude a at the corners and the edge length h_i. Its projection on edge k is torsion, with shear strains. Mode
+3 varies trilinearly. In bending, parasitic shear and thickness strains are left out (enhanced assumed strain:
+Belytschko and Bindeman 1993, Puso 2000). The moduli are the initial moduli times the element's scale, which is constant
+during a minimisation.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.tensor import dot, scaled, times
 
 AMPLITUDE = 8.0**-0.5
-"""Amplitude at the corners of a mode with the projection 1 on its unit hourglass vector."""
+"""Amplitude, at the corners, of a mode whose projection on its unit hourglass vector is 1."""
 LEAST_EDGE = 1e-3
 """Smaller stretches |F d_i| are regularised, so that a collapsed edge keeps a finite direction."""
 
@@ -57,7 +58,7 @@ def hourglass(f, q, axes, rates, coupling, young, shear, poisson):
 
 @inlined
 def mode_forces(q, d0, d1, d2, w0, w1, w2, coupling, young, shear, poisson):
-    """Return the energy and its derivatives with respect to the projections d_i . q_k, a tuple of four for each edge i.
+    """Return the energy [J] and its derivatives [N] with respect to the projections d_i . q_k: four for each edge i.
 
     ``w_i`` (1/m) converts a projection to a strain along or across edge i.
     """
@@ -84,7 +85,7 @@ def mode_forces(q, d0, d1, d2, w0, w1, w2, coupling, young, shear, poisson):
 
 @inlined
 def bending(a, b, plane, poisson):
-    """Return energy and stresses of two normal strains that vary linearly over the third axis (plane stress)."""
+    """Return energy and stresses of two normal strains that vary linearly along the third edge (plane stress)."""
     stress_a, stress_b = plane * (a + poisson * b), plane * (b + poisson * a)
     return 0.5 * (a * stress_a + b * stress_b), stress_a, stress_b
 
@@ -99,7 +100,7 @@ def edge_direction(f, axis):
 
 @inlined
 def turning(t, q, d, inverse):
-    """Return dE / d(F d_i) by the rotation of the direction ``d``, on which the vectors are projected."""
+    """Return the part of dE / d(F d_i) that comes from the rotation of the unit direction ``d`` of F d_i."""
     m = (
         t[0] * q[0][0] + t[1] * q[1][0] + t[2] * q[2][0] + t[3] * q[3][0],
         t[0] * q[0][1] + t[1] * q[1][1] + t[2] * q[2][1] + t[3] * q[3][1],

@@ -13,16 +13,16 @@ from gdfe_ros.solver.elements.cell_kernels import least_corner, mean_gradient, v
 
 LINEAR, NEO_HOOKEAN, CURVE = 0, 1, 2
 LEAST_SCALE, MOST_SCALE = 0.25, 4.0
-"""Bounds of the hourglass stiffness over the initial one. The lower bound prevents hourglassing of elements that soften
-much. With the upper bound the constant matrix stays a good preconditioner of elements that stiffen much.
+"""Bounds of the hourglass stiffness divided by its initial value. The lower bound prevents hourglassing of elements
+that soften much. With the upper bound, the constant matrix stays a good preconditioner for elements that stiffen much.
 """
 LEAST_CURVE_SCALE = 0.8
-"""Lower bound for measured curves, whose tangent falls most. In the scene tensile_curve at 100 % elongation, corners
-fold with 0.25 (least volume ratio -1.56 after 999 iterations) and with 0.5 (-1.05). With 0.8 none folds (0.26 after
-211).
+"""Lower bound for the law of measured curves, whose tangent modulus decreases most. In the scene tensile_curve at 100 %
+elongation, corners fold with the bound 0.25 (least volume ratio -1.56 after 999 iterations) and with 0.5 (-1.05). With
+0.8 no corner folds (0.26 after 211 iterations).
 """
 NEWTON_STEPS = 20
-"""Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps."""
+"""Largest number of Newton iterations for J*; three to five usually suffice."""
 
 
 @kernel
@@ -40,7 +40,7 @@ def least_volume_ratio(x, shape):
 
 @internal
 def volume_at(total, table, k):
-    """Return J* with U'(J*) = total for the volume energy U of material ``k``."""
+    """Return the volume ratio J* with U'(J*) = ``total`` [Pa] for the volume energy U of material ``k``."""
     bulk = table.parameters[k, BULK]
     if table.law[k] != NEO_HOOKEAN or bulk == math.inf:
         return 1.0 + total / bulk
@@ -60,7 +60,7 @@ def volume_at(total, table, k):
 def update_pressures(x, elements, shape, material, table, pressure):
     """Replace the pressures p_e of ``elements`` by p - kappa (J* - 1); return the largest and the mean |J - J*|.
 
-    Here p = p_e + kappa (J - 1), and J* is the volume ratio with U'(J*) = p.
+    Here p = p_e + kappa (J - 1), and J* is the volume ratio with U'(J*) = p. The mean is weighted by volume.
     """
     worst, mean, volume = 0.0, 0.0, 0.0
     for e in elements:
@@ -99,14 +99,14 @@ def strain_state(x, shape, e, table, k):
 
 @inlined
 def softened_scale(tangent, table, k):
-    """Return the hourglass stiffness, over the initial one, of an element with this tangent modulus [Pa]."""
+    """Return an element's scale: its ``tangent`` modulus [Pa] divided by the initial modulus, within the bounds."""
     least = LEAST_CURVE_SCALE if table.law[k] == CURVE else LEAST_SCALE
     return min(max(tangent / table.tangent[k, 0], least), MOST_SCALE)
 
 
 @kernel
 def update_hourglass_scales(x, elements, shape, material, table, scale):
-    """Set the scale (m,) of ``elements`` to their tangent modulus over the initial one; return the largest change.
+    """Set the scale (m,) of ``elements`` to their `softened_scale`; return the largest change.
 
     Bending and torsion inside an element soften with its modulus, as its shape factor does (Algorithm 1). The scale is
     constant during a minimisation. It is updated between minimisations until it no longer changes, so that the result

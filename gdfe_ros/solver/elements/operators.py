@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operators of a body's elements at a given growth, in both layouts of the kernels."""
+"""Operators of a body's elements at a given growth, by element and in blocks."""
 
 from __future__ import annotations
 

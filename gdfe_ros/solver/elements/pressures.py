@@ -14,9 +14,9 @@ from gdfe_ros.solver.elements.measures import update_pressures
 from gdfe_ros.solver.state import ElementState
 
 STILL_UPDATES, PLAIN_UPDATES = 3, 20
-"""Pressures are accelerated after so many successive updates without any iteration, or after so many updates in all."""
+"""Updates are accelerated after `STILL_UPDATES` successive updates without an iteration, or `PLAIN_UPDATES` in all."""
 LOCAL_SLACK = 10.0
-"""A single element's volume error may exceed the mean one by this factor, because it moves positions by the same
+"""Allowed volume error of a single element, divided by the allowed mean error. Both errors move positions by the same
 amount.
 """
 SWINGING = 0.3
@@ -51,7 +51,7 @@ class Pressures:
         self.begin()
 
     def begin(self) -> None:
-        """Reset the history of updates; the values stay."""
+        """Clear the history of updates; the pressures stay."""
         self._change: NDArray[np.float64] | None = None
         self._swings, self._still, self._updates = 0, 0, 0
         self._anderson = Anderson()
@@ -59,11 +59,11 @@ class Pressures:
     def update(
         self, x: NDArray[np.float64], elements: NDArray[np.int32], shape: ShapeOperators, *, still: bool
     ) -> float:
-        """Update the pressures of ``elements``; return the error of their volumes: the mean, or a tenth of the largest.
+        """Update the pressures of ``elements``; return the mean volume error, or a tenth of the largest if larger.
 
         In confined bodies plain updates converge slowly, and Anderson acceleration is used. Beyond a buckling load the
         body is softer than the penalty bulk modulus, and the updates would oscillate without end. The modulus is then
-        raised until the next call of `begin`.
+        raised, and stays raised in later solves.
         """
         before = self.values.copy()
         worst, mean = update_pressures(x, elements, shape, self._body.material, self.table, self.values)
@@ -80,7 +80,7 @@ class Pressures:
 
     @property
     def bulk(self) -> NDArray[np.float64]:
-        """Penalty bulk modulus of elements with pressures, by material (k,) [Pa]."""
+        """Penalty bulk modulus (k,) [Pa] of each material, for elements with pressures."""
         return self.table.parameters[:, PENALTY].copy()
 
     def _stiffen(self) -> None:

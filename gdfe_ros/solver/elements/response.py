@@ -11,7 +11,7 @@ from gdfe_ros.solver.elements.cell_kernels import add_walls, evaluate_blocks
 
 @parallel_kernel
 def evaluate_in_threads(threads, x, shape, blocks, material, pressure, scale, table, force, energy):
-    """Distribute the blocks to threads in equal parts."""
+    """Evaluate all blocks by `evaluate_blocks`, with the blocks divided equally among ``threads``."""
     count = len(blocks.element)
     for part in prange(threads):
         first, last = part * count // threads, (part + 1) * count // threads

@@ -61,9 +61,9 @@ invariants of F.
 SWEEPS = 12
 """Limit of Jacobi sweeps. Three to five are enough for finite numbers; NaN ends the sweeps at once."""
 FIRST, SECOND, DETERMINANT, STRETCH_SUM, SIZE, FACTOR, STORED = range(COORDINATES, COORDINATES + 7)
-"""Scratch of the corotated laws: invariants of F, tr(R^T F), |F - lam R|^2, the factor of F - lam R, and its energy."""
+"""Scratch rows of the corotated laws: invariants of F (3), tr(R^T F), |F - lam R|^2, factor of F - lam R, energy."""
 TENSOR, LEFT, RIGHT = COORDINATES, COORDINATES + 6, FORCES
-"""Scratch of Ogden's law: C (6), later stretches and derivatives; its eigenvectors N (9); n = F N / stretch (9)."""
+"""Scratch rows of Ogden's law: C (6), then stretches and derivatives; eigenvectors N (9); n = F N / stretch (9)."""
 STRETCHES, DERIVATIVES = TENSOR, TENSOR + 3
 
 
@@ -96,7 +96,7 @@ def stress_rows(b, law, elements, material, table):
 
 @inlined
 def neo_hookean_rows(b):
-    """Write all rows of the neo-Hookean law."""
+    """Write the rows of the energy density and of P for the neo-Hookean law."""
     for lane in range(LANES):
         w, p = neo_hookean(
             load9(b, GRADIENT, lane),
@@ -111,7 +111,7 @@ def neo_hookean_rows(b):
 
 @inlined
 def deviator_rows(b):
-    """Write F - lam R to the rows of P, and its squared norm; lam is the mean stretch."""
+    """Write F - lam R to the rows of P, and its squared norm to the row `SIZE`; lam is the mean stretch."""
     for lane in range(LANES):
         f = load9(b, GRADIENT, lane)
         c = cofactor(f)
@@ -160,7 +160,7 @@ def corotated_stress_rows(b):
 
 @inlined
 def principal_rows(b):
-    """Write the signed principal stretches, the largest first, and their directions, undeformed N and deformed n."""
+    """Write the signed principal stretches, the largest first, and their undeformed and deformed directions N and n."""
     for lane in range(LANES):
         f = load9(b, GRADIENT, lane)
         x, y, z = (f[0], f[3], f[6]), (f[1], f[4], f[7]), (f[2], f[5], f[8])
@@ -218,7 +218,7 @@ def ogden_stress_rows(b):
 
 @inlined
 def stress_row(g, u, i, v, slope, c):
-    """Return row i of P from derivatives g (3), current directions u (9) and rest directions v (9)."""
+    """Return row i of P from derivatives g (3), deformed directions u (9) and undeformed directions v (9)."""
     first, second, third = g[0] * u[i], g[1] * u[3 + i], g[2] * u[6 + i]
     return (
         first * v[0] + second * v[3] + third * v[6] + slope * c[0],

@@ -25,14 +25,14 @@ SPACING = 1e-5
 NUMBERS = 21
 """Length of z and r."""
 WIDTH = 24
-"""Length of a row of H and of K. Three numbers of a row of H stay zero, so that both fill whole registers."""
+"""Length of a row of H and of K. The last three numbers of a row of H are zero, so that rows fill whole registers."""
 SAVED = ROWS
-"""Row of the entry of F that is varied."""
+"""Row with the unchanged value of the entry of F that is varied."""
 
 
 @inlined
 def differences(b, law, elements, material, table, reduced):
-    """Write the columns dr/dF of a block to ``reduced`` (LANES, 21, 24)."""
+    """Add the columns dr/dF of a block to ``reduced`` (LANES, 21, 24)."""
     for column in range(9):
         row = (GRADIENT + column) * LANES
         for lane in range(LANES):
@@ -52,7 +52,7 @@ def differences(b, law, elements, material, table, reduced):
 
 @inlined
 def hourglass_columns(b, reduced):
-    """Write the columns dr/dq of a block to ``reduced`` (LANES, 21, 24); its rows of q are overwritten."""
+    """Write the columns dr/dq of a block to ``reduced`` (LANES, 21, 24); the block's rows of q are overwritten."""
     for i in range(12 * LANES):
         b[MODES * LANES + i] = 0.0
     for column in range(12):

@@ -18,27 +18,28 @@ INVERSE, WEIGHT, TET_GEOMETRY_ROWS = 0, 36, 40
 and the number of rows."""
 NODES, TOTAL, GRADIENTS = ROWS, ROWS + 30, ROWS + 60
 """First rows of the node coordinates (10 x 3), of the node forces (10 x 3), and of F at the points (4 x 9). The rows of
-hexahedra come first, because the laws are evaluated there.
+hexahedra come before them, because the laws are evaluated in the rows of hexahedra.
 """
 SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENTS + 38
-"""Rows of the pressure on the mean volume, of the energy, and the first of the geometry (40)."""
+"""Row of the pressure that acts on the mean volume, row of the energy, and first of the geometry's 40 rows."""
 TET_ROWS = GEOMETRY_OF_TET + TET_GEOMETRY_ROWS
 STRAIGHT = 1e-9
-"""Edges count as straight if dxi/dX differs by at most this fraction between the element's points."""
+"""Edges count as straight if dxi/dX differs by at most this fraction between the integration points."""
 
 
 class TetBlocks(NamedTuple):
-    """The elements, sorted by law, in blocks; the last block of a law is padded by repetition.
+    """The elements in blocks, sorted by law and straight or curved edges; the last block of a kind is padded.
 
     Attributes:
         element: (b, LANES) int32 element of each lane.
-        used: (b,) int32 number of lanes in use; the others repeat the first.
+        used: (b,) int32 number of lanes in use; the other lanes repeat the first lane.
         law: (b,) int32 law of the block's elements.
-        straight: (b,) bool, whether all edges of the block are straight; one inverse and one weight then serve all
-            points.
+        straight: (b,) bool, whether all edges of the block are straight. One inverse and one weight then serve all four
+            integration points.
         start: (b,) int64 index in ``geometry`` at which each block begins.
-        geometry: float64, rows as named above, lane by lane. Straight blocks have one inverse (9) and one weight only:
-            a quarter of the numbers, because memory limits the kernels.
+        geometry: float64, the rows `INVERSE` and `WEIGHT` of each block; a row has one number for each lane. Straight
+            blocks have one inverse (9) and one weight only: a quarter of the numbers, because memory limits the
+            kernels.
     """
 
     element: NDArray[np.int32]
@@ -52,7 +53,7 @@ class TetBlocks(NamedTuple):
 def make_tet_blocks(
     shape: TetOperators, material: NDArray[np.int32], table: MaterialTable, elements: NDArray[np.int32]
 ) -> TetBlocks:
-    """Sort ``elements`` into blocks; the order within a law is kept."""
+    """Return the ``elements`` (k,) in blocks, sorted by law and edge shape; within a kind the order is kept."""
     inverse = shape.inverse.reshape(-1, 4, 9)
     bend = np.abs(inverse - inverse[:, :1]).max(axis=(1, 2))
     straight = bend <= STRAIGHT * np.abs(inverse[:, 0]).max(axis=1)

@@ -109,13 +109,13 @@ def gather_point(b, place, inverse, row):
 
 @inlined
 def add(b, row, lane, value):
-    """Add to an entry of a row."""
+    """Add ``value`` to the entry of ``row`` and ``lane``."""
     b[row * LANES + lane] += value
 
 
 @inlined
 def scatter_point(b, place, inverse):
-    """Add the node forces of one integration point; the rows of the stress hold its weight times P."""
+    """Add the node forces of one integration point; the rows of the stress must contain the point's weight times P."""
     l0, l1, l2, l3 = place
     for lane in range(LANES):
         m = load9(b, inverse, lane)
@@ -139,7 +139,7 @@ def scatter_point(b, place, inverse):
 
 @inlined
 def mean_volume_rows(b, elements, material, pressure, table):
-    """Write slope and energy [J] of the volume term, which acts on the mean volume ratio."""
+    """Write the pressure [Pa] and the energy [J] of the volume term, which acts on the mean volume ratio."""
     for lane in range(LANES):
         b[SLOPE * LANES + lane], b[STORED_ENERGY * LANES + lane] = 0.0, 0.0
     for g in range(4):
@@ -160,7 +160,7 @@ def mean_volume_rows(b, elements, material, pressure, table):
 
 @inlined
 def add_mean_stress(b, weight):
-    """Add the pressure on the mean volume to P, and multiply P and the energy by the point's weight (a row)."""
+    """Add the mean volume's stress to P of an integration point; multiply P and energy by the row ``weight``."""
     for lane in range(LANES):
         c, w = cofactor(load9(b, GRADIENT, lane)), b[weight * LANES + lane]
         p, s = load9(b, STRESS, lane), b[SLOPE * LANES + lane]

@@ -19,13 +19,13 @@ CORNER_NODES = np.array(
     [[0, 4, 6, 7], [1, 4, 5, 8], [2, 6, 5, 9], [3, 7, 8, 9]],
     dtype=np.int32,
 )
-"""Each corner, and the nodes on the edges that meet there."""
+"""Each corner, and the mid-edge nodes of the three edges that meet there (4, 4)."""
 OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]], dtype=np.int32)
-"""Other ends of the edges of `CORNER_NODES`."""
+"""The other corners (4, 3) of the edges in `CORNER_NODES`."""
 ORDER = np.array([1.0, -1.0, 1.0, -1.0])
 """Sign of the triple product of the edges in the order of `CORNER_NODES`."""
 SPACING = 1e-5
-"""Displacement in a finite difference, over the cube root of an element's volume."""
+"""Displacement in a finite difference, divided by the cube root of an element's volume."""
 
 
 @internal
@@ -77,7 +77,7 @@ def element_tangents(x, shape, blocks, material, pressure, scale, table, out):
 
 @inlined
 def mean_gradient(x, shape, e):
-    """Return the volume average of the deformation gradient of element ``e`` at positions ``x`` (n, 3)."""
+    """Return the volume average (9,) of the deformation gradient of element ``e`` at positions ``x`` (n, 3) [m]."""
     f0, f1, f2, f3, f4, f5, f6, f7, f8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(10):
         v = shape.cells[e, a]
@@ -91,7 +91,7 @@ def mean_gradient(x, shape, e):
 
 @inlined
 def point_gradient(x, shape, e, g):
-    """Return the deformation gradient of element ``e`` at its integration point ``g``."""
+    """Return the deformation gradient (9,) of element ``e`` at its integration point ``g``."""
     l0, l1, l2, l3 = L[g]
     m, v = shape.inverse[e, g], shape.cells[e]
     d = np.empty((3, 3))
@@ -155,7 +155,7 @@ def least_corner(x, shape, e):
 def room(x, shape, e, scratch):
     """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 if nearly folded.
 
-    The bound is that of `watch`, with edges that change by 8 d if no vertex moves by more than d.
+    The bound is the bound of `watch`, with edges that change by up to 8 d if no vertex moves by more than d.
     """
     found = math.inf
     for c in range(4):

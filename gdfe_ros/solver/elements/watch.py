@@ -3,14 +3,14 @@
 
 Barriers act below a volume ratio J_0, which sound bodies never reach. A minimisation therefore keeps a list of watched
 elements, and evaluates barriers for these alone. At its beginning it examines all elements, and watches those with a
-corner below `NEARLY_FOLDED`. All other corners have room: with edges of lengths A, B, C and vertices that move by at
-most d = t/2,
+corner below `NEARLY_FOLDED`. Every other corner stays above J_0 while no vertex moves by more than a distance d. With
+edges of lengths A, B, C and t = 2 d,
 
     |J' - J| <= r ((A + t)(B + t)(C + t) - A B C) <= 3 r t (A B + B C + C A)    for t <= A, B, C
 
 where 1 / r is the undeformed triple product. While no vertex has moved farther than the least of these d, every corner
-outside of the list is above J_0. Then all elements are examined again. The minimised energy thus always contains all
-barriers that act, and sound bodies need one examination per solve.
+outside of the list is above J_0. After a longer motion, all elements are examined again. The minimised energy thus
+always contains all barriers that act, and sound bodies need one examination per solve.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Watch(NamedTuple):
 
     @classmethod
     def over(cls, elements: int) -> Watch:
-        """Return an empty list for a number of elements."""
+        """Return an empty list for a body with this number of ``elements``."""
         numbers, none = np.zeros(elements, dtype=np.int32), np.zeros(elements, dtype=np.bool_)
         return cls(numbers, np.zeros(1, dtype=np.int64), none, np.full(2, -1.0))
 
@@ -57,7 +57,7 @@ class Watch(NamedTuple):
 
 @internal
 def look(x, shape, blocks, watch):
-    """Watch the elements of ``blocks`` that are nearly folded; return the least room [m] of the others at ``x``."""
+    """Add the nearly folded elements of ``blocks`` to the list; return the least room [m] of the others at ``x``."""
     scratch, least = np.empty((8, 3)), math.inf
     for block in range(len(blocks.element)):
         for lane in range(blocks.used[block]):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dormancy: freezes the part of a body that the commands do not reach, and wakes it when its forces change.
 
-The frozen elements keep the forces of their last evaluation. At their border, moving neighbours change the forces. The
-constant matrix estimates the displacement that these changes would cause in the frozen vertices. If this estimate of
-the error exceeds the tolerance, the whole body is solved once more. This is the outlook of the paper: "discount
-elements which are not relevant to the actuation".
+The frozen elements keep the forces of their last evaluation. Moving neighbours change the forces at the border of the
+frozen part. The constant matrix estimates the displacement that these changes would cause in the frozen vertices. If
+this estimate of the error exceeds the tolerance, the whole body is solved once more. The paper names this in its
+outlook: "discount elements which are not relevant to the actuation".
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from gdfe_ros.solver.state import DormancyState, Known, State
 from gdfe_ros.solver.value import changed
 
 QUIET = 0.1
-"""A vertex counts as at rest if its displacement in a step, over the tolerance, is below this."""
+"""A vertex counts as at rest if its displacement in a step, over tolerance times body size, is at most this."""
 PATIENCE, MOST_PATIENCE = 4, 64
-"""A vertex is frozen once it was at rest in this number of successive steps of the whole body: first value and limit.
-The number is doubled after each awake part that was too small.
+"""Number of successive steps of the whole body in which a vertex must be at rest before it is frozen: initial and
+largest value. The number is doubled after each awake part that was too small.
 """
 WORTH = 0.75
 """Largest fraction of the free vertices that an awake part may have; larger parts save no time."""
 MOST_REST = 32
-"""Largest number of steps for which the search for vertices to freeze pauses. It pauses after an awake part that would
-have been too large (`WORTH`), each time twice as long."""
+"""Largest number of steps for which the search for vertices to freeze pauses. It pauses if the awake part would be too
+large (`WORTH`), each time twice as long."""
 LEAST_VERTICES = 1500
-"""With fewer free vertices, freezing saves no time, because the part needs a factor of its own."""
+"""With fewer free vertices, freezing saves no time, because the awake part needs a factor of its own."""
 LAYERS = 2
-"""Layers of elements around the moving ones that are kept awake."""
+"""Number of layers of elements around the moving vertices that are not frozen."""
 SHORT, LONG = 8, 32
-"""A part that lasts for fewer than `SHORT` steps was too small; one that lasts for `LONG` steps was well chosen."""
+"""An awake part that lasts for fewer than `SHORT` steps was too small; `LONG` steps prove that it was well chosen."""
 STIRRED = 0.25
-"""A frozen vertex joins the awake part if its displacement on waking, over the largest one, exceeds this."""
+"""A frozen vertex joins the awake part if its displacement on waking, over the largest of all, exceeds this."""
 CERTAIN = 0.5
-"""Up to this estimated displacement over the tolerance, the cheap estimate from the border's forces is trusted."""
+"""A displacement estimated without a solve is accepted up to this fraction of the allowed displacement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,8 @@ class AwakePart:
 
     Attributes:
         awake: (n,) bool, vertices that the part must contain.
-        active: its unknowns and elements.
-        watched: int32 frozen vertices whose forces may change.
+        active: unknowns and elements of the part.
+        watched: (k,) int32 frozen vertices whose forces may change.
         rows: indices of the watched vertices among the body's free vertices.
         handles: int32 vertices of handles next to frozen elements.
     """
@@ -82,7 +82,7 @@ class Dormancy:
         self._part: AwakePart | None = None
 
     def forbid(self) -> None:
-        """Disable freezing for good; the constant matrix cannot estimate the displacement of frozen vertices."""
+        """Disable freezing permanently, for bodies whose displacements the constant matrix cannot estimate."""
         self._possible = False
 
     def at_rest(self) -> DormancyState | None:
@@ -122,9 +122,10 @@ class Dormancy:
         return active is not self._whole
 
     def disturbance(self, sleep: DormancyState, target: float) -> tuple[float, float]:
-        """Return an estimate [m] of the frozen vertices' displacement if they were free, and its value per 1 N.
+        """Return the displacement [m] that the frozen vertices would have if they were free, and its value per 1 N.
 
-        The estimate is computed by a solve, unless the cheap one is far below ``target`` [m].
+        The displacement is estimated by a solve with the constant matrix. If the last value per 1 N already gives a
+        displacement far below ``target`` [m], that value is used instead.
         """
         part = self._made(sleep.awake)
         change = self._forces(part) - sleep.border
@@ -143,9 +144,9 @@ class Dormancy:
     def accepted(
         self, sleep: DormancyState | None, active: ActiveSet, positions: NDArray[np.float64], tolerance: float
     ) -> DormancyState | None:
-        """Return the dormancy state after a step of ``active`` to ``positions`` (n, 3) [m].
+        """Return the dormancy state after a step that solved ``active`` and ended at ``positions`` (n, 3) [m].
 
-        It has no forces of frozen elements yet; `learned` adds them.
+        After a change of the awake part, it has no forces of frozen elements yet; `learned` adds them.
         """
         if sleep is None:
             return None
@@ -163,7 +164,7 @@ class Dormancy:
         return sleep
 
     def learned(self, sleep: DormancyState | None, evaluate: Callable[[], Known]) -> DormancyState | None:
-        """Return ``sleep`` with the forces of the frozen elements; ``evaluate`` computes those of the whole body."""
+        """Return ``sleep`` with the forces of the frozen elements; ``evaluate`` computes the forces of all elements."""
         if sleep is None or sleep.awake is None or sleep.known is not None:
             return sleep
         known = evaluate()
@@ -174,14 +175,14 @@ class Dormancy:
         return None if sleep is None else self._dropped(sleep)
 
     def _watched(self, sleep: DormancyState, quiet: NDArray[np.bool_]) -> DormancyState:
-        """Count a step and the vertices at rest in it; freeze those at rest in all of the last ``patience`` steps."""
+        """Count a step; freeze the vertices that were at rest (``quiet``) in all of the last ``patience`` steps."""
         calm, count = sleep.calm & quiet, sleep.count + 1
         if count < sleep.patience:
             return changed(sleep, calm=calm, count=count)
         return changed(self._taken(sleep, ~calm), count=0, calm=np.ones_like(calm))
 
     def _widened(self, sleep: DormancyState, moved: NDArray[np.float64]) -> DormancyState:
-        """Keep the part after the whole body was solved; enlarge it if it lasted for fewer than `SHORT` steps."""
+        """Keep the awake part after a solve of the whole body; enlarge it if it lasted for fewer than `SHORT` steps."""
         if sleep.lasted < SHORT:
             held = self._made(sleep.awake).active.frozen
             stirred = np.zeros(len(moved), dtype=bool)
@@ -191,7 +192,7 @@ class Dormancy:
         return changed(sleep, lasted=0, known=None, border=None)
 
     def _taken(self, sleep: DormancyState, awake: NDArray[np.bool_]) -> DormancyState:
-        """Freeze all but the vertices ``awake`` (n,) and `LAYERS` layers around them, if that pays."""
+        """Freeze all but the vertices ``awake`` (n,) and `LAYERS` layers around them; none if these are too many."""
         cells, free = self._body.cells, self._whole.unknowns.free
         awake = awake | self._alive
         for _ in range(LAYERS):
@@ -206,7 +207,7 @@ class Dormancy:
         return changed(sleep, awake=None, known=None, border=None, lasted=0, count=0, calm=calm)
 
     def _made(self, awake: NDArray[np.bool_]) -> AwakePart:
-        """Return the part with these vertices; the last part is cached because its factor is expensive."""
+        """Return the part with the vertices ``awake`` (n,); the last part is cached because its factor is expensive."""
         if self._part is None or not (awake is self._part.awake or np.array_equal(awake, self._part.awake)):
             whole = self._whole
             free = np.zeros_like(awake)
@@ -222,7 +223,7 @@ class Dormancy:
         return self._part
 
     def _forces(self, part: AwakePart) -> NDArray[np.float64]:
-        """Return dE/dx [N] of the watched vertices."""
+        """Return dE/dx (k, 3) [N] of the watched vertices of ``part``."""
         work, total = self._whole.workspace, np.empty((len(part.watched), 3))
         gather_rows(work.force, self._whole.unknowns.vertices_only(part.watched), total.reshape(-1))
         return total + work.outside[part.watched] if self._pushed else total

@@ -39,24 +39,25 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
 
 LEAP = 100.0
-"""A solve counts as warm only if its start is nearer to the last equilibrium than this multiple of the tolerance."""
+"""A solve is warm only if its start is within this multiple of the tolerance from the last equilibrium."""
 REORIENT = 0.3
-"""A handle's coupling to the constant matrix is recomputed, and the history emptied, after a rotation by this angle
-[rad].
+"""If a handle has rotated by this angle [rad], its coupling to the constant matrix is recomputed, and the history is
+emptied.
 """
 RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 
 class EquilibriumSolver:
-    """Equilibrium solver: finds positions at which the forces of all elements, derived from their energy, balance.
+    """Equilibrium solver of the policy ``energy``: finds positions at which all forces of elements and terms balance.
 
     Args:
         body: the discretised body.
         actuation: the external terms; None for none.
-        library: library that factors the constant matrix; None chooses.
+        library: library that factors the constant matrix; None chooses by size.
         skip: kinds of work that are left out where possible.
-        threads: most threads among which the elements are divided.
-        predictor: function that makes the predictor of a solve's start; None for the predictor of equilibria.
+        threads: largest number of threads among which the elements are divided.
+        predictor: function that returns the predictor of a solve's start for given handle kinematics; None for the
+            predictor of equilibria.
         softening: whether hourglass scales follow the strain.
 
     Attributes:
@@ -162,7 +163,7 @@ class EquilibriumSolver:
         return solve.evaluate(self._whole, self.matrix.coupling, threads=None)
 
     def observe(self, observer: Observer | None) -> None:
-        """Set the observer of the energy of every iteration; None for none."""
+        """Set the observer, which is called with the energy of every iteration; None for none."""
         self.minimiser.observer = observer
 
     def solve(self, problem: Increment, start: State) -> Solution:
@@ -210,10 +211,10 @@ class EquilibriumSolver:
         return self._judged(solve, changed(again, iterations=found.iterations + again.iterations), part=False)
 
     def accept(self, solution: Solution, previous: State) -> State:
-        """Return the state that follows ``previous`` with the last solution.
+        """Return the complete state of ``solution``, which follows the state ``previous``.
 
         Raises:
-            RuntimeError: the solution is not that of the last solve; the workspace of that solve is needed.
+            RuntimeError: ``solution`` is not the result of the last solve, whose workspace is needed.
         """
         if solution.run != self._run:
             raise RuntimeError("only the solution of the last solve can be accepted")
@@ -246,7 +247,7 @@ class EquilibriumSolver:
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def skipped(self, solution: Solution) -> dict[str, int]:
-        """Return the counts of work that a solve left out, by name."""
+        """Return a dict from kind of work to the count that a solve left out, as in `StepResult`."""
         counts = dict(solution.active.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
 
@@ -265,7 +266,14 @@ class EquilibriumSolver:
         return active.matrix.coupling if orientation is None else active.matrix.turned(orientation)
 
     def descend(self, solve: Solve, active: ActiveSet, history: UpdateHistory, *, spent: int = 0) -> Solution:
-        """Minimise from the present positions of ``solve`` with a ``history``, after ``spent`` iterations."""
+        """Return the solution of minimisations and multiplier updates from the present positions of ``solve``.
+
+        Args:
+            solve: the solve.
+            active: unknowns and elements.
+            history: quasi-Newton history at the beginning.
+            spent: number of iterations that the solve has made before.
+        """
         orientation, coupling = self._orientation(solve), self._coupling(solve, active)
         if orientation is not None and orientation is not solve.start.orientation:
             history = UpdateHistory.empty()
@@ -288,7 +296,7 @@ class EquilibriumSolver:
         return changed(solution, state=solution.state.with_(orientation=orientation))
 
     def _orientation(self, solve: Solve) -> NDArray[np.float64] | None:
-        """Return the rotations at which the handles' rigid rows are coupled; None if no handle rotates freely."""
+        """Return the rotations (p, 3, 3) for coupling the rigid rows of handles; None if no handle rotates freely."""
         if not self.handles.turn:
             return None
         kept = solve.start.orientation

@@ -24,11 +24,11 @@ class Model:
         actuation: the external terms.
         handles: the kinematics of its handles.
         minimiser: minimises the potential.
-        level: tangent preconditioner of a slender body; None if the constant matrix preconditions.
+        level: tangent preconditioner of a slender body; None if the constant matrix is the preconditioner.
         softening: whether hourglass scales follow the strain. With ``newmark`` they stay constant, because a change of
             scale would create or remove energy.
         softest: (3 r,) the constant matrix times an estimate of the undeformed body's softest mode; None if nothing
-            moves.
+            can move.
     """
 
     body: Body

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start of a step: linear extrapolation of a smooth motion, and the harmonic predictor for the remainder."""
+"""Start of a step: linear extrapolation of a smooth motion, and harmonic extension of the handles' remaining motion."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from gdfe_ros.solver.state import Motion, State
 LARGEST_RATIO = 2.0
 """Largest multiple of the last step that is extrapolated."""
 STILL = 1e-12
-"""Motion of handles, over the body's size, that is rounding and needs no harmonic predictor."""
+"""Handle displacement, over the body's size, that counts as rounding and is not extended to the free vertices."""
 SMOOTH = 0.5
-"""The last motion is extrapolated if the present motion differs from it by at most this fraction."""
+"""The last motion is extrapolated if the present motion differs from a multiple of it by at most this fraction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +55,9 @@ class Predictor:
     def predict(
         self, state: State, base: NDArray[np.float64], change: NDArray[np.float64], movable: Movable
     ) -> Prediction:
-        """Return the start of a solve for handles commanded from ``state`` to ``base`` (n, 3) [m].
+        """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m].
 
-        ``change`` (k,) are the changes of the commands of actuators and loads; only ``movable`` vertices move.
+        ``change`` (c,) are the changes of the commands of actuators and loads. Only ``movable`` vertices move.
         """
         held, last = self._held, state.motion
         motion = base[held] - state.base[held]
@@ -88,9 +88,9 @@ class Predictor:
 
 
 def _ratio(last: Motion | None, motion: NDArray[np.float64], change: NDArray[np.float64]) -> float:
-    """Return the multiple of the last motion that this one repeats; 0 for a different motion.
+    """Return the multiple of the last motion that the present motion repeats; 0 if the two are not similar.
 
-    Handles and commands count alike, each in units of the larger of its last two changes.
+    The displacements of handles and each command are divided by the larger of their last two changes.
     """
     if last is None:
         return 0.0

@@ -18,11 +18,11 @@ from gdfe_ros.solver.tangent.curvature import FLAT
 from gdfe_ros.solver.value import changed
 
 MOST_SADDLES = 8
-"""Most saddles that one solve leaves in succession."""
+"""Largest number of saddles that one solve leaves in succession."""
 STEP, ASK, LOOK = 4, 40, 500
-"""Three numbers of iterations: the cost of a step besides its own iterations; the interval between evaluations of the
-curvature along the softest direction (one product each); the interval between computations of that direction. Each
-evaluation or computation costs about a fortieth of the work of a stream.
+"""Numbers of iterations. A step counts as its own iterations plus `STEP`. Along the softest direction, the curvature is
+evaluated every `ASK` iterations, with one product. The direction is computed anew every `LOOK` iterations. Each of the
+two costs about a fortieth of the work of a stream.
 """
 UNSTABLE = (
     "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
@@ -44,7 +44,7 @@ class Descents(Protocol):
         """Return the minimisation's task at a solution, with unchanged multipliers."""
 
     def descend(self, solve: Solve, active: ActiveSet, history: UpdateHistory, *, spent: int = 0) -> Solution:
-        """Minimise from the present positions of ``solve``."""
+        """Return the solution of minimisations and multiplier updates from the present positions of ``solve``."""
 
 
 class Saddles:
@@ -58,10 +58,10 @@ class Saddles:
         self._stability = stability
 
     def judged(self, descents: Descents, solve: Solve, found: Solution, *, part: bool) -> Solution:
-        """Return a converged solution with its stability, which is checked when due.
+        """Return a converged solution with its stability, which is checked only at intervals.
 
-        A solution of a ``part`` of the body is not checked, because it does not prove the stability of the whole. From
-        a saddle, ``descents`` minimises again, beginning at a point of lower energy beside it.
+        A solution of a ``part`` of the body is not checked, because it does not prove the stability of the whole body.
+        If the solution is a saddle, ``descents`` minimises again from a point of lower energy beside it.
         """
         start, soft = solve.start, solve.start.soft
         if soft is not None:
@@ -79,7 +79,7 @@ class Saddles:
         return _told(found, soft, stable=start.summary.stable)
 
     def _left(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
-        """Leave a saddle, and those that follow it; return the last solution with its stability."""
+        """Check the stability, leave a saddle and any further saddles; return the last solution with its stability."""
         whole = descents.whole
         for _ in range(MOST_SADDLES):
             task = descents.task_at(solve, found)

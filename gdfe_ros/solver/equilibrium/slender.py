@@ -21,19 +21,21 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.smooth_field import smooth_field
 
 PRODUCTS = 40
-"""Number of Lanczos steps. From a smooth start they give the softness of a slender body within a factor of ten, enough
-to distinguish it from a stocky body; docs/theory/solve.md has the figures.
+"""Number of Lanczos steps. The softness of a body is the least eigenvalue of the tangent relative to the constant
+matrix. From a smooth start, these steps give the softness of a slender body within a factor of ten, enough to
+distinguish it from a stocky body; docs/theory/solve.md has the figures.
 """
 SLENDER = 1.5e-3
 """A body counts as slender if its softness after 40 Lanczos steps is below this; steps of the constant matrix alone are
-then too short. Stocky scenes have 3.9e-3 to 6.9e-3, a bar of six times its thickness 8e-4, the robots 2e-4 to 1e-3.
+then too short. The softness of stocky scenes is 3.9e-3 to 6.9e-3, of a bar six times as long as thick 8e-4, and of the
+robots 2e-4 to 1e-3.
 """
 SLENDER_IN_MOTION = 2e-2
-"""The same limit for bodies with inertia: no distance has to be certified, and a tangent pays sooner."""
+"""The same limit for bodies with inertia. A tangent saves time for more of them: it need not certify a distance."""
 MECHANISM = 1e-10
-"""A mode with a smaller softness has no stiffness, only rounding: the handles let the body turn or move as a whole."""
+"""A mode of smaller softness counts as rigid: the handles let the body turn or move as a whole."""
 INVERSE_ITERATIONS = 6
-"""Inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
+"""Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
 
 
 def for_slender(
@@ -50,13 +52,13 @@ def for_slender(
     """Return the model with a tangent preconditioner if the body needs one; otherwise the model itself.
 
     Args:
-        model: of the body, with the constant matrix alone.
+        model: model of the body without a tangent preconditioner.
         whole: the active set of the whole body.
         matrix: the constant matrix.
         rest: the undeformed state.
-        weight: (m,) [Pa] of the constant matrix.
-        bending: (m,) [N/m] of the constant matrix.
-        threads: threads among which the elements are divided.
+        weight: (m,) weights of the elements in the constant matrix [Pa].
+        bending: (m,) hourglass stiffnesses of the elements in the constant matrix [N/m].
+        threads: number of threads among which the elements are divided.
         moving: whether inertia is among the terms.
     """
     body, count = model.body, len(whole.unknowns.free)

@@ -18,19 +18,20 @@ FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
 """First length of a step along a direction of negative curvature, over the body's size, and the largest numbers of
 doublings and of divisions by four."""
 RANDOM = 1.0
-"""Norm of a random load over that of the softest mode's load. The search starts with the sum of both loads, because
-buckling may be local. With 0.1, the search may converge to the softest mode before it finds one of negative curvature.
+"""Norm of a random load over the norm of the softest mode's load. The search for the softest direction starts with the
+sum of both loads, because buckling may be local. With 0.1, the search may converge to the softest mode before it finds
+a mode of negative curvature.
 """
 FALL = 1e-9
-"""Least relative decrease of the energy along a descent direction; less is rounding."""
+"""Least relative decrease of the energy along a descent direction; a smaller decrease counts as rounding."""
 
 
 class Downhill(NamedTuple):
     """A point of lower energy along a direction.
 
     Attributes:
-        unknowns: (3 r,).
-        positions: (n, 3) [m].
+        unknowns: (3 r,) unknowns.
+        positions: (n, 3) vertex positions [m].
     """
 
     unknowns: NDArray[np.float64]
@@ -42,7 +43,7 @@ class Stability:
 
     Args:
         body: the discretised body.
-        softest: (3 r,) the constant matrix times the undeformed body's softest mode: bodies buckle in such modes.
+        softest: (3 r,) the constant matrix times the undeformed body's softest mode, in which bodies often buckle.
     """
 
     def __init__(self, body: Body, softest: NDArray[np.float64]) -> None:
@@ -51,10 +52,10 @@ class Stability:
         self._load = softest + RANDOM * np.linalg.norm(softest) / np.linalg.norm(noise) * noise
 
     def look(self, task: Task) -> Lowest:
-        """Return the softest direction at the unknowns of ``task``; its terms must be evaluated at these.
+        """Return the softest direction at the unknowns of ``task``, at which all terms must be evaluated.
 
-        The start vector is random with a fixed seed, and contains all modes. A load of a perfectly symmetric body, even
-        its rounding, would contain no part of the buckling mode.
+        The start vector has a random part with a fixed seed, so that it contains all modes. The loads of a perfectly
+        symmetric body would not contain the buckling mode.
         """
         with task.turn:
             self._product.begin(task)
@@ -67,9 +68,9 @@ class Stability:
             return float(direction @ self._product(direction)) < -FLAT
 
     def leave(self, task: Task, direction: NDArray[np.float64]) -> Downhill | None:
-        """Return the lowest point along a direction (3 r,); the length is doubled while the energy falls.
+        """Return the point of least energy found along a direction (3 r,); None if the energy does not fall.
 
-        The result is None if the energy does not fall.
+        The length is doubled while the energy falls.
         """
         work = task.active.workspace
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0

@@ -21,15 +21,15 @@ from gdfe_ros.solver.matrix.unknowns import HandlePositions, Unknowns, gather_ri
 def assemble(
     shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64], count: int | None = None
 ) -> sparse.csc_matrix:
-    """Return the matrix (n, n): sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T.
+    """Return the constant matrix (n, n) [N/m], sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T.
 
-    For tetrahedra it is sum_e w_e int g g^T.
+    For tetrahedra it is sum_e w_e int g g^T dV.
 
     Args:
         shape: the elements.
         weight: w_e (m,) [Pa].
         hourglass: c_e (m,) [N/m].
-        count: number n of vertices; None for those of the elements.
+        count: number n of vertices; None for the vertices of the elements.
     """
     return _scatter(cell_type_of(shape).matrix_blocks(shape, weight, hourglass), shape, count)
 
@@ -47,7 +47,7 @@ def _scatter(blocks: NDArray[np.float64], shape: ShapeOperators, count: int | No
 
 
 class ConstantMatrix:
-    """The constant matrix restricted to the unknowns, factored; x, y and z have one factor.
+    """The constant matrix restricted to the unknowns, factored; one factor serves x, y and z.
 
     Handles with a free axis are eliminated by their Schur complement. One factor of the free vertices therefore serves
     all three axes, free or not.
@@ -56,11 +56,11 @@ class ConstantMatrix:
         matrix: the assembled matrix (n, n), symmetric.
         rest: (n, 3) rest vertices [m].
         unknowns: the numbering of the unknowns.
-        library: library that factors it; None chooses by size.
+        library: library that factors the matrix; None chooses by size.
 
     Attributes:
         kind: the library in use.
-        coupling: coupling of the handles in their rest poses.
+        coupling: coupling of the handles in their rest poses to the free vertices.
         assembled: the matrix of all vertices (n, n).
     """
 
@@ -83,15 +83,15 @@ class ConstantMatrix:
         self.coupling = self.turned([np.eye(3)] * len(unknowns.slides))
 
     def part(self, unknowns: Unknowns) -> ConstantMatrix:
-        """Return the matrix of fewer ``unknowns``, factored; all others are held."""
+        """Return the matrix of fewer ``unknowns``, factored; all other vertices are fixed."""
         return ConstantMatrix(self.assembled, self._rest, unknowns, library=self._library)
 
     def turned(self, rotations: Sequence[NDArray[np.float64]]) -> Coupling:
-        """Return the coupling of handles with a free axis at the rotation matrices ``rotations`` (3, 3)."""
+        """Return the coupling of handles at the rotation matrices ``rotations`` (3, 3) to the free vertices."""
         return self._fields.coupling(rotations, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Solve A_ff out = right for three right-hand sides (f, 3), as accurately as minimisations need."""
+        """Solve A_ff out = right for three right-hand sides (f, 3), with a relative error up to `factor.SOUND`."""
         self._factor.solve(right, out)
 
     def solve_exactly(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
@@ -99,7 +99,7 @@ class ConstantMatrix:
         self._factor.solve(right, out, exact=True)
 
     def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return A_ff motion (f, 3) of the free vertices."""
+        """Return the product A_ff ``motion`` (f, 3) for a motion of the free vertices."""
         free = self._unknowns.free
         whole = np.zeros((self.assembled.shape[0], 3))
         whole[free] = motion
@@ -120,7 +120,7 @@ class ConstantMatrix:
         return float(np.vdot(right, out))
 
     def extend(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the harmonic extension (f, 3) [m] of prescribed vertices' motion (b, 3) [m] to the free vertices."""
+        """Return the harmonic extension (f, 3) [m] of a ``motion`` (b, 3) [m] of the prescribed vertices."""
         right = np.ascontiguousarray(-(self._prescribed @ motion))
         out = np.empty_like(right)
         self.solve_exactly(right, out)

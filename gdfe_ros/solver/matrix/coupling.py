@@ -23,22 +23,22 @@ from gdfe_ros.solver.matrix.inverse import Inverse
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 
 SINGULAR = 1e-10
-"""A motion counts as moving nothing if its eigenvalue of the Schur complement is below this fraction of the largest
-one.
+"""A rigid motion counts as having no stiffness if its eigenvalue of the Schur complement is below this fraction of the
+largest eigenvalue.
 """
 
 Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
 
 
 class Coupling(NamedTuple):
-    """Data that complete a solve with the free block; empty if no handle has a free axis.
+    """Data that extend a solve of the free vertices to the rigid rows; empty if no handle has a free axis.
 
     Attributes:
-        columns: (f, k) float64, A_fp b of each scalar field b [N/m times the field's unit].
+        columns: (f, k) float64, the product A_fp b for each scalar field b [N/m times the field's unit].
         harmonic: (f, k) float64, A_ff^-1 columns.
         motion: (3, k, 3 q) float64, for each axis the coefficient of each field in each component of the rigid rows.
         inverse_schur: (3 q, 3 q) float64, inverse of the rigid rows' Schur complement, zero for prescribed components.
-        inverse: of the free block, for the kernels.
+        inverse: inverse of the free block A_ff, for the kernels.
     """
 
     columns: NDArray[np.float64]
@@ -54,8 +54,8 @@ class RigidFields:
     Args:
         matrix: the assembled matrix (n, n).
         rest: (n, 3) rest vertices [m].
-        unknowns: the numbering.
-        solve: solves with the free block, three right-hand sides (f, 3).
+        unknowns: the numbering of the unknowns.
+        solve: function that solves with the free block A_ff for three right-hand sides (f, 3).
     """
 
     def __init__(self, matrix: sparse.csc_matrix, rest: NDArray[np.float64], unknowns: Unknowns, solve: Solve) -> None:
@@ -79,7 +79,7 @@ class RigidFields:
         self._gram = fields.T @ (matrix @ fields) - self.columns.T @ self.harmonic
 
     def coupling(self, turned: Sequence[NDArray[np.float64]], inverse: Inverse) -> Coupling:
-        """Return the coupling with each handle at a rotation matrix (3, 3), linearised about theta = 0."""
+        """Return the coupling of handles at the rotation matrices ``turned`` (3, 3), linearised about theta = 0."""
         motion = self._motion(turned)
         schur = np.einsum("ika,kl,ilb->ab", motion, self._gram, motion)
         complement = pinvh(schur, rtol=SINGULAR) if len(schur) else schur
@@ -104,7 +104,7 @@ class RigidFields:
 
 @kernel
 def close_coupling(gradient, coupling, out):
-    """Add the rigid rows' contribution to ``out`` (3 r,); its first rows contain A_ff^-1 gradient."""
+    """Complete ``out`` (3 r,) to A^-1 ``gradient``; its rows of free vertices already contain A_ff^-1 gradient."""
     count, fields = coupling.columns.shape
     rigid = len(coupling.inverse_schur)
     if rigid == 0:

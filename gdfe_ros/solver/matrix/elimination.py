@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Symbolic elimination of a sparse symmetric matrix: its elimination tree and supernodes.
 
-Columns of the factor with the same rows below them form one supernode, a dense rectangle (Liu, Ng and Peyton 1993).
-The tree says which supernodes each one contributes to (Liu 1990). All numbers count vertices.
+Successive columns of the factor with the same row pattern form one supernode, a dense rectangle (Liu, Ng and Peyton
+1993). A supernode contributes to its ancestors in the elimination tree (Liu 1990). Rows and columns are vertices.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 
 SLACK = 0.05
-"""Largest fraction of zeros in a supernode: fewer and broader supernodes are faster if the matrix is factored often."""
+"""Largest fraction of zeros in a supernode. Fewer and broader supernodes are faster if the matrix is factored often."""
 SMALL = 1.0
-"""A subtree is not divided further if its work is at most this fraction of an even division among groups."""
+"""A subtree is not divided further if its number of entries, over the mean number of a group, is at most this."""
 NARROW = 2
-"""A supernode of at most this width in vertices is always merged with its parent."""
+"""If a merged supernode has at most this number of columns, its fraction of zeros is not limited."""
 
 
 class Elimination(NamedTuple):
@@ -31,7 +31,7 @@ class Elimination(NamedTuple):
         first: (s + 1,) position in the order at which each supernode begins.
         rows: (r,) positions of the rows of all supernodes; ascending for each one, its own vertices first.
         row_start: (s + 1,) index at which each supernode's rows begin.
-        parent: (s,) supernode to which each one contributes; -1 for none.
+        parent: (s,) index of each supernode's parent, the first supernode to which it contributes; -1 for none.
     """
 
     order: NDArray[np.int64]
@@ -42,17 +42,17 @@ class Elimination(NamedTuple):
 
     @property
     def entries(self) -> int:
-        """Number of entries of the factor, in blocks of vertices."""
+        """Number of entries of the factor."""
         return int(self.widths @ self.heights)
 
     @property
     def work(self) -> int:
-        """Multiplications of a factorisation, in blocks of vertices."""
+        """Number of multiplications of a factorisation, up to a constant factor."""
         return int(self.widths @ self.heights**2)
 
     @property
     def widths(self) -> NDArray[np.int64]:
-        """Number (s,) of each supernode's own vertices."""
+        """Number (s,) of own vertices, or columns, of each supernode."""
         return np.diff(self.first)
 
     @property
@@ -62,20 +62,20 @@ class Elimination(NamedTuple):
 
     @property
     def owner(self) -> NDArray[np.int64]:
-        """Supernode (r,) of each row."""
+        """Index (r,) of the supernode of each row in ``rows``."""
         return np.repeat(np.arange(len(self.parent)), self.heights)
 
     def stand(self, nodes: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the index of each of ``rows`` (k,) among the rows of its supernode in ``nodes`` (k,)."""
+        """Return the index (k,) of each of ``rows`` (k,) among the rows of the supernode in ``nodes`` (k,)."""
         size = len(self.order)
         return np.searchsorted(self.owner * size + self.rows, nodes * size + rows) - self.row_start[nodes]
 
     def parts(self, graph: sparse.csr_matrix) -> tuple[NDArray[np.int64], ...]:
-        """Return the entries of the matrix' upper triangle that each supernode assembles (k,), supernode by supernode.
+        """Return the entries of the matrix' upper triangle, sorted by the supernode that assembles them.
 
         Returns:
-            Index among the graph's entries, row and column in the supernode's front (k,), and the offset of each
-            supernode (s + 1,).
+            For each entry (k,): index among the graph's entries, row and column in the supernode's front. Then the
+            offset of each supernode's entries (s + 1,).
         """
         rank = np.argsort(self.order)
         row, column = rank[np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))], rank[graph.indices]
@@ -98,7 +98,7 @@ class Elimination(NamedTuple):
 
 @kernel
 def elimination_tree(indptr, indices, order, rank):
-    """Return the parent (f,) of each column in the elimination tree; -1 for a root."""
+    """Return the parent (f,) of each column in the elimination tree; -1 for a root. ``rank`` inverts ``order``."""
     parent, ancestor = np.full(len(order), -1), np.full(len(order), -1)
     for column in range(len(order)):
         vertex = order[column]
@@ -160,7 +160,7 @@ def column_heights(indptr, indices, order, rank, parent):
 def merge(parent, height, slack, narrow):
     """Return the first column of each supernode (s + 1,), and its number of rows (s,).
 
-    A supernode is merged with its parent if it directly precedes it and few zeros are stored as a result.
+    A supernode is merged with its parent if it directly precedes the parent and the result stores few zeros.
     """
     count = len(parent)
     first, last = np.empty(count, np.int64), np.empty(count, np.int64)
@@ -231,7 +231,7 @@ def structure(indptr, indices, order, rank, first, row_start, parent):
 def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64], *, slack: float = SLACK) -> Elimination:
     """Return the elimination of the vertices of a symmetric graph (f, f) in an order (f,).
 
-    Supernodes are merged if zeros are at most the fraction ``slack`` of the result.
+    Two supernodes are merged if at most the fraction ``slack`` of the merged entries are zeros.
     """
     indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
     order = order[postorder(elimination_tree(indptr, indices, order, np.argsort(order)))]
@@ -245,9 +245,10 @@ def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64], *, slack: flo
 
 
 def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int64]]:
-    """Return an elimination with ``count`` groups of subtrees first, and the index at which each begins (count + 1,).
+    """Return an elimination with its supernodes sorted into ``count`` groups, and the groups' offsets (count + 1,).
 
-    Large subtrees are divided until all are small compared with a group. The supernodes above these subtrees come last.
+    A group consists of whole subtrees, so that groups are independent of each other. Large subtrees are divided until
+    all are small compared with a group. The supernodes above these subtrees come last.
     """
     if count == 0:
         return found, np.zeros(1, np.int64)
@@ -270,7 +271,7 @@ def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int
 
 
 def _opened(found: Elimination, whole: NDArray[np.int64], count: int) -> list[int]:
-    """Return the roots of subtrees that are small compared with a group."""
+    """Return the roots of the largest subtrees that are small compared with a group."""
     below: dict[int, list[int]] = {}
     for node, above in enumerate(found.parent.tolist()):
         below.setdefault(above, []).append(node)

@@ -18,8 +18,8 @@ from gdfe_ros.solver.matrix.supernodes import NotDefiniteError, supernodal
 DENSE_UP_TO = 200
 """Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
 SOUND = 1e-3
-"""A factor is kept in single precision if the relative correction of a solution is at most this. Such a factor serves
-as preconditioner, and to estimate the distance to the equilibrium.
+"""A factor is stored in single precision if the relative correction of a solution is at most this. The factor serves as
+preconditioner, and to estimate the distance to the equilibrium.
 """
 REFINED = 3
 """Number of corrections of a solution with a single-precision factor; each reduces the error to at most the fraction
@@ -40,13 +40,13 @@ class Factor:
 
     Args:
         matrix: (f, f), symmetric positive definite.
-        points: (f, 3) its vertices [m].
+        points: (f, 3) positions of its vertices [m].
         kind: method of factorisation. If `Factorisation.SUPERNODES` finds an almost singular matrix not definite,
             scipy's LU is used instead.
 
     Attributes:
         kind: the method in use.
-        inverse: for the kernels; empty for scipy's LU.
+        inverse: the inverse for the kernels; empty for scipy's LU.
     """
 
     def __init__(self, matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> None:
@@ -70,7 +70,8 @@ class Factor:
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64], *, exact: bool = False) -> None:
         """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``.
 
-        The relative error of a single-precision factor is up to `SOUND`; with ``exact`` the solution is corrected.
+        With a single-precision factor, the relative error is up to `SOUND`. If ``exact``, the solution is corrected
+        `REFINED` times.
         """
         if self._library is not None:
             out[...] = self._library.solve(right)
@@ -96,11 +97,11 @@ class Factor:
 
 
 _MADE: WeakValueDictionary[bytes, Factor] = WeakValueDictionary()
-"""Factors in use in the process, by the digest of their matrix and its vertices."""
+"""Dict from the digest of a matrix and its vertices to the factor that is in use in the process."""
 
 
 def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> Factor:
-    """Return the factor of a matrix (f, f); an equal matrix in the process provides its existing factor."""
+    """Return the factor of a matrix (f, f); an equal matrix in the process has the same factor."""
     digest = hashlib.blake2b(f"{kind.value} {matrix.shape}".encode())
     for part in (matrix.indptr, matrix.indices, matrix.data, points):
         digest.update(np.ascontiguousarray(part).data)

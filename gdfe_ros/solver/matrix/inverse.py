@@ -2,9 +2,9 @@
 """Compiled application of the constant matrix' inverse: explicit, or by the supernodes of a factor U^T U.
 
 Three right-hand sides are solved at once, so that each entry of the factor is read once for x, y and z. Rows of the
-factor are processed four at a time, padded by rows of zeros, in lines of eight numbers; entries left of the diagonal
-and beyond a row's end are zero. Inner loops count in unsigned numbers: a possibly negative index would cost a test in
-each iteration and prevent SIMD.
+factor are processed four at a time; rows of zeros fill the last four. The length of each row is a multiple of eight
+numbers, and entries left of the diagonal and beyond a row's end are zero. Inner loops use unsigned indices: a possibly
+negative index would cost a test in each iteration and prevent SIMD.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ class Inverse(NamedTuple):
 
     Attributes:
         explicit: (f, f) the inverse itself, or (0, 0).
-        order, first, row_start, rows: of the `Elimination` of the factor; empty without one.
+        order, first, row_start, rows: attributes of the factor's `Elimination`; empty without a factor.
         group_start: (g + 1,) first supernode of each group. Groups are independent of each other; the supernodes after
             them depend on several groups.
         length: (s,) length of the rows of each supernode.
-        value_start: (s + 1,) offset of their values.
+        value_start: (s + 1,) offset of each supernode's values.
         values: values of all rows, and a row of zeros at the end; each diagonal entry is replaced by its inverse. Empty
             if ``coarse`` is used.
         coarse: the values in single precision; empty if they are in double precision.
@@ -50,7 +50,7 @@ class Inverse(NamedTuple):
 
     @classmethod
     def of(cls, explicit: NDArray[np.float64] | None = None) -> Inverse:
-        """Return an explicit inverse (f, f), or an empty one for a matrix that a library solves with."""
+        """Return an explicit inverse (f, f); an empty inverse for None, if a library solves with the matrix."""
         start, none = np.zeros(1, np.int64), np.zeros(0, np.int64)
         known = np.zeros((0, 0)) if explicit is None else explicit
         return cls(known, none, start, start, none, start, none, start, np.zeros(0), np.zeros(0, np.float32))
@@ -60,8 +60,8 @@ class Inverse(NamedTuple):
 def apply_free(inverse, right, out, threads):
     """Write A_ff^-1 right to the first rows of ``out``, for three right-hand sides (f, 3), flat.
 
-    The result does not depend on the number of ``threads``, bit by bit. None means one thread, without compiling the
-    parallel version.
+    The result does not depend on the number of ``threads``, bit by bit. None stands for one thread; the parallel
+    version is then not compiled.
     """
     if len(inverse.order) == 0:
         apply_explicit(inverse.explicit, right, out)
@@ -81,7 +81,7 @@ def apply_free(inverse, right, out, threads):
 
 @vector_kernel
 def apply_explicit(explicit, right, out):
-    """Write the product of an explicit inverse and ``right`` to ``out``."""
+    """Write the product of an explicit inverse and ``right`` (f, 3), flat, to ``out``."""
     for i in range(len(explicit)):
         for axis in range(3):
             out[3 * i + axis] = 0.0
@@ -94,7 +94,10 @@ def apply_explicit(explicit, right, out):
 
 @vector_kernel
 def solve_rows(inverse, values, x, threads):
-    """Solve U^T U x = x (f, 3), flat, in the order of elimination; the independent groups come first and last."""
+    """Replace ``x`` (f, 3), flat and in the order of elimination, by (U^T U)^-1 x.
+
+    The forward solution begins, and the backward solution ends, with the independent groups.
+    """
     groups = len(inverse.group_start) - 1
     begin, end = inverse.group_start[groups], len(inverse.length)
     above = x[3 * inverse.first[begin] :]
@@ -116,14 +119,14 @@ def solve_rows(inverse, values, x, threads):
 
 @kernel
 def reduce_groups(inverse, values, x, taken, first, last):
-    """Solve U^T x = x for some groups; contributions to the supernodes after all groups go to ``taken`` (g, 3 k)."""
+    """Replace ``x`` by U^-T x in some groups; add contributions to later supernodes to ``taken`` (g, 3 k)."""
     for group in range(first, last):
         reduce_nodes(inverse, values, x, taken[group], inverse.group_start[group], inverse.group_start[group + 1])
 
 
 @parallel_kernel
 def reduce_in_threads(threads, inverse, values, x, taken):
-    """Distribute the forward solution of the groups to threads."""
+    """Do `reduce_groups` for all groups, distributed among threads."""
     groups = len(inverse.group_start) - 1
     for part in prange(threads):
         reduce_groups(inverse, values, x, taken, part * groups // threads, (part + 1) * groups // threads)
@@ -131,7 +134,7 @@ def reduce_in_threads(threads, inverse, values, x, taken):
 
 @parallel_kernel
 def expand_in_threads(threads, inverse, values, x):
-    """Distribute the backward solution of the groups to threads."""
+    """Do `expand_nodes` for all groups, distributed among threads."""
     groups = len(inverse.group_start) - 1
     for part in prange(threads):
         first, last = part * groups // threads, (part + 1) * groups // threads
@@ -140,7 +143,7 @@ def expand_in_threads(threads, inverse, values, x):
 
 @vector_kernel
 def reduce_nodes(inverse, values, x, above, begin, end):
-    """Solve U^T x = x for the supernodes ``begin`` to ``end``; ``above`` are the rows after those of all groups."""
+    """Replace ``x`` by U^-T x in supernodes ``begin`` to ``end``; ``above`` are the rows after those of all groups."""
     longest = inverse.length.max()
     local, blank = np.empty(3 * longest), len(values) - longest
     top = inverse.first[inverse.group_start[-1]]
@@ -164,7 +167,7 @@ def reduce_nodes(inverse, values, x, above, begin, end):
 
 @vector_kernel
 def expand_nodes(inverse, values, x, begin, end):
-    """Solve U x = x for the supernodes ``begin`` to ``end``, the last one first."""
+    """Replace ``x`` by U^-1 x in the supernodes ``begin`` to ``end``, the last supernode first."""
     longest = inverse.length.max()
     local, blank = np.empty(3 * longest), len(values) - longest
     for node in range(end - 1, begin - 1, -1):
@@ -182,14 +185,14 @@ def expand_nodes(inverse, values, x, begin, end):
 
 @vector_kernel
 def row_of(values, at, blank, length, number, own):
-    """Return row ``number`` of a supernode; a row of zeros beyond its ``own``."""
+    """Return row ``number`` of a supernode with ``own`` rows; a row of zeros if there is no such row."""
     begin = at + number * length if number < own else blank
     return values[begin : begin + length]
 
 
 @vector_kernel
 def forward(u, first, a, b, c, d):
-    """Solve four rows of U^T for one axis."""
+    """Solve four rows of U^T for one axis; return the four values."""
     p = u[first] * a[first]
     q = (u[first + 1] - a[first + 1] * p) * b[first + 1]
     r = (u[first + 2] - a[first + 2] * p - b[first + 2] * q) * c[first + 2]
@@ -199,7 +202,7 @@ def forward(u, first, a, b, c, d):
 
 @vector_kernel
 def backward(taken, first, a, b, c, d):
-    """Solve four rows of U for one axis, from the right-hand sides ``taken`` minus the other rows' products."""
+    """Solve four rows of U for one axis; ``taken`` are the right-hand sides minus products with later values."""
     p, q, r, s = taken
     s *= d[first + 3]
     r = (r - c[first + 3] * s) * c[first + 2]
@@ -210,13 +213,13 @@ def backward(taken, first, a, b, c, d):
 
 @vector_kernel
 def four_of(u, first):
-    """Return four successive numbers."""
+    """Return four successive numbers of ``u``."""
     return u[first], u[first + 1], u[first + 2], u[first + 3]
 
 
 @vector_kernel
 def put(found, u, first, own):
-    """Write four successive numbers, except those beyond a supernode's ``own``."""
+    """Write four successive numbers to ``u``, except numbers after the supernode's ``own`` rows."""
     p, q, r, s = found
     u[first] = p
     if first + 1 < own:
@@ -229,7 +232,7 @@ def put(found, u, first, own):
 
 @vector_kernel
 def reduce_rows(values, at, blank, u, v, w, own):
-    """Solve the ``own`` rows of U^T of a supernode, and subtract their products from its other rows."""
+    """Solve the ``own`` rows of U^T of a supernode, and subtract the products from the supernode's other rows."""
     length = len(u)
     for first in range(0, own, TAKEN):
         a, b = row_of(values, at, blank, length, first, own), row_of(values, at, blank, length, first + 1, own)
@@ -248,7 +251,7 @@ def reduce_rows(values, at, blank, u, v, w, own):
 
 @vector_kernel
 def expand_rows(values, at, blank, u, v, w, own):
-    """Solve the ``own`` rows of U of a supernode; its other rows are known."""
+    """Solve the ``own`` rows of U of a supernode; the values of its other rows are known."""
     length = len(u)
     for first in range((own - 1) // TAKEN * TAKEN, -1, -TAKEN):
         a, b = row_of(values, at, blank, length, first, own), row_of(values, at, blank, length, first + 1, own)

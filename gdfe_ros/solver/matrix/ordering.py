@@ -12,16 +12,16 @@ from scipy.sparse.linalg import splu
 LEAF = 60
 """A part with at most this number of vertices is not divided further."""
 DIGITS = 6
-"""Coordinates over the body's size are rounded to this number of decimal digits, so that a cross-section's vertices
-count as level.
+"""Coordinates over the body's size are rounded to this number of decimal digits, so that the vertices of one
+cross-section have equal coordinates.
 """
 
 
 def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return an order (f,) of the vertices in which neighbours are close to each other.
+    """Return an order (f,) of the vertices with a small bandwidth.
 
-    Two orders are compared, and the narrower one is returned: by cross-sections along a principal axis, and reverse
-    Cuthill-McKee. The first has half the bandwidth for straight bodies.
+    Two kinds of orders are compared, and the order of least bandwidth is returned: by cross-sections along a principal
+    axis, and reverse Cuthill-McKee. For straight bodies, the first has half the bandwidth of the second.
 
     Args:
         graph: (f, f), an entry for every two vertices that share an element.
@@ -38,7 +38,7 @@ def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArr
 
 
 def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
-    """Return the order (f,) of minimum degree, by SuperLU; it suits bodies that branch."""
+    """Return the minimum-degree order (f,) of SuperLU; it suits bodies that branch."""
     links = sparse.csr_matrix((np.ones(len(graph.indices)), graph.indices, graph.indptr), shape=graph.shape)
     definite = (sparse.diags_array(np.diff(graph.indptr) + 1.0) - links).tocsc()
     options = {"SymmetricMode": True}
@@ -76,7 +76,7 @@ def dissected(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[
 
 
 def spread(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> int:
-    """Return the half bandwidth of an order: the largest distance of neighbours."""
+    """Return the half bandwidth of an order: the largest difference of the positions of two neighbours in it."""
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     rows = np.repeat(np.arange(len(order)), np.diff(graph.indptr))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rotation vectors, compiled: Rodrigues' formula and the left Jacobian of the exponential map of SO(3).
 
-With theta = |theta| and the cross-product matrix [theta], exp([theta]) = I + a [theta] + b [theta]^2 and
-J_l(theta) = I + b [theta] + c [theta]^2, where a = sin theta / theta, b = (1 - cos theta) / theta^2 and
-c = (theta - sin theta) / theta^3; d exp([theta]) v = -[exp([theta]) v] J_l(theta) d theta (Chirikjian 2012).
+For a rotation vector theta of length t, with the cross-product matrix [theta], exp([theta]) = I + a [theta] +
+b [theta]^2 and J_l(theta) = I + b [theta] + c [theta]^2. Here a = sin t / t, b = (1 - cos t) / t^2 and
+c = (t - sin t) / t^3. Then d exp([theta]) v = -[exp([theta]) v] J_l(theta) d theta (Chirikjian 2012).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ SMALL = 1e-4
 
 @inlined
 def coefficients(turn):
-    """Return a, b and c of a rotation vector [rad]."""
+    """Return the coefficients a, b and c of a rotation vector [rad]."""
     square = turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]
     angle = math.sqrt(square)
     if angle < SMALL:
@@ -46,13 +46,13 @@ def rotation_matrix(turn):
 
 @inlined
 def rotated(r, x, y, z):
-    """Return a vector rotated by a rotation matrix."""
+    """Return the vector (x, y, z) rotated by the rotation matrix ``r``."""
     return r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z, r[6] * x + r[7] * y + r[8] * z
 
 
 @inlined
 def left_jacobian_transposed(turn, moment):
-    """Return J_l(theta)^T m, the derivative of energy with respect to the rotation vector, for a moment m."""
+    """Return J_l(theta)^T m: dE/d(rotation vector) if m is the moment of the forces dE/dx."""
     _, b, c = coefficients(turn)
     x, y, z = turn
     m0, m1, m2 = moment

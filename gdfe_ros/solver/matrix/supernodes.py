@@ -20,7 +20,7 @@ from gdfe_ros.solver.matrix.inverse import LINE, Inverse
 from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
 
 COARSE_FROM = 4_000_000
-"""A factor with at least this number of entries is kept in single precision. It does not fit into any cache, and
+"""A factor with at least this number of entries is stored in single precision. It does not fit into any cache, and
 reading it dominates the time of a solve.
 """
 
@@ -31,7 +31,7 @@ ZEROS = 0.15
 
 
 class NotDefiniteError(ArithmeticError):
-    """The matrix has no Cholesky factor in double precision."""
+    """Error: the matrix has no Cholesky factor in double precision."""
 
 
 @kernel
@@ -44,9 +44,9 @@ def extend(left, places, front):
 
 
 def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact: bool = False) -> Inverse:
-    """Return the factor of a matrix (f, f) between vertices at ``points`` (f, 3) [m], for the kernels.
+    """Return the factor of a matrix (f, f) of vertices at ``points`` (f, 3) [m], for the kernels.
 
-    A large factor is kept in single precision, unless ``exact`` is set.
+    A large factor is stored in single precision, unless ``exact`` is set.
 
     Raises:
         NotDefiniteError: the matrix is not positive definite.

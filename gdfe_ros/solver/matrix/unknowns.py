@@ -15,7 +15,7 @@ from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed, rotated, r
 
 
 class Unknowns(NamedTuple):
-    """Rows of unknowns (r, 3) in metres: the free vertices, then the rigid rows.
+    """Numbering of the unknowns (r, 3) in metres: the rows of the free vertices, then the rigid rows of handles.
 
     A handle with a free axis has a row for its translation. If it rotates freely, it has a second row: the rotation
     vector from its commanded orientation, times a radius. Components that are not free stay zero.
@@ -26,8 +26,8 @@ class Unknowns(NamedTuple):
         member_start: (p + 1,) int32, index in ``members`` at which each handle with a free axis begins.
         members: int32 vertices of these handles.
         slides: (p, 3) float64, 1 for a free translation, 0 for a prescribed one.
-        turns: (p, 3) float64, the same for rotations.
-        turn_row: (p,) int32, row of the rotation; -1 for a handle that does not rotate.
+        turns: (p, 3) float64, 1 for a free rotation, 0 for a prescribed one.
+        turn_row: (p,) int32, row of the rotation; -1 for a handle that does not rotate freely.
         radius: (p,) float64 [m], largest distance of any undeformed vertex of the body from the handle's centre: the
             whole body follows a rotation of the handle.
         corner_start: (n + 1,) int32, index in ``corner`` at which each vertex's list of element corners begins.
@@ -48,7 +48,7 @@ class Unknowns(NamedTuple):
 
     @property
     def rigid_rows(self) -> int:
-        """Number of rows that belong to handles."""
+        """Number of rows that belong to handles with a free axis."""
         return len(self.slides) + int((self.turn_row >= 0).sum())
 
     @property
@@ -57,7 +57,7 @@ class Unknowns(NamedTuple):
         return len(self.free) + self.rigid_rows
 
     def restricted(self, free: NDArray[np.int32]) -> Unknowns:
-        """Return the numbering with fewer free vertices; the rigid rows stay."""
+        """Return the numbering with fewer ``free`` vertices and the same rigid rows."""
         shift = np.where(self.turn_row >= 0, len(free) - len(self.free), 0).astype(np.int32)
         return self._replace(free=free, turn_row=self.turn_row + shift)
 
@@ -120,7 +120,7 @@ def shift_of(count: int) -> int:
 
 
 def handle_centres(positions: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
-    """Return the centres (p, 3) [m] of the handles with a free axis at ``positions`` (n, 3) [m]."""
+    """Return the mean vertex positions (p, 3) [m] of the handles with a free axis, from ``positions`` (n, 3) [m]."""
     centres = np.zeros((len(unknowns.slides), 3))
     if len(centres):
         _mean_rows(positions, unknowns.member_start, unknowns.members, centres)
@@ -139,7 +139,7 @@ def _mean_rows(x, start, members, centres):
 
 @kernel
 def place(u, frame, unknowns, x):
-    """Write positions ``x`` (n, 3) [m] from the unknowns ``u`` (3 r,) and the commanded handles."""
+    """Write positions to ``x`` (n, 3) [m] from the unknowns ``u`` (3 r,) and the handles' commanded positions."""
     count = len(unknowns.free)
     for row in range(count):
         v = unknowns.free[row]
@@ -187,7 +187,8 @@ def add_rows(outside, unknowns, gradient):
 def gather_rigid_rows(u, x, force, outside, pushed, frame, unknowns, gradient):
     """Write the rigid rows of ``gradient`` (3 r,): dE/dt, and dE/dtheta = J_l(theta)^T moment over the radius.
 
-    ``force`` (m, c, 3) [N] are corner forces; ``outside`` (n, 3) [N] are those of the other terms, used if ``pushed``.
+    ``force`` (m, c, 3) [N] are corner forces. ``outside`` (n, 3) [N] are the forces of all other terms; they are added
+    only if ``pushed``.
     """
     count = len(unknowns.free)
     for p in range(len(unknowns.slides)):
@@ -216,7 +217,7 @@ def gather_rigid_rows(u, x, force, outside, pushed, frame, unknowns, gradient):
 
 @inlined
 def rigid_part(u, row, mask, p, scale):
-    """Return the free components of a rigid row, times ``scale``."""
+    """Return a rigid row times ``scale``; components that are not free are zero."""
     return (
         mask[p, 0] * u[3 * row] * scale,
         mask[p, 1] * u[3 * row + 1] * scale,

@@ -10,14 +10,14 @@ from gdfe_ros.solver.value import changed
 
 
 def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
-    """Return a snapshot that continues a motion with other materials: positions, velocities and commands stay.
+    """Return a snapshot that continues a motion with other materials and the same positions, velocities and commands.
 
-    The stored states of elements and minimisations belong to the old materials and are replaced by those of ``fresh``.
-    No vertex counts as at rest, because the forces have changed. The change of energy is not accounted for.
+    The states of elements and minimisations belong to the old materials. They are replaced by the states of ``fresh``.
+    No vertex counts as at rest, because the forces have changed. The energy account ignores the change of energy.
 
     Args:
-        moving: snapshot of the old body.
-        fresh: snapshot of the new one, undeformed.
+        moving: snapshot of the body with the old materials.
+        fresh: snapshot of the undeformed body with the new materials.
     """
     old, new = moving.state, fresh.state
     state = old.with_(

@@ -14,29 +14,29 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 
 ABOVE_START = 0.01
-"""Allowed excess over the initial energy, as fraction of the largest energy so far. At sixty steps a turn, the energy
-of a spinning body oscillates by this much.
+"""Allowed excess over the initial energy, as fraction of the largest energy so far. The energy of a spinning body
+oscillates by this fraction with sixty steps per turn.
 """
 ABOVE_LEAST = {Scheme.BDF2: 0.25, Scheme.NEWMARK: 0.03, Scheme.GENERALISED_ALPHA: 0.03}
-"""Allowed excess over the least energy so far, as fraction of the largest so far. In resolved motions the energy
-oscillates by a hundredth, because hourglass stiffness follows strains. With `bdf2` the energy drops too far when the
-body is stopped, and rises again.
+"""Dict from scheme to the allowed excess over the least energy so far, as fraction of the largest energy so far. In
+resolved motions the energy oscillates by a hundredth, because hourglass stiffness depends on strains. With `bdf2` the
+energy drops too far when the body is stopped, and rises again.
 """
 ROUNDING = 1e-9
-"""Fraction of the energies in an account that is rounding."""
+"""Rounding error of an energy account, over the sum of its energies."""
 
 
 class Ceiling:
     """Detects steps that create energy.
 
-    The balance kinetic + elastic + potential energy - work is constant or falls by the dissipated energy. Two excesses
-    over its initial and its least value are allowed: a fraction of the largest kinetic + elastic energy so far, and the
-    energy of a strain as large as the tolerance.
+    The balance kinetic + elastic + potential energy - work is constant, or falls by the dissipated energy. It may
+    exceed its initial and its least value by the sum of two energies. These are a fraction of the largest kinetic +
+    elastic energy so far, and the energy of a strain as large as the tolerance.
 
     Args:
         body: the discretised body.
-        scheme: of the steps.
-        tolerance: of an equilibrium, over the body's size.
+        scheme: time integration scheme.
+        tolerance: tolerance of an equilibrium, over the body's size.
         accounts: the energy accounts of the body.
     """
 
@@ -46,7 +46,7 @@ class Ceiling:
         self._above_least, self._accounts = ABOVE_LEAST[scheme], accounts
 
     def checked(self, now: State) -> tuple[Ledger, float]:
-        """Return a state's ledger after a step, and the energy [J] above the ceiling; 0 below it."""
+        """Return the ledger of the state ``now`` after a step, and the energy [J] above the ceiling, at least 0."""
         velocity, bound = kinematics_of(now.terms[inertia.NAME]).velocity, now.ledger.bound
         energies = self._accounts.energies(now, velocity)
         stirred = energies["kinetic"] + energies["elastic"]
@@ -63,7 +63,7 @@ class Ceiling:
 def told(state: State, excess: float, h: float) -> State:
     """Return a state with a message that its last step of length ``h`` [s] created the energy ``excess`` [J].
 
-    The bound is raised by the excess, so that the message appears only once.
+    The excess is added to the bound, so that the message appears only once.
     """
     bound, summary = state.ledger.bound, state.summary
     text = (

@@ -10,8 +10,8 @@ from enum import Enum
 SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
 """Bounds of the internal step [s]."""
 THICKEST = 1e8
-"""Largest viscosity [Pa s]. With a larger one, rounding errors of strains cause larger forces than those of soft
-bodies.
+"""Largest viscosity [Pa s]. With a larger viscosity, the rounding of strains causes larger forces than the elastic
+forces of soft bodies.
 """
 
 
@@ -29,7 +29,7 @@ class Branch:
 
     Attributes:
         share: fraction of the instantaneous modulus that this branch carries, above 0.
-        time: relaxation time [s], in which its stress falls to 1/e.
+        time: relaxation time [s], in which the stress of this branch falls to 1/e.
     """
 
     share: float
@@ -43,11 +43,11 @@ class Dynamics:
     Attributes:
         scheme: ``bdf2`` damps motion that a step does not resolve, ``newmark`` conserves energy, ``generalised_alpha``
             damps according to ``rho_inf``.
-        rho_inf: spectral radius of ``generalised_alpha`` at infinite frequency, 0 to 1; other schemes have none.
-        step: longest internal step [s]; a step of a simulation is divided into equal ones no longer than it.
-        mass_damping: damping force over mass and velocity, relative to the world [1/s].
-        viscosity: second Piola-Kirchhoff stress over the rate of the Green strain [Pa s].
-        prony: branches of a generalised Maxwell body, parallel to the material. The material's law is that of slow
+        rho_inf: spectral radius of ``generalised_alpha`` at infinite frequency, 0 to 1; other schemes do not use it.
+        step: longest internal step [s]; a step of a simulation is divided into equal internal steps of at most this.
+        mass_damping: damping force, divided by mass and by velocity relative to the world [1/s].
+        viscosity: viscous second Piola-Kirchhoff stress, divided by the rate of the Green strain [Pa s].
+        prony: branches of a generalised Maxwell body, parallel to the material. The material's law holds for slow
             motion.
         velocity: (3,) initial velocity of every vertex [m/s].
         spin: (3,) initial angular velocity about the centre of mass [rad/s].
@@ -86,7 +86,7 @@ class Dynamics:
 
     @property
     def swing(self) -> float:
-        """Energy, over h^2 a^T M a at the start, that the first step may add; numerical damping removes it later."""
+        """Energy that the first step may add, over h^2 a^T M a of the start; numerical damping removes it later."""
         damped = (1.0 - self.rho_inf) / (1.0 + self.rho_inf) if self.scheme is Scheme.GENERALISED_ALPHA else 0.0
         return 0.125 * damped**2
 
@@ -96,10 +96,10 @@ class Dynamics:
         return bool(self.viscosity or self.prony)
 
     def relaxation(self, shear: float) -> float:
-        """Return the longest time constant [s] with which a material of this shear modulus [Pa] creeps to its shape."""
+        """Return the longest time constant [s] of the creep of a material with the shear modulus ``shear`` [Pa]."""
         return max([0.5 * self.viscosity / shear, *(branch.time for branch in self.prony)])
 
     @property
     def slow_share(self) -> float:
-        """Fraction of the instantaneous modulus that remains in slow motion, for which the material's law holds."""
+        """Fraction of the instantaneous modulus that remains in slow motion, to which the material's law applies."""
         return 1.0 - sum(branch.share for branch in self.prony)

@@ -17,11 +17,11 @@ from gdfe_ros.solver.value import changed
 HALVINGS = 4
 """How often a failing internal step may be halved."""
 WHOLE = 2**HALVINGS
-"""An internal step is divided into this number of units."""
+"""Number of units of an internal step that is not halved."""
 DEEPEST_FOLD = -0.5
-"""An undriven motion continues if every corner's volume ratio is at least this; fold barriers open such folds again."""
+"""An undriven motion continues if every corner's volume ratio is above this; fold barriers then open the folds."""
 ROUNDING = 1e-9
-"""Fraction of an internal step that counts as zero."""
+"""Length, over the longest internal step, that counts as zero."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,13 +31,13 @@ class Flight:
     Attributes:
         state: the present state.
         began: the state at the beginning.
-        poses, commands: at the end.
-        duration: of the whole step [s].
-        total: units of the whole step.
-        done: completed units.
-        size: units of the next internal step.
-        iterations, attempts: so far.
-        flaw: the first failure; empty for none.
+        poses, commands: targets at the end of the step.
+        duration: duration of the whole step [s].
+        total: number of units of the whole step.
+        done: number of completed units.
+        size: number of units of the next internal step.
+        iterations, attempts: numbers of iterations and of attempted internal steps so far.
+        flaw: message of the first failure; empty for none.
     """
 
     state: State
@@ -56,12 +56,12 @@ class Flight:
     def over(
         cls, duration: float, longest: float, state: State, poses: Mapping[str, Pose], commands: Mapping[str, float]
     ) -> Flight:
-        """Plan equal internal steps of at most ``longest`` [s]."""
+        """Return the flight that divides ``duration`` [s] into equal internal steps of at most ``longest`` [s]."""
         count = max(1, math.ceil(duration / longest - ROUNDING))
         return cls(state=state, began=state, poses=poses, commands=commands, duration=duration, total=WHOLE * count)
 
     def repeats(self, failure: Failure) -> bool:
-        """Return whether this step would only repeat ``failure``. A driven body with more time may succeed."""
+        """Return whether this step would only repeat ``failure``; a driven body may succeed with another duration."""
         if (self.poses, self.commands) != (failure.poses, failure.commands):
             return False
         if (self.state.poses, self.state.commands) == (self.poses, self.commands):
@@ -105,7 +105,7 @@ class Flight:
         return self.aim != (self.state.poses, self.state.commands)
 
     def endures(self, solution: Solution) -> bool:
-        """Return whether the simulation continues after a solution with folded elements, which counts as not converged.
+        """Return whether the simulation accepts a solution with folded elements, as not converged, and continues.
 
         It continues if no shorter step is left, no command drives the body, and corners are folded only slightly. Fold
         barriers then open these corners in the following steps.
@@ -113,7 +113,7 @@ class Flight:
         return not (self.can_halve or self.driven or solution.diverged) and solution.min_det > DEEPEST_FOLD
 
     def tried(self, solution: Solution) -> Flight:
-        """Return the flight with the cost of an attempt added."""
+        """Return the flight with the iterations of an attempted internal step added."""
         return changed(self, iterations=self.iterations + solution.iterations, attempts=self.attempts + 1)
 
     def halved(self) -> Flight:
@@ -121,7 +121,7 @@ class Flight:
         return changed(self, size=self.size // 2)
 
     def went(self, state: State) -> Flight:
-        """Return the flight after an internal step; after two halves, the full length is tried again."""
+        """Return the flight after an internal step to ``state``; after two halves, twice the length is tried again."""
         done = self.done + self.size
         size = min(WHOLE, self.size * 2) if done % (2 * self.size) == 0 else self.size
         return changed(self, state=state, done=done, size=size, flaw=self.flaw or self._flaw(state))
@@ -146,7 +146,11 @@ class Flight:
         )
 
     def withdrawn(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
-        """Return the outcome at the state before a failed internal step; record the failure, unless time ran out."""
+        """Return the outcome at the state before a failed internal step, with the failure unless ``hurried``.
+
+        The failure is recorded for later steps if the first internal step fails at its shortest length. ``hurried``
+        states that the deadline has passed.
+        """
         reason, least = solution.message, self.state.summary.min_det
         text = f"an internal step of {self.length:.3g} s failed: {reason}".rstrip("; ")
         text = f"{text}; positions and velocities are those before it"
@@ -167,7 +171,7 @@ class Flight:
 
     @property
     def simulated(self) -> float:
-        """Simulated time [s]."""
+        """Simulated part of ``duration`` [s]."""
         return self.duration if self.arrived else self.duration * self.done / self.total
 
     @staticmethod

@@ -3,9 +3,9 @@
 
 A scheme of second order assumes that the force of a step acted before the step and continues after it. A contact force
 that stops a rigid body in one step would therefore throw the body back, with BDF2 at up to 1.25 times its speed. The
-fraction of each contact force that cancels the speed of approach is thus treated as an impulse: it moves the body by d
-in that step, changes its velocity by d / h, and does not enter the next step. The rest, such as the weight of a resting
-body, is an ordinary force. The fraction is the same on both sides, so momentum is conserved.
+fraction of each contact force that cancels the speed of approach is thus treated as an impulse. It displaces the body
+by d in that step, changes its velocity by d / h, and does not enter the next step. The rest, such as the weight of a
+body at rest, is an ordinary force. The fraction is the same for both bodies in contact, so momentum is conserved.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Impacts:
 
     Args:
         body: the discretised body.
-        dynamics: of the steps.
+        dynamics: scheme and damping of the steps.
         scheme: scheme of the next step, which uses the forces without impacts. With ``newmark``, `Pushes` treats all
             contacts and there are no impacts.
     """
@@ -45,7 +45,7 @@ class Impacts:
     def stopped(self, before: State, now: State, h: float, contacts: Sequence[Term], *, first: bool) -> State:
         """Return the state after a step of length ``h`` [s] from ``before``, with impacts as impulses.
 
-        The ``first`` step has none, because the speed of approach is not known yet.
+        The ``first`` step has no impacts, because the speed of approach is not known yet.
         """
         touching = [contact for contact in contacts if isinstance(contact, RigidContact) and contact.updates]
         last = kinematics_of(before.terms[NAME])

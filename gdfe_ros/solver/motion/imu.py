@@ -7,7 +7,7 @@ R^T R' follows from
 
     (tr(U) 1 - U) w = axial(R^T F' - F'^T R),   axial(A) = (A_32, A_13, A_21).
 
-The unit measures R^T (a - g). This is zero in free fall; at rest it is the acceleration that balances gravity.
+The unit measures R^T (a - g): zero in free fall, and -R^T g at rest.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class ImuReading:
     """Reading of one unit.
 
     Attributes:
-        orientation: from the unit's axes to the world's; initially the identity.
+        orientation: rotation from the unit's axes to the world's axes; initially the identity.
         angular_velocity: (3,) [rad/s] in the unit's axes.
         linear_acceleration: (3,) [m/s^2] in the unit's axes, minus the acceleration of gravity: 9.81 upward at rest.
     """
@@ -52,16 +52,17 @@ def later_readings(
     state: State,
     commands: Mapping[str, float],
 ) -> Callable[[], dict[str, ImuReading]]:
-    """Return a function that evaluates the readings at points by name, once and in any thread.
+    """Return a function that returns a dict from unit name to reading.
 
-    Before the first step of a run, a unit has the readings that it has at rest.
+    The function evaluates the readings once and may run in any thread. Before the first step of a run, a unit has the
+    readings that it has at rest.
 
     Args:
-        points: one material point each.
-        loads: of the scene.
-        stepper: of the simulation.
-        state: of the readings.
-        commands: factors of the loads, by name.
+        points: dict from unit name to its material point.
+        loads: loads of the scene.
+        stepper: stepper of the simulation.
+        state: state whose readings are evaluated.
+        commands: dict from load name to its factor.
 
     Raises:
         CommandError: the body has no mass.
@@ -117,7 +118,7 @@ def _cell(shape: ShapeOperators, corners: NDArray[np.int32]) -> int:
 
 
 def _polar(gradient: Vector) -> tuple[Vector, Vector]:
-    """Return R and U (3, 3) of F = R U; R is a rotation even for an inverted element."""
+    """Return R and U (3, 3) of the deformation gradient F = R U; R is a rotation even for an inverted element."""
     left, stretches, right = np.linalg.svd(gradient)
     if np.linalg.det(left @ right) < 0.0:
         left[:, 2], stretches[2] = -left[:, 2], -stretches[2]

@@ -29,7 +29,7 @@ OPTIONAL = ("pushed", "shadow")
 def inertia_energy(x, reals, integers, force, size):
     """Return k/2 d^T M d [J] with d = x - x_hat, with the signature required by `term_kernel`.
 
-    ``reals`` are k [1/s^2], x_hat (n, 3) [m] and the entries of M [kg]; ``integers`` its row starts and columns.
+    ``reals`` are k [1/s^2], x_hat (n, 3) [m] and the entries of M [kg]. ``integers`` are row starts and columns of M.
     """
     count, k = len(x), reals[0]
     if k == 0.0:
@@ -63,7 +63,7 @@ class Inertia(Term):
     Args:
         body: the discretised body.
         mass: (n, n) its mass matrix [kg].
-        dynamics: the scheme and the damping.
+        dynamics: time integration scheme and damping.
         h: length of a step [s].
     """
 
@@ -103,8 +103,8 @@ class Inertia(Term):
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Prepare a step; ``positions`` (n, 3) [m] have the handles at their targets.
 
-        Without a previous step there is no inertia. Driven vertices of handles get the velocity of their displacement;
-        a jump of their velocity would otherwise oscillate without end.
+        Before the motion has started there is no inertia. Handle vertices that are driven get the velocity of their
+        displacement in this step: the scheme would continue a jump of their velocity as an endless oscillation.
         """
         if not saved["h"][0]:
             self.reals[0] = 0.0
@@ -144,7 +144,7 @@ class Inertia(Term):
     def _followed(
         self, positions: NDArray[np.float64], last: NDArray[np.float64], velocity: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return velocity [m/s] and acceleration [m/s^2] (n, 3) of driven vertices as differences from ``last``."""
+        """Return velocity [m/s] and acceleration [m/s^2] (n, 3) of driven vertices, as backward differences."""
         given = (positions - last) / self._h
         return given, (given - velocity) / self._h
 
@@ -153,7 +153,8 @@ def rule_of(dynamics: Dynamics, h: float, saved: Saved) -> Rule:
     """Return the rule of a step of length ``h`` [s] from a stored state.
 
     If the step length changes, `bdf2` restarts. `generalised_alpha` is replaced by the trapezoidal rule for one step,
-    because this rule has no memory. An assumed previous step would create energy when two lengths alternate.
+    because this rule does not use the previous step. An assumed previous step would create energy if two lengths
+    alternate.
     """
     now, x = kinematics_of(saved), saved["positions"]
     if saved["h"][0] == h:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Internal steps of any length by one scheme: their equilibria, pushes and impacts."""
+"""Internal steps of any length by one time integration scheme, with their pushes and impacts."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 
 ACCURACY = 3.0
-"""Tolerated distance to the solution of an internal step, over h^2 |a| and the solver's tolerance."""
+"""Tolerance of an internal step, over the solver's tolerance and over h^2 |a| / (body size)."""
 FINEST = 1e-4
-"""Smallest distance that an internal step requests, over the solver's tolerance."""
+"""Least tolerance of an internal step, over the solver's tolerance."""
 KEPT = 4
 """Number of step lengths whose factors are kept."""
 
@@ -41,7 +41,7 @@ class Integrator:
 
     Args:
         body: the discretised body.
-        settings: of the solver.
+        settings: settings of the solver.
         dynamics: scheme and damping.
         mass: (n, n) mass matrix [kg].
         free_mass: mass of the free vertices.
@@ -71,7 +71,7 @@ class Integrator:
         self._pushes, self._impacts = Pushes(free_mass, dynamics, self._scheme), Impacts(body, dynamics, self._scheme)
 
     def solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
-        """Solve an internal step of length ``h`` [s]."""
+        """Return the solution of the next internal step of ``flight``, of length ``h`` [s]."""
         state, (poses, commands) = self.begun(flight.state), flight.aim
         reach = h * h * largest(kinematics_of(state.terms[inertia.NAME]).acceleration) / self._body.size
         tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * reach))
@@ -98,7 +98,7 @@ class Integrator:
         return self.followed(state, now, h, first=first)
 
     def followed(self, before: State, now: State, h: float, *, first: bool) -> State:
-        """Return the state at the end of a step without its pushes and impacts, which the next step must not use."""
+        """Return the state ``now`` after a step, without pushes and impacts in the forces that the next step uses."""
         contacts = self.equilibrium(h).actuation.contacts
         now = self._impacts.stopped(before, now, h, contacts, first=first)
         return self._pushes.forgotten(before, now, h, contacts)
@@ -133,7 +133,7 @@ class Integrator:
         return self._made[h]
 
     def begun(self, state: State) -> State:
-        """Return the state at the beginning of a step; backward Euler drops the step before it."""
+        """Return ``state`` as the beginning of a step; backward Euler ignores the step before it."""
         if not self._euler:
             return state
         saved = {**state.terms[inertia.NAME], "first": np.ones(1)}

@@ -18,7 +18,7 @@ from gdfe_ros.solver.value import changed
 
 
 class Accounts:
-    """Keeps a body's energy account.
+    """Computes a body's energy account.
 
     Args:
         body: the discretised body.
@@ -51,10 +51,10 @@ class Accounts:
         return velocity
 
     def after(self, before: State, now: State, h: float) -> Ledger:
-        """Return the ledger after an internal step of length ``h`` [s]: work by the trapezoidal rule.
+        """Return the ledger after an internal step of length ``h`` [s], with the work by the trapezoidal rule.
 
-        The uncertainty is added to the bound. For each handle and command, it is the change of the work if the force of
-        one end of the step acted throughout. The work of growth is unknown: if growth changes, the bound restarts.
+        The uncertainty of the work is added to the bound. For each handle and command, it is the difference to the work
+        with the force at one end of the step. The work of growth is unknown: if growth changes, the bound restarts.
         """
         ledger, first, last = before.ledger, before.summary.reactions, now.summary.reactions
         # Most links of an arm touch nothing; without a force there is no work.
@@ -73,7 +73,7 @@ class Accounts:
         return Ledger(work=ledger.work + work, lost=lost, bound=bound)
 
     def energies(self, state: State, velocity: NDArray[np.float64]) -> dict[str, float]:
-        """Return the energies [J] of a state with a velocity (n, 3) [m/s], by name."""
+        """Return a dict from name to energy [J] of a state with a velocity (n, 3) [m/s]."""
         stored = float(state.terms[viscosity.NAME]["stored"][0]) if self._dynamics.damps else 0.0
         return {
             "kinetic": self._kinetic(velocity),
@@ -96,7 +96,7 @@ def _raised(bound: Bound | None, energy: float) -> Bound | None:
 
 
 def _work(first: Array | float, last: Array | float, change: Array | float) -> float:
-    """Return the work of a step: the mean force of its beginning and its end, times the displacement."""
+    """Return the work in a step: the mean of the ``first`` and ``last`` force, times the displacement ``change``."""
     return float(np.dot(0.5 * (first + last), change))
 
 

@@ -24,15 +24,15 @@ def mass_matrix(
     *,
     filling: Filling | None = None,
 ) -> sparse.csr_matrix:
-    """Return M_ab = sum_e rho_e int N_a N_b dV (n, n) [kg], plus N_a N_b of each attached mass.
+    """Return the mass matrix M_ab = sum_e rho_e int N_a N_b dV (n, n) [kg], plus m N_a N_b of each attached mass m.
 
-    A lumped matrix would give a section of two cells across a polar moment that is 1.5 times too large.
+    With a lumped matrix, the polar moment of a section two cells across would be 1.5 times too large.
 
     Args:
         rest: (n, 3) rest vertices [m].
-        cells: (m, c) their vertices.
-        density: (m,) [kg/m^3].
-        attached: masses on points.
+        cells: (m, c) vertices of the cells.
+        density: (m,) densities of the cells [kg/m^3].
+        attached: masses on material points.
         filling: filled fraction of cut cells.
     """
     blocks = np.zeros((len(cells), cells.shape[1], cells.shape[1]))
@@ -46,7 +46,7 @@ def mass_matrix(
 
 
 class FreeMass:
-    """Mass of the vertices that handles do not drive; factored on first use.
+    """Mass matrix of the free vertices and the rigid bodies; factored on first use.
 
     Args:
         body: the discretised body.
@@ -59,7 +59,7 @@ class FreeMass:
         self._factor: SuperLU | None = None
 
     def accelerated(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the acceleration (n, 3) [m/s^2] of the free vertices by forces (n, 3) [N]; zero for all others."""
+        """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices."""
         if self._factor is None:
             self._factor = splu(self._mass[self._free][:, self._free].tocsc())
         acceleration = np.zeros_like(forces)
@@ -68,7 +68,7 @@ class FreeMass:
 
 
 def _collected(count: int, corners: NDArray[np.int32], blocks: NDArray[np.float64]) -> sparse.csr_matrix:
-    """Return the sum (n, n) of blocks (m, k, k) that couple the corners (m, k)."""
+    """Return the sum (n, n) of ``blocks`` (m, k, k) that couple the vertices ``corners`` (m, k)."""
     size = corners.shape[1]
     rows, columns = np.repeat(corners, size, axis=1).ravel(), np.tile(corners, (1, size)).ravel()
     return sparse.coo_matrix((blocks.ravel(), (rows, columns)), shape=(count, count)).tocsr()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start of a time step: free flight of the free vertices, commanded positions of the handles."""
+"""Predicted end of a time step: free flight of the free vertices, and commanded positions of the handles."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from gdfe_ros.solver.motion.inertia import NAME, kinematics_of
 from gdfe_ros.solver.state import State
 
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
-"""Fractions of the free flight that are tried in turn until no element is folded. A force at one light vertex could
-carry it across many cells in a step, and a start with folds ends in another equilibrium. If nothing holds the body, its
-centre of mass always flies in full: the minimisation corrects it only to within the tolerance, and momentum would
+"""Fractions of the free flight that are tried in turn until no element is folded. A force on one light vertex may move
+it across many cells in a step, and a start with folds ends in another equilibrium. Without handles, the centre of mass
+always moves by the whole free flight: the minimisation corrects it only to within the tolerance, and momentum would
 change.
 """
 
@@ -29,7 +29,7 @@ class FlightPredictor(Predictor):
         body: the discretised body.
         handles: the kinematics of its handles.
         h: length of the step [s].
-        masses: (n,) of the vertices [kg].
+        masses: (n,) masses of the vertices [kg].
     """
 
     def __init__(self, body: Body, handles: HandleMotions, h: float, masses: NDArray[np.float64]) -> None:
@@ -40,7 +40,7 @@ class FlightPredictor(Predictor):
     def predict(
         self, state: State, base: NDArray[np.float64], change: NDArray[np.float64], movable: Movable
     ) -> Prediction:
-        """Return the start of a solve for handles commanded from ``state`` to ``base`` (n, 3) [m]."""
+        """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m]."""
         now, h, last, held = kinematics_of(state.terms[NAME]), self._h, state.motion, self._held
         slides, turns = state.slides, state.turns
         if last is not None:

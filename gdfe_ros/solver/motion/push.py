@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pushes of contacts: forces that are constant over a step, and do not enter the next one.
+"""Pushes of contacts: contact forces that are constant over a step and do not enter the next step.
 
-A scheme of second order continues the forces of a step into the next one. If the body has left the contact by then,
-this creates energy. A contact therefore pushes with one force F throughout the step. A solve finds the multiplier: the
-force at the end of the step that causes the same displacement. The ratio of F to the multiplier is the rule's `share`.
+A scheme of second order uses the forces of one step in the next step. If the body has left the contact by then, this
+creates energy. A contact therefore pushes with one force F throughout the step. A solve finds the multiplier: the force
+at the end of the step that causes the same displacement as F. The ratio of F to the multiplier is the rule's `share`.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from gdfe_ros.solver.state import State
 
 
 class Pushes:
-    """Keeps the contacts' pushes out of the forces that the next step continues.
+    """Removes the contacts' pushes from the forces that the next step uses.
 
     Args:
-        mass: of the free vertices.
-        dynamics: of the steps.
-        scheme: of the steps. ``bdf2`` has no pushes, because it damps motion that contacts excite. Contacts between
-            rigid bodies and obstacles have `Impacts` instead, except with ``newmark``.
+        mass: mass of the free vertices.
+        dynamics: scheme and damping of the steps.
+        scheme: scheme of the simulation. ``bdf2`` has no pushes, because it damps motion that contacts excite. Contacts
+            between rigid bodies and obstacles have `Impacts` instead, except with ``newmark``.
     """
 
     def __init__(self, mass: FreeMass, dynamics: Dynamics, scheme: Scheme) -> None:
@@ -40,7 +40,7 @@ class Pushes:
             contact.share = rule_of(self._dynamics, h, before.terms[NAME]).share if pushes else 1.0
 
     def forgotten(self, before: State, now: State, h: float, contacts: Sequence[ContactTerm]) -> State:
-        """Return the state after a step of length ``h`` [s] from ``before``, with its pushes stored separately."""
+        """Return ``now``, the state after a step of length ``h`` [s] from ``before``, with pushes stored separately."""
         pushing = [contact for contact in contacts if self._are_of(contact)]
         if not pushing:
             return now

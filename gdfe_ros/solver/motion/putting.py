@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Teleport of rigid bodies in the middle of a motion."""
+"""Teleport of rigid bodies during a motion."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ UNTOLD = "rigid bodies were moved to other places, and no step has been made sin
 def put_elsewhere(
     body: Body, handles: HandleMotions, actuation: Actuation, state: State, places: Mapping[str, Pose]
 ) -> State:
-    """Return a state with rigid bodies, without velocity, at given poses relative to their rest poses."""
+    """Return ``state`` with the rigid bodies ``places`` at poses relative to their rest poses, without velocity."""
     vertices = _vertices(body, places)
     slides, turns = handles.put(state.slides, state.turns, places)
     positions = state.positions.copy()
@@ -53,7 +53,7 @@ def put_elsewhere(
 
 
 def require_free(body: Body, state: State, names: Collection[str]) -> None:
-    """Raise an error if one of the rigid bodies ``names`` is inside of an obstacle, another body, or the soft body."""
+    """Raise OverlapError if a rigid body in ``names`` is inside of an obstacle, another body, or the soft body."""
     placed = placed_now(body.handles, state.poses, state.positions)
     surface = outline(flat_quads(body.cell_type.boundary(body.cells).quads), body.skin, state.positions)
     found = list(overlaps(placed, names))
@@ -63,7 +63,7 @@ def require_free(body: Body, state: State, names: Collection[str]) -> None:
 
 
 def pulled(state: State, places: Mapping[str, Pose], acceleration: NDArray[np.float64], body: Body) -> State:
-    """Return a state in which the rigid bodies ``places`` have the accelerations (n, 3) [m/s^2] of the forces there."""
+    """Return ``state`` with the rigid bodies ``places`` given their rows of ``acceleration`` (n, 3) [m/s^2]."""
     vertices, kept = _vertices(body, places), dict(state.terms[inertia.NAME])
     for name in ("acceleration", "balanced"):
         kept[name] = kept[name].copy()

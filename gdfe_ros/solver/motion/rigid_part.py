@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 
 def rigid_part(positions: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the closest rigid field u + w x r to vectors (..., 4, 3) on vertices of equal mass at ``positions`` [m].
+    """Return the rigid field u + w x r closest to ``vectors`` (..., 4, 3) on vertices of equal mass.
 
-    For velocities, this field has the same momentum and angular momentum. For forces over the mass of a vertex, it is
-    the acceleration of the rigid body.
+    ``positions`` (..., 4, 3) [m] are those of the vertices. For velocities, the field has the same momentum and angular
+    momentum. For forces divided by the mass of a vertex, it is the acceleration of the rigid body.
     """
     arms = positions - positions.mean(axis=-2, keepdims=True)
     mean = vectors.mean(axis=-2, keepdims=True)

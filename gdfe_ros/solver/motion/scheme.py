@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Schemes of second order, each as the minimum of a potential in the new positions.
+"""Time integration schemes of second order; a step is the minimum of a potential in the new positions.
 
 Every scheme gives acceleration and velocity at the end of a step as linear functions of the positions x there:
 
     a = kappa_a (x - x_a),   v = theta (x - x_v),
 
-and its balance of momentum reads M f(x) = -dE/dx with f = kappa (x - x_hat): the stationary point of
-E(x) + kappa/2 |x - x_hat|_M^2. Contact forces are constant over a step and do not enter the next one, so the
+and its balance of momentum is M f(x) = -dE/dx with f = kappa (x - x_hat). The solution is the stationary point of
+E(x) + kappa/2 |x - x_hat|_M^2. Contact forces are constant over a step and do not enter the next step: the
 accelerations that the next step uses exclude them. `docs/theory/motion.md` derives both.
 """
 
@@ -30,13 +30,13 @@ class Kinematics:
     Attributes:
         velocity: [m/s].
         acceleration: [m/s^2].
-        balanced: f [m/s^2], the acceleration by the forces at that moment.
+        balanced: f [m/s^2], the acceleration by the forces at the end of the step.
         before: positions [m] at the end of the previous step.
         velocity_before: [m/s] at the end of the previous step.
-        first: whether there is no previous step, or none of the present length.
-        pushed: part of the acceleration [m/s^2] by contacts; None if contact is impossible.
-        shadow: minus the acceleration [m/s^2] of a vertex on an unyielding obstacle after these pushes; None if contact
-            is impossible.
+        first: whether there is no previous step, or the previous step has another length.
+        pushed: phi of `docs/theory/motion.md`, the acceleration by contacts [m/s^2]; None if contact is impossible.
+        shadow: psi of `docs/theory/motion.md`, minus the scheme's acceleration [m/s^2] of a vertex that a rigid
+            obstacle keeps from moving; None if contact is impossible.
     """
 
     velocity: Vectors
@@ -52,7 +52,7 @@ class Kinematics:
     def started(
         cls, positions: Vectors, velocity: Vectors, acceleration: Vectors, h: float, *, first: bool = False
     ) -> Kinematics:
-        """Return kinematics at positions (n, 3) [m]; the previous step follows from velocity and acceleration."""
+        """Return kinematics at positions (n, 3) [m]; velocity and acceleration define the previous step."""
         return cls(
             first=first,
             velocity=velocity,
@@ -65,8 +65,8 @@ class Kinematics:
     def restarted(self, positions: Vectors, h: float) -> Kinematics:
         """Return the kinematics restarted at positions (n, 3) [m] with a new step length ``h`` [s].
 
-        The acceleration is that of the forces. The scheme's own acceleration may oscillate from step to step, and a
-        much longer step would turn this oscillation into energy.
+        The acceleration becomes the acceleration by the forces. The scheme's own acceleration may oscillate from step
+        to step, and a much longer step would turn this oscillation into energy.
         """
         acceleration = self.balanced if self.pushed is None else self.balanced + self.pushed
         fresh = self.started(positions, self.velocity, acceleration, h, first=True)
@@ -85,8 +85,8 @@ class Rule:
         kappa: df/dx [1/s^2].
         aim: x_hat (n, 3) [m].
         share: ratio of a contact's constant force to its multiplier, the force at the end of the step.
-        answer: coefficient of the present push in the shadow.
-        echo: contribution of earlier pushes to the shadow (n, 3) [m/s^2].
+        answer: coefficient of the present push in `shadow`.
+        echo: contribution of earlier pushes to `shadow` (n, 3) [m/s^2].
     """
 
     theta: float
@@ -118,7 +118,7 @@ class Rule:
         return self.kappa * (x - self.aim)
 
     def shadow(self, pushed: Vectors) -> Vectors:
-        """Return the shadow (n, 3) [m/s^2] of a push (n, 3) [m/s^2] and of those before it."""
+        """Return `Kinematics.shadow` (n, 3) [m/s^2] after the accelerations ``pushed`` (n, 3) [m/s^2]."""
         return self.answer * pushed + self.echo
 
 
@@ -141,7 +141,7 @@ def _bdf2(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
 
 
 def _newmark(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
-    """Return the rule of average acceleration, the trapezoidal rule."""
+    """Return the rule of average acceleration (the trapezoidal rule)."""
     acceleration, answer, echo = now.acceleration, 1.0, 0.0
     if now.pushed is not None:
         acceleration, answer, echo = acceleration - now.pushed, 2.0, -now.shadow
@@ -173,10 +173,10 @@ def _generalised_alpha(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics
 
 
 def _way(beta: float, gamma: float) -> float:
-    """Return the displacement that a push causes within its step, over h^2 times the push.
+    """Return p: the displacement that a contact's push causes within its step, over h^2 times the push [m/s^2].
 
-    Without dissipation it would be 1/2. With this value a rigid body leaves an obstacle at most as fast as it came. A
-    rigid body on an unyielding obstacle does not move later.
+    Without numerical dissipation p is 1/2. With this value, a rigid body leaves an obstacle at most as fast as it came,
+    and a body that the obstacle keeps from moving does not move in later steps.
     """
     swing = (1.0 - 0.5 * gamma / beta) * (0.5 / beta - 1.0)
     return max(beta, 0.5 * (1.0 + swing))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time steps from a state to a later one: internal steps, each the minimum of a potential."""
+"""Time steps of a body with mass; each consists of internal steps, the minima of a potential."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.solver.value import changed
 
 CALM = 0.5
-"""A body counts as at rest if no vertex, at its present velocity or acceleration, leaves the tolerance within this time
-[s].
+"""A body counts as at rest if no vertex, at its present velocity or acceleration, moves farther than the tolerance
+within this time [s].
 """
 RELAXED = 3.0
-"""The same time, over the longest relaxation time of the body."""
+"""Lower bound of the same time, over the longest relaxation time of the body."""
 SHORTEST = 1e-2
-"""Durations below this fraction of the longest internal step are only accumulated: an acceleration over so short a time
-is noise.
+"""Durations below this fraction of the longest internal step are only added up: differences over so short a time give
+only noise as acceleration.
 """
 
 
@@ -50,12 +50,12 @@ class InternalStep:
     """An accepted internal step, for observers of a motion.
 
     Attributes:
-        before, after: states.
+        before, after: states before and after the internal step.
         h: its length [s].
-        share: fraction of the whole step's change of commands that is completed after it.
+        share: fraction of the whole step's change of commands that is completed after the internal step.
         integrator: the integrator that made it; None for the start of a motion, which only computes the accelerations
             of ``after``.
-        first: whether the previous step was not made by this scheme.
+        first: whether it is the first internal step of a motion.
     """
 
     before: State
@@ -71,14 +71,14 @@ class MotionStepper:
 
     Args:
         body: the discretised body.
-        settings: of the solver.
+        settings: settings of the solver.
         dynamics: scheme and damping.
         mass: (n, n) its mass matrix [kg].
-        acting: makes the actuation with further terms.
+        acting: function that returns the actuation with given additional terms.
 
     Attributes:
-        equilibrium: solves internal steps of the longest length.
-        actuation: the external terms in these.
+        equilibrium: equilibrium solver of internal steps of the longest length.
+        actuation: the external terms of these internal steps.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class MotionStepper:
         return self.equilibrium.at_rest().with_(ledger=self._accounts.opened())
 
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
-        """Return whether nothing would happen at these commands: the body is at rest, and held by handles."""
+        """Return whether a body with handles is at rest and would stay at rest at these commands."""
         same = state.poses == targets and state.commands == commands and state.summary.converged
         if not (same and Skip.SOLVE in self._settings.skip and self.body.handles and self._began(state)):
             return False
@@ -138,11 +138,12 @@ class MotionStepper:
         deadline: Deadline | None = None,
         observer: Callable[[InternalStep], None] | None = None,
     ) -> March:
-        """Follow the commands, which change linearly, for ``duration`` [s] from ``state``, which is not modified.
+        """Return the outcome of ``duration`` [s] in which the commands change linearly from those of ``state``.
 
-        A duration that is too short for a step is added to the next one. A deadline ends the step between two internal
-        steps; an internal step in progress is finished, because a partial solution has no velocity. An interruption
-        discards it. The ``observer`` is called after each internal step.
+        ``state`` is not modified. A duration that is too short for a step is added to the next duration. A deadline
+        ends the step between two internal steps: an internal step in progress is finished, because a partial solution
+        has no velocity. An interruption discards the internal step in progress. The ``observer`` is called after each
+        internal step.
         """
         due = state.ledger.owed + duration
         if due < SHORTEST * self._dynamics.step:
@@ -197,7 +198,7 @@ class MotionStepper:
         The change of energy counts as work done on them.
 
         Raises:
-            OverlapError: the place is occupied.
+            OverlapError: a rigid body is inside of an obstacle, another rigid body, or the soft body there.
         """
         found = put_elsewhere(self.body, self.equilibrium.handles, self.actuation, state, places)
         require_free(self.body, found, places)
@@ -225,7 +226,7 @@ class MotionStepper:
         return self._kinematics(state).acceleration
 
     def energies(self, state: State) -> dict[str, float]:
-        """Return kinetic, elastic, potential energy, work done and dissipated energy since the start [J], by name."""
+        """Return a dict from name to energy [J]; work and dissipated energy are totals since the start."""
         return self._accounts.energies(state, self._kinematics(state).velocity)
 
     def _accepted(self, integrator: Integrator, state: State, solution: Solution, h: float) -> tuple[State, float]:
@@ -245,7 +246,7 @@ class MotionStepper:
         return bool(state.terms[inertia.NAME]["h"][0])
 
     def _started(self, state: State, commands: Mapping[str, float]) -> State:
-        """Return a state with the acceleration by its forces, with loads acting from the start."""
+        """Return the state at the start of a motion: with the accelerations by its forces, and all loads acting."""
         loads = {name: commands[name] for name in self.actuation.loaded}
         before, state = state.commands, state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
@@ -258,7 +259,7 @@ class MotionStepper:
         return state.with_(terms=terms, balance=balance, ledger=self._accounts.begun(ledger, acceleration, h))
 
     def _raised(self, state: State, before: Mapping[str, float]) -> float:
-        """Return the change [J] of the loads' potential by displacements before the start; loads act from now on."""
+        """Return the change [J] of the loads' potential if loads start to act on a body that is already displaced."""
         rest = self.at_rest().positions
         if np.array_equal(rest, state.positions):
             return 0.0
@@ -284,17 +285,17 @@ def _noted(state: State, duration: float) -> March:
 
 
 def _told(march: March, owed: float) -> March:
-    """Return an outcome without the time ``owed`` [s], which an earlier step already reported as simulated."""
+    """Return an outcome whose simulated time excludes ``owed`` [s], which an earlier step has reported."""
     ledger = changed(march.state.ledger, owed=max(0.0, owed - march.simulated))
     return changed(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
 
 
 def _sound(solution: Solution) -> bool:
-    """Return whether every element is free of folds and inversion."""
+    """Return whether no element is folded or inverted."""
     return not solution.diverged and solution.min_det > 0.0
 
 
 def _failed(solution: Solution) -> bool:
-    """Return whether a shorter step may succeed instead."""
+    """Return whether a solution failed and a shorter step may succeed."""
     stuck = not (solution.converged or solution.exhausted)
     return stuck or not _sound(solution)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Viscosity and relaxation as one term of Green strains: rigid motions at any rate are not resisted.
+"""Viscosity and relaxation as one term of Green strains, which does not resist rigid motions at any rate.
 
 An element has the strains E = (F^T F - 1)/2, with its mean deformation gradient F, and w_k = F^T q_k, with its
 hourglass vectors q_k. The w_k measure its bending. Both are invariant to rotations of the body. A tetrahedron has the
@@ -32,9 +32,9 @@ STRAINS = 18
 BEND = 0.25
 """Hourglass stiffness over modulus and length of an element, from the bending of a cube of incompressible material."""
 _WIDTH = 2 + STRAINS + 24 + 32
-"""Count of an element's numbers for the kernel: two stiffnesses, strains E_hat, gradient and hourglass operators."""
+"""Length of an element's data for the kernel: two stiffnesses, strains E_hat, gradient and hourglass operators."""
 _GREEN, _POINT_WIDTH = 6, 1 + 6 + 30
-"""Number of strains of an integration point, and count of its numbers for the kernel: stiffness, strains E_hat,
+"""Number of strains of an integration point, and length of its data for the kernel: stiffness, strains E_hat,
 gradients.
 """
 
@@ -127,7 +127,7 @@ def point_gradient(x, gradient, corners, f):
 
 @inlined
 def green(f, i, j):
-    """Return a component of the Green strain of a deformation gradient."""
+    """Return the component (i, j) of the Green strain of a deformation gradient ``f`` (3, 3)."""
     return 0.5 * (f[0, i] * f[0, j] + f[1, i] * f[1, j] + f[2, i] * f[2, j] - (1.0 if i == j else 0.0))
 
 
@@ -226,7 +226,7 @@ class Viscosity(Term):
         return assemble(self._body.shape, own, own * self._bend[:: self._places], len(self._body.rest))
 
     def neutral(self) -> Saved:
-        """Return strains and branches of the undeformed body."""
+        """Return the stored state of the undeformed body: strains and branches."""
         rest = self._strains(self._body.rest)
         return {
             "strain": rest,
@@ -270,11 +270,11 @@ class Viscosity(Term):
         }
 
     def energy(self, positions: NDArray[np.float64]) -> float:
-        """Return 0; the energy stored in branches is reported separately."""
+        """Return 0: the energy stored in branches is reported separately."""
         return 0.0
 
     def _before(self, saved: Saved) -> NDArray[np.float64]:
-        """Return the strains one step of the present length earlier."""
+        """Return the strains at one step of the present length before the last state, by linear extrapolation."""
         before, length = saved["h"][0], self._h
         if before == length:
             return saved["before"]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Equilibrium of desired shapes for the ``relative`` policy: the paper as published (Eqs. 1-10, Algorithm 1).
 
-Points that the paper leaves open are read as follows: R is the proper rotation; V^V is the current shape scaled to
-its rest volume; V^v is the V^V of the last converged step in the element's own frame; alpha = eps_p / eps_c if
-that is at most 1 (see `blend`), and 0 in the first step.
+The paper leaves these points open. Here, R is the proper rotation. V^V is the current shape scaled to its rest volume.
+V^v is the V^V of the last converged step in the element's own frame. alpha is eps_p / eps_c if this is at most 1 (see
+`blend`), and 0 in the first step.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class RelativeEquilibrium:
     Args:
         body: the discretised body.
         actuation: growths only, because this policy has no forces; they change the desired shapes. None for none.
-        library: library that factors the constant matrix; None chooses.
+        library: library that factors the constant matrix; None chooses by size.
 
     Attributes:
         matrix: the constant matrix.
@@ -69,7 +69,7 @@ class RelativeEquilibrium:
         """Do nothing: this policy has no energy to observe."""
 
     def at_rest(self) -> State:
-        """Return the undeformed state, without captured shapes and strain."""
+        """Return the undeformed state; the captured shapes are the rest shapes, with zero strain."""
         body, loose = self._body, np.zeros((len(self._body.unknowns.slides), 3))
         operators, commands = self._actuation.growths.ungrown, dict(self._actuation.neutral)
         poses = {handle.name: Pose() for handle in body.handles}
@@ -136,7 +136,7 @@ class RelativeEquilibrium:
         )
 
     def accept(self, solution: Solution, previous: State) -> State:
-        """Return the state that follows ``previous`` with a solution."""
+        """Return the complete state of ``solution``, which follows the state ``previous``."""
         found = solution.state
         return found.with_(motion=self._predictor.motion(previous, found, previous.change_to(found.commands)))
 
@@ -152,7 +152,7 @@ class RelativeEquilibrium:
         prediction: Prediction,
         operators: Operators,
     ) -> tuple[NDArray, NDArray, NDArray, NDArray, int, float, bool]:
-        """Iterate to a fixed point.
+        """Iterate the shape factors, desired shapes and positions to a fixed point.
 
         Returns:
             Positions, free translations, omega, strains, number of iterations, error estimate, and whether the deadline
@@ -191,7 +191,7 @@ class RelativeEquilibrium:
         error_estimate: float,
         message: str,
     ) -> Summary:
-        """Return a summary with the forces of the ``energy`` policy at these positions; this policy has no forces."""
+        """Return a summary with energy and reactions of the ``energy`` policy at ``x``; this policy has no forces."""
         body = self._body
         pressure = volume_pressures(body, x, operators=operators)
         force, energies = corner_forces(body, x, pressure, operators=operators)
@@ -214,7 +214,7 @@ class RelativeEquilibrium:
     def _stretched(
         self, shapes: NDArray[np.float64], operators: Operators, *, back: bool = False
     ) -> NDArray[np.float64]:
-        """Return shapes (m, 8, 3) grown with their elements; with ``back``, with growth divided out."""
+        """Return ``shapes`` (m, 8, 3) with the growth of their elements applied; removed if ``back``."""
         cells = self._actuation.growths.cells
         if not len(cells):
             return shapes
@@ -223,7 +223,7 @@ class RelativeEquilibrium:
         return grown
 
     def _factors(self, x: NDArray[np.float64], operators: Operators) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return omega and the equivalent strain of each element (Algorithm 1)."""
+        """Return the shape factor omega and the equivalent strain of each element (m,) (Algorithm 1)."""
         body, values = self._body, np.empty((4, len(self._given)))
         strain_states(x, operators.shape, body.material, body.table, values)
         omega = shape_factors(values[3])

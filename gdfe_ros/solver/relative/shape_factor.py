@@ -11,11 +11,11 @@ CALIBRATION = (-0.4141, 1.42245, 0.0017)
 CALIBRATED_TO = 90.0
 """Largest R_G of the calibration, Sec. 4.2.1."""
 LARGEST_RATIO = 1e3
-"""Largest ratio of moduli that shape factors represent; beyond it omega is below 4e-4."""
+"""Largest ratio of moduli that shape factors represent; omega would be below 4e-4 for larger ratios."""
 
 
 def geometric_ratio(mechanical_ratio: ArrayLike) -> NDArray[np.float64]:
-    """Map a ratio of moduli R_M >= 1 to the ratio of shape factors R_G (Eq. 7)."""
+    """Return the ratio of shape factors R_G for a ratio of moduli R_M >= 1 (Eq. 7)."""
     return np.polynomial.polynomial.polyval(np.asarray(mechanical_ratio, dtype=np.float64), CALIBRATION)
 
 

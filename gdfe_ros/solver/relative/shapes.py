@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Element shapes of the ``relative`` policy: the desired one (Eqs. 9 and 10), and the captured one."""
+"""Element shapes of the ``relative`` policy: desired shapes (Eqs. 9 and 10) and captured shapes."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 LEAST_VOLUME = 1e-3
-"""Volume ratio below which V^V is not scaled up further; otherwise it would grow without bound. For an inverted element
-the absolute value counts.
+"""Below this volume ratio, the scale of V^V no longer increases; it would grow without bound. The absolute value of the
+ratio is used for an inverted element.
 """
 
 
@@ -38,7 +38,7 @@ def _frame(x, shape, e):
 
 @internal
 def _centre(x, cells, e, centre):
-    """Write the mean (3,) of an element's corners."""
+    """Write the mean position of the corners of element ``e`` to ``centre`` (3,)."""
     centre[:] = 0.0
     for a in range(8):
         for i in range(3):
@@ -47,7 +47,7 @@ def _centre(x, cells, e, centre):
 
 @kernel
 def shape_differences(x, shape, rest, captured, alpha, omega, difference):
-    """Write Omega_e (N V - V^B) (m, 8, 3) with the desired shapes of Eqs. 9 and 10."""
+    """Write Omega_e (N V - V^B) (m, 8, 3), with rest volume Omega_e and desired shape V^B of Eqs. 9 and 10."""
     centre = np.empty(3)
     for e in range(len(shape.cells)):
         r, scale = _frame(x, shape, e)
@@ -65,7 +65,7 @@ def shape_differences(x, shape, rest, captured, alpha, omega, difference):
 
 @kernel
 def capture_shapes(x, shape: ShapeOperators, captured):
-    """Write R^T V^V (m, 8, 3), the volume-conserving shapes in the elements' own frames."""
+    """Write R^T V^V (m, 8, 3) [m], the shapes of rest volume in the elements' own frames, to ``captured``."""
     centre = np.empty(3)
     for e in range(len(shape.cells)):
         r, scale = _frame(x, shape, e)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of derivatives at an equilibrium."""
+"""Derivatives at an equilibrium, one column per parameter."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 
 
 class Tangents:
-    """Linearises solves of one body. The factor's symbolic analysis is done once.
+    """Linearises solves of one body, with one symbolic analysis of the factor.
 
-    The last linearised solve is kept; further columns of the same state need no new factor.
+    The last linearised solve is cached, so that further columns of the same state need no new factor.
 
     Args:
         equilibrium: the equilibrium solver.
@@ -43,7 +43,7 @@ class Tangents:
         """Return the linearised solve that began at ``start`` and ended at ``end``.
 
         Raises:
-            GdfeError: the end is no equilibrium, or has no derivative.
+            GdfeError: ``end`` is no equilibrium, or has no derivative.
         """
         if self._last is not None and self._last[0] is start and self._last[1] is end:
             self._last[2].resume()
@@ -98,7 +98,7 @@ class EquilibriumColumns:
 
 
 def own_side(body: Body, state: State, end: State | None = None) -> VariedInputs:
-    """Return the inputs of the solve from ``state`` to ``end``, to be linearised; None stands for the same state."""
+    """Return the unvaried inputs of the solve from ``state`` to ``end``; None stands for ``state`` itself."""
     end = end or state
     return VariedInputs(start=state, commands=end.commands, poses=end.poses, table=body.table)
 
@@ -111,10 +111,10 @@ def pair_of(
     scheme: Dynamics | None = None,
     share: float = 1.0,
 ) -> Pair:
-    """Return the inputs of two solves with a parameter varied up and down.
+    """Return the inputs of two solves with a parameter increased and decreased.
 
-    In motion, steps have the length ``h`` [s] and use ``scheme``. Commands and poses change linearly over a step; at
-    this solve the fraction ``share`` of their variation is reached.
+    In motion, internal steps have the length ``h`` [s] and use ``scheme``. Commands and poses change linearly over a
+    step. At the end of this solve, the fraction ``share`` of their variation is reached.
     """
     sides, step = [], parameter.step(own.commands)
     for change in (step, -step):
@@ -132,7 +132,7 @@ def pair_of(
 
 
 def rows_of(column: Column, outputs: Outputs, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-    """Return the entries (k,) of a column that belong to each output; the keys are the outputs' names."""
+    """Return a dict from output name to its derivative (k,), from the column of one parameter."""
     reactions = column.reactions() if any(name.startswith("reactions.") for name in names) else {}
     return {name: outputs.row(name, column.change.positions, reactions) for name in names}
 

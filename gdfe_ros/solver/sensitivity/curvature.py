@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Second derivative of a chamber's energy -p V, quad by quad."""
+"""Second derivative of the energy -p V of a chamber with pressure p, one block per quad of its walls."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ STEP = 1e-3
 
 
 class PressedWalls(Term):
-    """A chamber of given pressure with its full tangent, which includes the negative part that minimisations leave out.
+    """A chamber of given pressure with its full tangent, which is indefinite; minimisations do not use it.
 
     Args:
         chamber: the chamber's term.
-        body: the body around it.
+        body: the body around the chamber.
     """
 
     def __init__(self, chamber: ChamberTerm, body: Body) -> None:
@@ -58,7 +58,7 @@ class PressedWalls(Term):
 
 
 def curved(terms: tuple[Term, ...], body: Body) -> list[Term]:
-    """Return the terms with the full tangents that derivatives need."""
+    """Return ``terms`` with chambers of given pressure replaced by `PressedWalls`; derivatives need full tangents."""
 
     def pressed(term: Term) -> bool:
         return isinstance(term, ChamberTerm) and term.actuator.mode is Mode.PRESSURE

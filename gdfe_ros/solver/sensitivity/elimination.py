@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Block elimination of a few multipliers from the linearised solve: GMRES then needs fewer products a column."""
+"""Block elimination of a few multipliers from the linearised solve, which then needs fewer products per column."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 Array = NDArray[np.float64]
 MOST = 12
-"""Largest number of multipliers that are eliminated; each takes one solve with the factor for each state."""
+"""Largest number of multipliers that are eliminated; each costs one solve with the factor per state."""
 
 
 class SchurComplement:
     """The Schur complement S = D + C K^-1 B of the system K dx + B dm = r, -C dx + D dm = s.
 
     Args:
-        product: returns the left sides of both equations (r + k,) for a vector (r + k,) of dx and then dm.
-        solve: returns K^-1 of forces (r,).
+        product: function that returns the left-hand sides (r + k,) of both equations for a vector (r + k,), dx then dm.
+        solve: function that returns K^-1 f for forces f (r,).
         rows: r, number of unknowns.
         count: k, number of multipliers.
 
@@ -45,7 +45,7 @@ class SchurComplement:
             raise LinAlgError("the complement is singular")
 
     def __call__(self, vector: Array) -> Array:
-        """Return (dx, dm) for a right side (r + k,)."""
+        """Return dx, then dm, (r + k,) for the right-hand sides ``vector`` (r + k,), r then s."""
         rows = self._rows
         alone = np.zeros_like(vector)
         alone[:rows] = self._solve(vector[:rows])

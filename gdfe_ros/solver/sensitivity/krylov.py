@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Linear systems given by products: preconditioned generalised conjugate residuals (Eisenstat, Elman, Schultz 1983)."""
+"""Linear solver without a matrix: preconditioned generalised conjugate residuals (Eisenstat, Elman, Schultz 1983)."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from gdfe_ros.errors import GdfeError
 ENOUGH = 1e-5
 """Relative residual that is accepted if the tolerance cannot be reached, because products are finite differences."""
 EXHAUSTED = 1e-13
-"""A product with a unit vector counts as rounding if the norm of its orthogonal part is below this."""
+"""A product with a unit vector adds no direction if its part orthogonal to all images has a norm below this."""
 ROUNDING = 1e-6
-"""Least norm of the solution, over that of the right-hand side, that the relative residual assumes."""
+"""Lower bound of the solution's norm in the relative residual, over the norm of M^-1 b."""
 STALLED = 0.99
-"""If the residual after a direction, over that before, is above this, the next direction is the last image, as in
-Arnoldi's method. The residual would otherwise give the same direction again.
+"""If a direction reduces the norm of the residual to more than this fraction, the next direction is the last image, as
+in Arnoldi's method. The residual would give the same direction again.
 """
 MOST = 150
-"""Limit of the number of products for one right-hand side, and of the number of kept directions."""
+"""Largest number of products for one right-hand side, and of stored directions."""
 
 Array = NDArray[np.float64]
 Map = Callable[[Array], Array]
@@ -30,14 +30,14 @@ Map = Callable[[Array], Array]
 class ConjugateResiduals:
     """Solves A x = b for several b, one after another.
 
-    Directions of earlier right-hand sides are kept with their images. New products are needed only for the remaining
+    Directions of earlier right-hand sides are stored with their images. New products are needed only for the remaining
     residual.
 
     Args:
-        product: returns A times a vector (k,).
-        precondition: returns M^-1 times a vector (k,); the closer M is to A, the fewer products are needed.
-        tolerance: relative tolerance: norm of the preconditioned residual over the smaller of the norms of M^-1 b and
-            x.
+        product: function that returns A times a vector (k,).
+        precondition: function that returns M^-1 times a vector (k,). The closer M is to A, the fewer products it takes.
+        tolerance: tolerance of the relative residual: the norm of the preconditioned residual, divided by the smaller
+            of the norms of M^-1 b and x.
     """
 
     def __init__(self, product: Map, precondition: Map, *, tolerance: float) -> None:
@@ -72,7 +72,7 @@ class ConjugateResiduals:
         return answer
 
     def _extend(self, vector: Array) -> bool:
-        """Add a direction with a unit image orthogonal to all others; return whether there is one."""
+        """Add the direction ``vector`` with its image made orthogonal to all others; return whether it is new."""
         direction = vector / np.linalg.norm(vector)
         image = self._precondition(self._product(direction))
         for _ in range(2):  # a single pass leaves rounding, which matters if the matrix is close to the preconditioner
@@ -88,7 +88,7 @@ class ConjugateResiduals:
 
 
 def _reduce(residual: Array, answer: Array, direction: Array, image: Array) -> None:
-    """Subtract from the residual its part along an image, and add the direction to the answer accordingly."""
+    """Subtract the residual's part along ``image``; add the same multiple of ``direction`` to the answer."""
     share = float(image @ residual)
     residual -= share * image
     answer += share * direction

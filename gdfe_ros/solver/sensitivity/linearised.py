@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Linearisation of a converged solve: K dx + G dm = -dF, with the multipliers m as further unknowns.
 
-At a converged solve the forces F(x, m) vanish and an update changes no multiplier, m = U(x, m). The derivatives of
-both equations vanish as well. Products with the elements' tangents are exact. Products with those of all other terms,
-and with their updates, are central differences of the kernels that the solve called. The response of the elements'
-pressures and hourglass scales is eliminated element by element.
+At a converged solve, the forces F(x, m) are zero, and an update U leaves the multipliers unchanged, m = U(x, m).
+Derivatives of the solution satisfy both equations linearised. Products with the elements' tangents are exact. Products
+with the tangents of all other terms, and with the derivatives of U, are central differences of the kernels that the
+solve called. The response of the elements' pressures and hourglass scales is eliminated element by element.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.term import terms_energy
 
 SOFT, STIFF = 1e-6, 1e-8
-"""Relative tolerances of the linear solve: without multipliers, and with them. Constraints make forces stiff."""
+"""Relative tolerances of the linear solve, without and with multipliers. Constraints make the forces stiff."""
 SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
-"""Displacements of finite differences over the body's size: of terms in general; of terms with friction, whose slip is
-tiny; of rotations of handles.
+"""Displacements of finite differences, over the body's size: for terms in general, for terms with friction, whose slip
+is tiny, and for rotations of handles.
 """
 
 
@@ -49,9 +49,9 @@ class StateDerivative(NamedTuple):
     """A derivative of positions and multipliers.
 
     Attributes:
-        unknowns: (3 r,) of the unknowns.
-        positions: (n, 3) [m] of all vertices.
-        multipliers: (k,) of all terms, one after another.
+        unknowns: (3 r,) derivative of the unknowns.
+        positions: (n, 3) derivative of all vertex positions.
+        multipliers: (k,) derivative of the multipliers of all terms, one term after another.
     """
 
     unknowns: NDArray[np.float64]
@@ -64,7 +64,7 @@ class Linearised:
 
     Args:
         equilibrium: the equilibrium solver.
-        level: evaluates tangents of the body; an instance that no minimisation uses.
+        level: evaluates and factors tangents of the body; no minimisation may use this instance.
         start: state at the beginning of the solve; equal to ``end`` if only derivatives of later solves are needed.
         end: state at the end of the solve.
 
@@ -72,14 +72,14 @@ class Linearised:
         x: (n, 3) [m] positions.
         u: (3 r,) unknowns.
         frame: commanded positions of the handles.
-        forces: (n, 3) [N] dE/dx of all terms.
-        joint: the multipliers of all terms.
-        multipliers: (k,) at the end.
+        forces: (n, 3) [N] dE/dx of elements and terms.
+        joint: access to the multipliers of all terms as one vector.
+        multipliers: (k,) the multipliers at the end.
         scale: (m,) hourglass scales.
-        softening: elements whose scales follow the strain.
-        spacing: displacement [m] of differences.
-        interrupted: called at every product; the computation ends with an error once it returns True.
-        numbers: (k,) reals of all terms at the end.
+        softening: indices of the elements whose hourglass scales depend on the strain.
+        spacing: displacement [m] of finite differences.
+        interrupted: function that is called at every product; once it returns True, the computation ends with an error.
+        numbers: the arrays ``reals`` of all terms at the end, joined.
         volumes: volume laws of the elements at the end.
     """
 
@@ -115,8 +115,8 @@ class Linearised:
         self._turning = self._turned_stiffness()
 
     def resume(self) -> None:
-        """Restore the commands and states of all terms at the end of the step; other solves may have changed them."""
-        self.interrupted, self._system = None, None  # the same question has the same answer, whatever was asked before
+        """Restore the commands and states of all terms at the end of the solve; other solves may have changed them."""
+        self.interrupted, self._system = None, None  # results must not depend on earlier right-hand sides
         self._resume_terms()
         self.restore()
 
@@ -149,11 +149,11 @@ class Linearised:
         return self._summed(force)
 
     def restore(self) -> None:
-        """Reset the reals of all terms to those at the end."""
+        """Reset the arrays ``reals`` of all terms to their values at the end of the solve."""
         self.actuation.table.reals[...] = self.numbers
 
     def moved(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the motion (n, 3) [m] of all vertices for a motion (3 r,) of the unknowns."""
+        """Return the displacements (n, 3) [m] of all vertices for a displacement (3 r,) of the unknowns."""
         motion, count = np.zeros_like(self.x), len(self._unknowns.free)
         motion[self._unknowns.free] = unknowns[: 3 * count].reshape(-1, 3)
         if self._motion.size:
@@ -170,7 +170,7 @@ class Linearised:
     def product(
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return dF (n, 3) [N] and dU (k,) for a motion (n, 3) [m] and a change of the multipliers (k,)."""
+        """Return dF (n, 3) [N] and dU (k,) for a displacement (n, 3) [m] and a change of the multipliers (k,)."""
         forces, change = self._beside(motion, multipliers)
         add_products(self._stiffness, self._softened, self._slopes, self.body.cells, motion, forces)
         return forces, change
@@ -178,12 +178,15 @@ class Linearised:
     def solve(
         self, forces: NDArray[np.float64], change: NDArray[np.float64], turned: NDArray[np.float64]
     ) -> StateDerivative:
-        """Return the derivative that balances forces (n, 3) [N] and a change (k,) of the updated multipliers.
+        """Return the derivative of the solution from derivatives of forces and updates at constant x and m.
 
-        ``turned`` (3 q,) are further generalised forces on the rigid rows.
+        Args:
+            forces: (n, 3) derivative of the forces.
+            change: (k,) derivative of the updated multipliers.
+            turned: (3 q,) derivative of the generalised forces on the rigid rows, in addition to ``forces``.
 
         Raises:
-            GdfeError: there is no derivative.
+            GdfeError: the tangent is singular, so that there is no derivative.
         """
         rows = 3 * self._unknowns.rows
         load = self.gathered(forces)
@@ -197,7 +200,7 @@ class Linearised:
         return StateDerivative(unknowns, self.moved(unknowns), multipliers)
 
     def rigid_part(self, u: NDArray[np.float64], frame: HandlePositions) -> NDArray[np.float64]:
-        """Return the forces at the end as generalised forces (3 q,) on the rigid rows, at other rigid motions.
+        """Return the generalised forces (3 q,) of `forces` on the rigid rows if the rigid motions are those of ``u``.
 
         Args:
             u: (3 r,) unknowns with the rigid motions.
@@ -226,7 +229,7 @@ class Linearised:
         )
 
     def _soften(self, equilibrium: EquilibriumSolver) -> None:
-        """Compute the derivative of the elements' forces with respect to hourglass scales, if these follow strains."""
+        """Compute the derivative of the elements' forces by the hourglass scales, if these depend on strains."""
         self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
         self._slopes = self._softened = np.zeros((0, 24))
         if not len(self.softening):
@@ -268,7 +271,7 @@ class Linearised:
 
     @cached_property
     def _eliminated(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-        """The preconditioner: the factor; if the multipliers are few, with their block elimination."""
+        """The preconditioner: a solve with the factor, and block elimination of the multipliers if they are few."""
         if not 0 < len(self.multipliers) <= MOST:
             return self._preconditioned
         try:
@@ -292,7 +295,7 @@ class Linearised:
     def _beside(
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the result of `product` without the elements."""
+        """Return the result of `product` without the contribution of the elements."""
         largest = max(np.abs(motion).max(initial=0.0), self.joint.metres(multipliers))
         if largest == 0.0 or not len(self.actuation.table.address):
             return np.zeros_like(motion), np.zeros_like(multipliers)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives along a motion: each internal step propagates those of positions, velocities and stored states."""
+"""Derivatives along a motion; each internal step propagates them with positions, velocities and stored states."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
 Kept = Mapping[str, Mapping[str, NDArray[np.float64]]]
-"""Stored states of the terms, by term and name."""
+"""Dict from term name to the term's stored state, itself a dict from name to array."""
 MOST_LENGTHS = 4
-"""Number of step lengths whose analysed tangents are kept."""
+"""Number of step lengths whose tangents are cached."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Carried:
-    """The derivative of a state in motion.
+    """Derivative of a state in motion with respect to one parameter.
 
     Attributes:
-        positions: (n, 3) [m].
+        positions: (n, 3) derivative of the positions.
         terms: derivatives of the terms' stored states.
-        share: fraction of the parameter's change that the present command or pose has completed.
-        reactions: derivatives (6,) of the reactions, by handle and obstacle.
+        share: fraction of the parameter's change that the present command or pose has reached.
+        reactions: dict from handle or obstacle name to the derivative (6,) of its reaction.
     """
 
     positions: NDArray[np.float64]
@@ -43,13 +43,13 @@ class Carried:
 
 
 class Trail:
-    """Follows a motion, step by step, with its derivatives.
+    """Computes the derivatives of a motion, internal step by internal step.
 
     Args:
         stepper: the stepper of the motion.
-        parameters: of the derivatives.
-        state: at the beginning; it depends on no parameter.
-        tangents: cache common to several trails.
+        parameters: parameters of the derivatives.
+        state: state at the beginning; it depends on no parameter.
+        tangents: cache of tangents that several trails have in common.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Trail:
         self._began = [column.share for column in self.columns]
 
     def observe(self, stage: InternalStep) -> None:
-        """Propagate the derivatives through an internal step. If a step has none, `flaw` gives the reason."""
+        """Propagate the derivatives through an internal step. If it has no derivative, `flaw` gets the reason."""
         self.state = stage.after
         if self.flaw:
             return
@@ -112,7 +112,7 @@ class Trail:
         return found
 
     def _history(self, own: VariedInputs, parameter: Parameter, column: Carried) -> Pair | None:
-        """Return the inputs of two solves with a varied initial state; None if the parameter does not change it."""
+        """Return the inputs of two solves with a varied initial state; None if it does not depend on the parameter."""
         kept = column.terms[inertia.NAME]
         h, size = own.start.terms[inertia.NAME]["h"][0] or 1.0, self._stepper.body.size
         ways = (np.abs(kept["velocity"]).max(initial=0.0) * h, np.abs(kept["acceleration"]).max(initial=0.0) * h * h)
@@ -124,7 +124,7 @@ class Trail:
         return Pair(*sides, own, step)
 
     def _left(self, stage: InternalStep, side: VariedInputs, x: NDArray[np.float64]) -> Kept:
-        """Return the terms' states after a varied step, without the contact forces that the next step must not use."""
+        """Return the terms' states after a varied step that ends at ``x``, without pushes and impacts of contacts."""
         integrator, h = stage.integrator, stage.h
         terms = {}
         for term in integrator.equilibrium(h).actuation.terms:
@@ -133,7 +133,7 @@ class Trail:
         return integrator.followed(side.start, now, h, first=stage.first).terms
 
     def _started(self, stage: InternalStep) -> list[Carried]:
-        """Return the derivatives of the initial accelerations of a motion that starts from rest."""
+        """Return the derivatives at the start of a motion, which has no previous step: those of the accelerations."""
         stepper, h = self._stepper, stage.h
         acceleration = stage.after.terms[inertia.NAME]["acceleration"]
         velocity = stage.after.terms[inertia.NAME]["velocity"]
@@ -164,7 +164,7 @@ class Trail:
 
 
 def _beside(state: State, parameter: Parameter, column: Carried, step: float) -> State:
-    """Return a state changed by ``step`` times its derivative."""
+    """Return ``state`` plus ``step`` times its derivative ``column``."""
     terms = {
         name: {key: array + step * column.terms[name][key] if key in column.terms[name] else array
                for key, array in kept.items()}
@@ -183,7 +183,7 @@ def _beside(state: State, parameter: Parameter, column: Carried, step: float) ->
 
 
 def _difference(above: Kept, below: Kept, twice: float) -> Kept:
-    """Return the difference of two stored states divided by ``twice``; NaN in both states counts as zero."""
+    """Return the difference of two stored states divided by ``twice``; a difference of NaN counts as zero."""
     return {
         name: {key: np.nan_to_num((array - below[name][key]) / twice) for key, array in kept.items()}
         for name, kept in above.items()

@@ -20,7 +20,7 @@ class Multipliers:
         terms: of a converged solve.
 
     Attributes:
-        per_metre: (k,) order of magnitude of each multiplier's change per metre of displacement.
+        per_metre: (k,) order of magnitude of each multiplier's change per 1 m of displacement.
     """
 
     def __init__(self, terms: Sequence[Term]) -> None:
@@ -38,7 +38,7 @@ class Multipliers:
             term.hold(part)
 
     def updated(self, positions: Array) -> Array:
-        """Return the multipliers (k,) after an update at positions (n, 3) [m]; the present ones are kept."""
+        """Return the multipliers (k,) after an update at positions (n, 3) [m]; the terms are not modified."""
         return self._joined(lambda term: term.updated(positions))
 
     def metres(self, values: Array) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Named parameters of derivatives, each a component of a command, a pose or a model."""
+"""Named parameters of derivatives: commands, components of poses, and numbers of materials and damping."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.sensitivity.variant import MaterialVariant, Variant
 
 NEAR = 1e-5
-"""Variation of a parameter over its value or its order of magnitude. Forces are smooth, so the error is about 1e-10."""
+"""Variation of a parameter over its value or order of magnitude. Forces are smooth: the error is about 1e-10."""
 TOUCH = 1e-8
 """Variation of a pose over the body's size, or in radians: so small that no point begins or ceases to touch."""
 FAINT = 1e-8
-"""Two small variations: of a tension, over modulus and squared body size; of a pressure, over modulus. Forces are
-linear in both.
+"""Order of magnitude of a tension, over Young's modulus times squared body size, and of a pressure, over Young's
+modulus. It may be small, because forces are linear in both.
 """
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 """Components of a pose: translation [m] and rotation vector [rad]."""
@@ -37,14 +37,14 @@ class Parameter:
     """A parameter of a derivative.
 
     Attributes:
-        name: dotted, as a scene's keys name it.
-        unit: of its value; empty for none.
-        value: its value in the model; zero for poses and commands, because a state has their values.
-        scale: least order of magnitude of its value.
-        command: actuator or load of the command; empty if the parameter is no command.
-        handle: handle of the pose; empty if the parameter is no component of a pose.
+        name: dotted name from the scene's keys.
+        unit: unit of the value; empty for a dimensionless parameter.
+        value: value in the model; zero for poses and commands, because a state has their values.
+        scale: lower bound of the order of magnitude of the value, for `step`.
+        command: name of the actuator or load whose command the parameter is; empty for other parameters.
+        handle: name of the handle whose pose has the parameter as component; empty for other parameters.
         axis: index of the component of the pose.
-        model: returns the body with another value; None if the parameter does not belong to the model.
+        model: function that returns the body for another value; None for poses and commands.
     """
 
     name: str
@@ -57,23 +57,23 @@ class Parameter:
     model: Callable[[float], Variant] | None = None
 
     def step(self, commands: Mapping[str, float]) -> float:
-        """Return the finite difference's step, in the parameter's unit, at the given commands."""
+        """Return the variation of the parameter for finite differences, in its unit, at the given commands."""
         near = TOUCH if self.handle else NEAR
         return near * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
 
     def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
-        """Return the commands with this one changed by ``change``."""
+        """Return the commands; if the parameter is a command, with ``change`` added to it."""
         return {**commands, self.command: commands[self.command] + change} if self.command else commands
 
     def posed(self, poses: Mapping[str, Pose], change: float) -> Mapping[str, Pose]:
-        """Return the poses with this component changed by ``change``."""
+        """Return the poses; if the parameter is a component of a pose, with ``change`` added to it."""
         if not self.handle:
             return poses
         return {**poses, self.handle: moved(poses[self.handle], np.eye(6)[self.axis] * change)}
 
 
 def moved(pose: Pose, change: Sequence[float]) -> Pose:
-    """Return a pose with a change (6,) of its translation [m] and rotation vector [rad]."""
+    """Return ``pose`` with ``change`` (6,) added to its translation [m] and rotation vector [rad]."""
     parts = np.concatenate([pose.translation, pose.rotation]) + change
     return Pose(tuple(parts[:3]), tuple(parts[3:]))
 
@@ -83,8 +83,8 @@ class Parameters:
 
     Args:
         body: the discretised body.
-        model: its materials and damping.
-        actuators, loads, handles: of the scene.
+        model: materials and damping of the body.
+        actuators, loads, handles: actuators, loads and handles of the scene.
     """
 
     def __init__(

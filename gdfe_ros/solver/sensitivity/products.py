@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Products of a motion with the tangents of elements whose hourglass scales follow their strain."""
+"""Products of a displacement with the tangents of elements whose hourglass scales depend on the strain."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ def add_products(stiffness, softened, slopes, cells, motion, forces):
     Args:
         stiffness: K (m, 24, 24) [N/m].
         softened: f (m, 24) [N], derivative of the forces with respect to the hourglass scale; empty if it is constant.
-        slopes: s (m, 24) [1/m], derivative of the scale with respect to the corners.
-        cells: (m, 8) corners.
+        slopes: s (m, 24) [1/m], derivative of the scale with respect to the corner positions.
+        cells: (m, 8) vertices of the elements.
         motion: dx (n, 3) [m].
-        forces: (n, 3) [N], is added to.
+        forces: (n, 3) [N], to which the products are added.
     """
     local, soft = np.empty(24), len(softened) > 0
     for e in range(len(cells)):

@@ -19,9 +19,9 @@ class Sensitivities:
     Attributes:
         outputs: names, in the order of the rows.
         parameters: names, in the order of the columns.
-        units: of the parameters; empty for a number.
-        values: by output (k, p) float64, in the output's unit over the parameter's: positions in m, forces in N,
-            moments in N m.
+        units: units of the parameters; empty for a dimensionless parameter.
+        values: dict from output name to its derivatives (k, p) float64, in the output's unit over the parameter's unit:
+            positions in m, forces in N, moments in N m.
     """
 
     outputs: tuple[str, ...]
@@ -51,9 +51,9 @@ class Outputs:
     """The outputs of a scene: ``positions``, ``probes.<name>``, ``reactions.<handle or obstacle>``.
 
     Args:
-        probes: material points, by name.
+        probes: dict from name to material point.
         reacting: names of handles and obstacles.
-        count: vertices of the mesh.
+        count: number of vertices of the mesh.
     """
 
     def __init__(self, probes: Mapping[str, object], reacting: Sequence[str], count: int) -> None:
@@ -66,7 +66,7 @@ class Outputs:
         return (*probes, *(f"reactions.{name}" for name in self._reacting), "positions")
 
     def named(self, names: Sequence[str] | None) -> tuple[str, ...]:
-        """Return the checked names of outputs; None stands for all probes.
+        """Return ``names`` after a check; the names of all probes for None.
 
         Raises:
             CommandError: there is no such output.
@@ -81,7 +81,7 @@ class Outputs:
     def row(
         self, name: str, motion: NDArray[np.float64], reactions: Mapping[str, NDArray[np.float64]]
     ) -> NDArray[np.float64]:
-        """Return the derivative (k,) of an output from those of positions (n, 3) and reactions (6,)."""
+        """Return the derivative (k,) of an output from the derivatives of positions (n, 3) and reactions (6,)."""
         if name == "positions":
             return motion[: self._count].ravel()
         kind, _, own = name.partition(".")

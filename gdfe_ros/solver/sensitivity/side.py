@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Varied solves next to the linearised one: their inputs, and the resulting derivatives."""
+"""Inputs of solves with a varied parameter, and the derivatives of the linearised solve that result from them."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class VariedInputs:
 
     Attributes:
         start: state at the beginning.
-        commands: of actuators and loads.
-        poses: of handles.
+        commands: dict from actuator or load name to command.
+        poses: dict from handle name to commanded pose.
         table: packed materials.
-        terms: replacements of the terms of the same names.
+        terms: dict from term name to a term that replaces the term of this name.
     """
 
     start: State
@@ -45,12 +45,12 @@ class VariedInputs:
 
 
 class Pair(NamedTuple):
-    """Two varied solves next to the one that is linearised.
+    """Inputs of two varied solves, for a central difference about the linearised solve.
 
     Attributes:
-        above, below: varied up and down.
-        middle: not varied.
-        step: half of the difference between ``above`` and ``below``, in the unit of the varied quantity.
+        above, below: inputs with a quantity increased and decreased.
+        middle: inputs of the linearised solve.
+        step: half of the difference of the quantity between ``above`` and ``below``, in the unit of the quantity.
     """
 
     above: VariedInputs
@@ -60,17 +60,17 @@ class Pair(NamedTuple):
 
 
 class Column:
-    """Derivative of a solve with respect to one parameter: the sum of the effects of several pairs of varied inputs.
+    """Derivative of a solve with respect to one parameter: the sum of the derivatives for several pairs of inputs.
 
     Args:
         solve: the linearised solve.
-        pairs: of varied inputs.
+        pairs: pairs of varied inputs.
 
     Attributes:
         change: derivative of positions and multipliers.
 
     Raises:
-        GdfeError: there is no derivative.
+        GdfeError: the tangent is singular, so that there is no derivative.
     """
 
     def __init__(self, solve: Linearised, pairs: Sequence[Pair]) -> None:
@@ -92,7 +92,7 @@ class Column:
         self.change = found._replace(positions=found.positions + driven)
 
     def reactions(self) -> dict[str, NDArray[np.float64]]:
-        """Return the derivative (6,) of each handle's and obstacle's reaction on the body."""
+        """Return a dict from handle or obstacle name to the derivative (6,) of its reaction on the body."""
         solve, change = self._solve, self.change
         forces = self._forces + solve.product(solve.moved(change.unknowns), change.multipliers)[0]
         largest = max(np.abs(change.positions).max(initial=0.0), solve.joint.metres(change.multipliers))
@@ -109,10 +109,10 @@ class Column:
     def after(
         self, made: Callable[[VariedInputs, NDArray[np.float64]], T], difference: Callable[[T, T, float], T]
     ) -> list[T]:
-        """Return the parts of the derivative of ``made(side, positions)`` at the end of the solve.
+        """Return the contributions whose sum is the derivative of ``made(side, positions)`` at the end of the solve.
 
-        Before each call, the terms are set to the end of ``side``. ``difference(above, below, step)`` returns the
-        difference of two results over a step.
+        Before each call, the terms are set to the inputs ``side``. ``difference(above, below, step)`` returns the
+        difference of two results, divided by ``step``.
         """
         solve, change, parts = self._solve, self.change, []
         for pair in self._pairs:
@@ -133,7 +133,7 @@ class Column:
         return parts
 
     def _placed(self, side: VariedInputs) -> tuple[NDArray[np.float64], HandlePositions]:
-        """Return positions (n, 3) [m] and the frame with the handles of a side."""
+        """Return positions (n, 3) [m] and the frame with the handles at the poses of ``side``."""
         solve, end, handles = self._solve, self._solve.end, self._solve.handles
         base = handles.base(side.poses, end.poses, end.base)
         if base is end.base:
@@ -145,7 +145,7 @@ class Column:
         return x, frame
 
     def _varied(self, side: VariedInputs, x: NDArray[np.float64]) -> None:
-        """Set all terms to the inputs of a side, with the multipliers of the end."""
+        """Set all terms to the inputs ``side``, with the multipliers at the end of the solve."""
         solve = self._solve
         for term in solve.actuation.terms:
             own = side.terms.get(term.name, term)
@@ -156,7 +156,7 @@ class Column:
         solve.joint.hold(solve.multipliers)
 
     def _terms_part(self, pair: Pair, *places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the derivatives of the terms' forces (n, 3) and of their updated multipliers (k,) at fixed x."""
+        """Return the derivatives of the terms' forces (n, 3) and updated multipliers (k,) at constant positions."""
         solve, numbers = self._solve, []
         first, own = pair.above, pair.middle
         if not first.terms and (first.commands, first.poses, first.start) == (own.commands, own.poses, own.start):
@@ -176,7 +176,7 @@ class Column:
         return (first - second) / (2.0 * pair.step), (above - below) / (2.0 * pair.step)
 
     def _elements_part(self, pair: Pair) -> NDArray[np.float64]:
-        """Return the elements' change of force (n, 3) [N] at constant positions."""
+        """Return the derivative of the elements' forces (n, 3) at constant positions."""
         solve, growths, found = self._solve, self._solve.actuation.growths, []
         before = solve.end.operators
         grown = [growths.at(side.commands, before) for side in (pair.above, pair.below)]

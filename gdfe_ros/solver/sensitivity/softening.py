@@ -13,7 +13,7 @@ from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 from gdfe_ros.solver.elements.measures import equivalent_strain, softened_scale
 
 SPACING = 1e-6
-"""Change of an entry of F in a central difference."""
+"""Change of an entry of the deformation gradient in a central difference."""
 
 
 @kernel
@@ -27,7 +27,7 @@ def scale_at(f, table, k):
 
 @kernel
 def scale_slopes(x, elements, shape, material, table, out):
-    """Write d(scale)/d(corner) (m, 8, 3) [1/m] of ``elements`` at ``x`` (n, 3) [m]."""
+    """Add d(scale)/d(corner position) of ``elements`` at ``x`` (n, 3) [m] to ``out`` (m, 8, 3) [1/m]."""
     f = np.empty(9)
     for e in elements:
         k = material[e]
@@ -49,7 +49,7 @@ def scale_slopes(x, elements, shape, material, table, out):
 def slopes(
     x: NDArray[np.float64], elements: NDArray[np.int32], shape: tuple, material: NDArray[np.int32], table: tuple
 ) -> NDArray[np.float64]:
-    """Return d(scale)/d(corner) (m, 24) [1/m]; zero except for ``elements``."""
+    """Return d(scale)/d(corner position) (m, 24) [1/m]; zero except for ``elements``."""
     out = np.zeros((len(material), 8, 3))
     scale_slopes(x, elements, shape, material, table, out)
     return out.reshape(len(material), 24)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tangents of a body's elements including viscosity, which derivatives need and minimisations do not."""
+"""Tangents of a body's elements including viscosity; derivatives need them, minimisations do not."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class WholeStiffness(ElementStiffness):
         self._viscosity, self._step = viscosity, SPACING * float(np.cbrt(body.shape.volume.min()))
 
     def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m]; ``values`` holds them without viscosity."""
+        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m]; the attribute ``values`` excludes viscosity."""
         own = super().at(problem, x)
         return own if self._viscosity is None else own + self._viscous(problem, x)
 
     def _viscous(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return central differences of the viscous forces of all elements at once, each with its own corners."""
+        """Return the viscous tangents (m, 24, 24) [N/m]: central differences with separate corners for each element."""
         cells = problem.shape.cells
         count, own = len(cells), np.arange(cells.size, dtype=np.int32)
         out = np.empty((count, 24, 24))

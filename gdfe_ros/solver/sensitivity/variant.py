@@ -28,7 +28,7 @@ class MaterialVariant:
     """Data of a scene that depend on its materials and its damping.
 
     Attributes:
-        materials: by name, in the scene's order.
+        materials: dict from name to material, in the scene's order.
         loads: dead loads.
         masses: attached masses.
         filling: filled fraction of the cells.
@@ -43,16 +43,16 @@ class MaterialVariant:
 
 
 class Variant:
-    """A body with another model.
+    """A body with other materials or damping.
 
     Args:
         body: the body.
-        own: its own model.
-        model: the other model.
+        own: the body's own materials and damping.
+        model: the other materials and damping.
 
     Attributes:
-        table: the materials.
-        dynamics: of the model.
+        table: the packed materials of ``model``.
+        dynamics: dynamics of ``model``.
     """
 
     def __init__(self, body: Body, own: MaterialVariant, model: MaterialVariant) -> None:
@@ -64,7 +64,11 @@ class Variant:
         self._heavier = [each.density for each in materials] != [each.density for each in own.materials.values()]
 
     def terms(self, h: float | None = None, scheme: Dynamics | None = None) -> dict[str, Term]:
-        """Return the terms that differ, by name; in motion for steps of length ``h`` [s] of the present scheme."""
+        """Return a dict from name to term for the terms that differ from those of the body.
+
+        In motion, ``h`` [s] is the step length, and ``scheme`` has the time integration scheme in use. None stands for
+        equilibria.
+        """
         terms = dict(self._loads)
         if h is None:
             return terms
@@ -76,7 +80,7 @@ class Variant:
 
     @cached_property
     def _loads(self) -> dict[str, Term]:
-        """Gravity terms, if densities differ."""
+        """Dict from name to gravity term if densities differ; otherwise empty."""
         if not self._heavier:
             return {}
         density = cell_densities(self._model.materials, self._body.material)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Linearised volume laws of elements at a converged state.
 
-A solve keeps the volume of nearly incompressible elements by a pressure and a soft penalty. Its converged state
-satisfies p = U'(J). Near that state the kernels receive the tangent of this law at each element,
-p + U''(J) (J - J_0): a pressure and a bulk modulus for each element.
+A solve keeps the volume of nearly incompressible elements by a pressure and a soft penalty. Its converged state, with
+the volume ratio J_0, satisfies p = U'(J_0). The kernels receive this law linearised, p + U''(J_0) (J - J_0): a pressure
+and a bulk modulus for each element.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ STIFF = 1e4
 
 @kernel
 def volume_state(x, shape, material, table, pressure, ratio, total, slope):
-    """Write J (m,), p (m,) [Pa] and U'' (m,) [Pa] of elements; for those without a pressure, p = U'(J)."""
+    """Write J to ``ratio``, p [Pa] to ``total`` and U'' [Pa] to ``slope`` (m,); p = U'(J) without a pressure."""
     for e in range(len(material)):
         k = material[e]
         j = volume_ratio(x, shape, e)
@@ -50,16 +50,16 @@ class Volumes:
     """The volume laws of elements, linearised at a state.
 
     Args:
-        x: (n, 3) [m] the state.
-        shape: of the elements.
-        material: (m,) int32 of each.
+        x: (n, 3) [m] positions of the state.
+        shape: operators of the elements.
+        material: (m,) int32 material index of each element.
         table: the materials, with the present penalty bulk moduli.
-        pressure: (m,) [Pa] of the state.
+        pressure: (m,) [Pa] pressures p_e of the state.
 
     Attributes:
-        table, material, pressure: for the kernels.
-        total: (m,) [Pa] p of the state.
-        ratio: (m,) J of the state.
+        table, material, pressure: materials, material indices and pressures of the linearised law, for the kernels.
+        total: (m,) [Pa] total pressure p of the state.
+        ratio: (m,) volume ratio J of the state.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Volumes:
         self.pressure = np.where(carried, self.total - slope * (self.ratio - 1.0), 0.0)
 
     def pressed(self, material: NDArray[np.int32], before: MaterialTable, table: MaterialTable) -> NDArray[np.float64]:
-        """Return the pressures (m,) [Pa] of elements with the materials of ``table`` at the same J."""
+        """Return the pressures p_e (m,) [Pa] at the same J with the materials of ``table`` instead of ``before``."""
         old, new = before.parameters[material], table.parameters[material]
         moduli = []
         for each, law in ((old, before.law[material]), (new, table.law[material])):

@@ -13,12 +13,12 @@ from gdfe_ros.solver.terms.actuation import inflated
 SHORTEST_STUCK = 1.0 / 4.0
 """An increment whose solve got stuck is not halved again if it is at most this fraction of a load path."""
 STUCK = 1e-4
-"""A solve without further descent got stuck if the estimated distance to the equilibrium, over the body's size, is
-above this. An example is a kink of the energy where cable points meet. Up to this distance, the precision of the energy
+"""A solve without further descent is stuck if the estimated distance to the equilibrium, over the body's size, is above
+this. An example is a kink of the energy where cable points meet. At a smaller distance, the rounding of the energy has
 ended the solve.
 """
 SHORTEST_JUMP = 1.0 / 32.0
-"""A jump is accepted in an increment of at most this fraction of a load path; shorter ones would not prevent it."""
+"""A jump is accepted in an increment of at most this fraction of a load path; shorter increments would jump, too."""
 FOLDS, ENTERS = "elements would fold or turn inside out", "surfaces would enter each other"
 
 
@@ -27,14 +27,15 @@ class Attempt:
     """Result of an attempted increment, and the evidence for the verdict.
 
     Attributes:
-        way: the load path with the cost and findings of the attempt; ``way.done`` does not include this increment yet.
-        began: the state from which it was made.
+        way: the load path after `Way.tried`; ``way.done`` does not include this increment yet.
+        began: the state at the beginning of the increment.
         solution: result of the solve.
         jumps: whether the body jumped to another equilibrium.
         unstable: name of the chamber that lost its stability; empty for none.
         spent: whether no iterations or no time are left for another attempt.
-        patient: whether a solve that a limit or the deadline ended may end in folded shapes. It may end there as long
-            as the iterations for this command are fewer than the solver's patience; those of earlier ended steps count.
+        patient: whether folded shapes are accepted from a solve that a limit or the deadline ended. They are accepted
+            as long as the iterations for this command, including earlier unfinished steps, are fewer than the solver's
+            patience.
     """
 
     way: Way
@@ -74,7 +75,7 @@ class Attempt:
 
     @property
     def reason_to_withdraw(self) -> str:
-        """The reason for going back to the last sound state."""
+        """The reason why the step returns to the last sound state."""
         way, message = self.way, self.solution.message
         if self.unstable:
             return inflated(self.unstable, self.began.commands, way.aim[1])

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Energy balance of an increment: it detects jumps by energy that neither handles nor commands received.
+"""Energy balance of an increment; it detects jumps to another equilibrium.
 
-Along a stable branch, the potential changes by the work of handles and commands: the integral of its slopes. For
-monotone slopes the integral lies between its values with the first and with the last slopes. Loads always have monotone
-slopes, because the potential of a stable branch is concave in a load. Energy released beyond these bounds was released
-in a jump to another branch.
+Along a stable branch, the potential changes by the work of handles and commands: the integral of its slopes. If the
+slopes are monotone, the integral is between its values with the first and with the last slopes. Loads always have
+monotone slopes, because the potential of a stable branch is concave in a load. If more energy is released than these
+bounds allow, the body has jumped to another branch.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 
 LOST = 0.5
-"""A larger release of energy in an increment, over the largest of energies and work, alone proves a jump."""
+"""A jump is proven if the released energy, over the largest of energies and work, exceeds this."""
 PROVEN = 0.01
-"""A jump is proven if the energy released beyond the uncertainty of the work, over the largest of energies and work,
-exceeds this.
+"""A jump is also proven if the released energy minus the uncertainty of the work, over the largest of energies and
+work, exceeds this.
 """
 LEAST_MOTION = 5e-3
 """Least distance, over the body's size, between the predicted end and the actual end of a jump. A cable that becomes
-taut inside an increment also violates the balance, but causes no large displacement.
+taut during an increment also violates the balance, but causes no large displacement.
 """
 
 
@@ -34,7 +34,7 @@ def work_between(old: State, new: Solution, handles: HandleMotions) -> tuple[flo
     """Return the work [J] of handles and commands between two equilibria, and its uncertainty [J].
 
     The work follows from the trapezoidal rule. The uncertainty is half of the difference between the work with the
-    first slopes and with the last slopes.
+    first slopes and the work with the last slopes.
     """
     work, doubt, found = 0.0, 0.0, new.state
     for name, pose in found.poses.items():
@@ -69,7 +69,7 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
 
 
 def _displacement(begin: Pose, end: Pose) -> NDArray[np.float64]:
-    """Return the motion (6,) conjugate to a wrench: translation [m], and rotation [rad] about world axes midway."""
+    """Return translation [m] and rotation about world axes [rad] (6,); their product with a wrench is its work."""
     shift = np.subtract(end.translation, begin.translation)
     if not (any(begin.rotation) or any(end.rotation)):
         return np.concatenate([shift, np.zeros(3)])

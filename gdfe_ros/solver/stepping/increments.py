@@ -10,16 +10,16 @@ from gdfe_ros.constraints import Pose
 
 LARGEST_TURN = math.radians(100.0)
 LARGEST_SHIFT = 1.0
-"""A command is divided if it moves a handle by more than this translation over the body's size."""
+"""Largest rotation [rad] of a handle, and largest translation over the body's size, in one increment."""
 
 
 def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
-    """Return the number of increments for a command; each must rotate and move every handle only within bounds.
+    """Return the number of increments in which every handle stays within `LARGEST_TURN` and `LARGEST_SHIFT`.
 
     Args:
         targets: pose of every handle.
         poses: present poses of the handles.
-        size: of the body [m].
+        size: size of the body [m].
     """
     most = 1.0
     for name, target in targets.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outcome of a step: how far the commands were followed, and the comparison of two outcomes."""
+"""Outcome of a step, and the comparison of two outcomes."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.state import State
 
 SAME = 1e-6
-"""Two energies count as equal if their relative difference is within this."""
+"""Two energies count as equal if their relative difference is at most this."""
 NEAR = 100.0
-"""Two equilibria count as the same if their distance, in tolerances, is within this."""
+"""Two equilibria count as the same if their distance, over the tolerance, is at most this."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -20,15 +20,15 @@ class March:
     """Outcome of following a load path.
 
     Attributes:
-        state: at the end.
-        iterations: of all increments.
-        increments: number of attempted increments, failed ones included.
+        state: state at the end.
+        iterations: number of iterations of all increments.
+        increments: number of attempted increments, including failed increments.
         reached: whether the commands were reached.
         converged: whether the state is an equilibrium at the commands.
-        message: a sentence about the defect; empty if there is none.
-        skipped: counts of work that the last solve left out, by name.
-        snapped: whether it ended in a jump to another equilibrium.
-        restarts: 1 if the state was reached from rest, or with contact dropped, instead of along the load path.
+        message: description of the defect; empty if there is none.
+        skipped: dict from kind of work to the count that the last solve left out, as in `StepResult`.
+        snapped: whether the load path ended in a jump to another equilibrium.
+        restarts: 1 if the undeformed body, or dropped contacts, led to the state instead of the load path; otherwise 0.
         simulated: time [s] by which a moving body advanced; None without dynamics.
     """
 
@@ -45,7 +45,7 @@ class March:
 
     @property
     def sound(self) -> bool:
-        """Whether it is an equilibrium at the commands without a folded or inverted element."""
+        """Whether the state is an equilibrium at the commands, without a folded or inverted element."""
         return self.reached and self.converged and self.state.summary.min_det > 0.0
 
     @property
@@ -55,7 +55,7 @@ class March:
 
     @property
     def flaw(self) -> str:
-        """The name of the outcome's defect."""
+        """Name of the outcome's defect, for messages."""
         if self.inverted:
             return "folded or inverted elements"
         return "another equilibrium, higher in energy" if self.sound else "no equilibrium"
@@ -65,9 +65,11 @@ class March:
         return not largest_distance(self.state.positions, other.state.positions) <= reach
 
     def is_better(self, other: March, reach: float, *, gain: float) -> bool:
-        """Return whether this outcome, from rest, is better than ``other``.
+        """Return whether this outcome, which started from the undeformed body, is better than ``other``.
 
-        It is better if it alone is sound, or if its energy is lower.
+        If only one of the two is sound, it is the better one. If none is sound, this outcome is better if only
+        ``other`` has folded or inverted elements. If both are sound, this outcome is better if it is another
+        equilibrium of no higher energy.
 
         Args:
             other: outcome of the same commands from another start.
@@ -82,5 +84,5 @@ class March:
 
 
 def crumpled(state: State) -> bool:
-    """Return whether elements are folded, or kept open by fold barriers: a lower equilibrium may exist."""
+    """Return whether elements are folded, or only fold barriers keep them open: a lower equilibrium may exist."""
     return not state.summary.min_det >= THRESHOLD

@@ -32,11 +32,11 @@ def step_result(
 
     Args:
         stepper: the stepper that made the step.
-        state: after the step.
+        state: state after the step.
         march: outcome of the step; None if nothing had to be solved.
         time: simulation time [s] after the step.
-        origin: (3,) [m] of the state's positions.
-        settings: of the solver.
+        origin: (3,) [m] origin of the state's positions in the world.
+        settings: settings of the solver.
         started: ``time.perf_counter`` at the beginning [s].
         limit: the deadline; None for none.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States at given positions, from which steps continue."""
+"""States at positions that a user sets, from which steps continue."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
         body: the discretised body.
         handles: the kinematics of its handles.
         state: provides the commands and the growth.
-        positions: of all vertices; rows of handle vertices are ignored.
+        positions: of all vertices; a fixed handle keeps its commanded positions, a free handle is fitted.
         afresh: the undeformed state; provides the initial pressures, captured shapes and motion.
     """
     moved = positions.copy()
@@ -48,7 +48,7 @@ def require_own(state: State, own: State) -> None:
     """Raise an error if a state belongs to another scene.
 
     Args:
-        state: the state from which a step is to continue.
+        state: the state from which a step will continue.
         own: the body's undeformed state.
 
     Raises:

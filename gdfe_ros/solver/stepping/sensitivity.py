@@ -20,13 +20,13 @@ from gdfe_ros.solver.stepping.stepper import Stepper
 TOLERANCE = 1e-8
 """Tolerance of the equilibria that are compared."""
 REACH = 1e-3
-"""Displacement between the compared equilibria, over the body's size. The error of a difference is about its square."""
+"""Displacement between the compared equilibria, over the body's size. The error of a difference is about REACH^2."""
 NARROW, WIDE = 0.1, 3.0
 """The change of the command is chosen again if the displacement lies outside of these multiples of ``REACH``."""
 FIRST = 1e-3
-"""First change of a command, over its range or size."""
+"""First change of a command, over its range; over its magnitude if the range is unbounded."""
 SMALLEST = 1e-9
-"""Displacement, over the body's size, that counts as none."""
+"""Displacement, over the body's size, that counts as zero."""
 SIZINGS = 8
 """Number of attempts to find a change of a command that moves the body by about `REACH`."""
 KINK = 0.05
@@ -34,8 +34,8 @@ KINK = 0.05
 the larger one.
 """
 NEARER, REFINEMENTS = 0.1, 2
-"""At a suspected kink the step is divided by the first number, at most as often as the second says. The difference of
-the slopes falls by this factor for a smooth response, and stays at a kink.
+"""At a suspected kink, the change of the command is multiplied by the first number, at most as many times as the second
+number. The difference of the slopes falls by this factor for a smooth response, and stays constant at a kink.
 """
 
 
@@ -49,9 +49,9 @@ def jacobian(
 ) -> list[NDArray[np.float64]]:
     """Return d(point)/d(command) of each actuator, (points, 3) each, at the equilibrium ``state``.
 
-    These are central differences of second order. At the end of a range, or next to a command without equilibrium, they
-    are one-sided and of second order. At a kink they use the side on which the actuator acts. ``interrupted`` may end
-    the computation.
+    The derivatives are central differences of second order. At the end of a range, or next to a command without
+    equilibrium, they are one-sided differences of second order. At a kink, they are one-sided towards the commands at
+    which the actuator pulls or pushes more. The computation ends with an error once ``interrupted`` returns True.
 
     Raises:
         GdfeError: no equilibrium was found on either side of an actuator's command, or it was interrupted.
@@ -71,7 +71,7 @@ def jacobian(
 
 
 class _Differences:
-    """Equilibria near the present one along one command."""
+    """Finite differences of equilibria with respect to the command of one actuator."""
 
     def __init__(
         self,
@@ -112,7 +112,7 @@ class _Differences:
         return self._one_sided(1.0 if backward is None else -1.0, nearer)
 
     def _kinked(self, forward: NDArray[np.float64], backward: NDArray[np.float64]) -> bool:
-        """Return whether the slopes on both sides differ."""
+        """Return whether the slopes on both sides differ by more than `KINK`."""
         rise, fall = forward - self._here, self._here - backward
         return bool(np.abs(rise - fall).max() > KINK * max(np.abs(rise).max(), np.abs(fall).max()))
 
@@ -133,7 +133,7 @@ class _Differences:
         return march.state.positions if march.reached and not march.inverted else None
 
     def _sized(self, side: float) -> float:
-        """Return the change of a command that moves the body by about `REACH`; only the change of a force may grow."""
+        """Return the change of a command that moves the body by about `REACH`; enlarged only for force or pressure."""
         actuator, width = self._actuator, self._actuator.high - self._actuator.low
         step = FIRST * (width if math.isfinite(width) else max(abs(self._command), self._scale()))
         most = 0.4 * width if math.isfinite(width) else math.inf

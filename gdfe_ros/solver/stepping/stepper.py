@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps from a state to the state at new commands: increments, verdicts, and restarts if these fail."""
+"""Steps from a state to the equilibrium at new commands, in increments, with retries if the increments fail."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from gdfe_ros.solver.value import changed
 
 SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling; smaller steps do not change that"
 FINER = 1e-2
-"""Factor of the tolerance for a body with freely rotating handles. At the full tolerance, residual forces are large
+"""Factor of the tolerance for a body with freely rotating handles. At the full tolerance, unbalanced forces are large
 compared with the handles' moments.
 """
 LET_GO = "contact with {} was dropped without following the load path, on which {}"
@@ -36,11 +36,11 @@ UNFOLD = "remedy: return to commands at which the elements were sound, or reset;
 
 
 class Stepper:
-    """Computes successive states. It is stateless.
+    """Computes the equilibria at successive commands. It stores no state.
 
     Args:
         body: the discretised body.
-        settings: of the solver.
+        settings: settings of the solver.
         actuation: the external terms; None for none.
 
     Attributes:
@@ -60,11 +60,11 @@ class Stepper:
             self.equilibrium = RelativeEquilibrium(body, self.actuation)
 
     def at_rest(self) -> State:
-        """Return the undeformed state, without commands."""
+        """Return the undeformed state, with neutral commands."""
         return self.equilibrium.at_rest()
 
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
-        """Return whether ``state`` already is the equilibrium at these commands."""
+        """Return whether ``state`` already is the equilibrium at these commands, so that no solve is needed."""
         settled = state.poses == targets and state.commands == commands
         return settled and state.summary.converged and Skip.SOLVE in self._settings.skip
 
@@ -78,15 +78,15 @@ class Stepper:
         tolerance: float | None = None,
         deadline: Deadline | None = None,
     ) -> March:
-        """Follow the commands from ``state``, which is not modified.
+        """Return the outcome of following the load path from ``state`` to the commands.
 
         Args:
-            state: at the beginning.
+            state: state at the beginning; it is not modified.
             targets: pose of every handle.
-            commands: of every actuator and load.
-            duration: [s]; an equilibrium does not depend on it.
-            tolerance: replaces that of the settings.
-            deadline: when it has passed, the step ends where it is.
+            commands: command of every actuator and load.
+            duration: duration [s]; an equilibrium does not depend on it.
+            tolerance: tolerance; None stands for the tolerance of the settings.
+            deadline: once it has passed, the step ends with the state that it has reached.
         """
         tolerance = tolerance or self._settings.tolerance * (FINER if self.equilibrium.handles.turn else 1.0)
         goal = Goal(poses=dict(targets), commands=dict(commands), tolerance=tolerance, deadline=deadline)
@@ -97,7 +97,7 @@ class Stepper:
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
         doubtful = crumpled(state) or crumpled(march.state) or not march.sound
         if given_up and state.anchor is not None and doubtful and not past(deadline):
-            # The state that a cut solve left fails, or is crumpled and leads to an equilibrium of higher energy.
+            # The state of an unfinished solve leads to a failure, or is crumpled and leads to higher energy.
             # Try again from the last equilibrium.
             again = self._march(state.anchor, goal)
             lower = not march.sound or self._energy(again.state) < self._energy(march.state)
@@ -119,7 +119,8 @@ class Stepper:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay at their commanded poses.
 
         Pressures, captured shapes and the last motion are reset. If an element is folded or inverted there, the next
-        step may end in another minimum of the energy. It is then compared with the load path from rest.
+        step may end in another minimum of the energy. Its result is then compared with the load path from the
+        undeformed body.
         """
         there = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return there.with_(suspect=not there.sound, tried=state.tried)
@@ -144,18 +145,18 @@ class Stepper:
         return {}
 
     def _displaced(self, state: State) -> bool:
-        """Return whether a restart from the undeformed body may help: ``state`` is deformed, and none was tried yet."""
+        """Return whether a restart from the undeformed body may help: ``state`` is deformed and none was tried."""
         return not (state.tried or np.array_equal(state.positions, self.body.rest))
 
     def _unreachable(self, state: State, goal: Goal) -> str:
-        """Return a message about a command that no shape of the body can follow; empty if no such command is known."""
+        """Return a message if a cable is commanded shorter than the distance of its handles; empty if none is."""
         if not self.actuation.strung:
             return ""
         base = self.equilibrium.handles.base(goal.poses, state.poses, state.base)
         return self.actuation.unreachable(base, goal.commands)
 
     def _march(self, state: State, goal: Goal) -> March:
-        """Follow a goal from ``state``, in smaller increments after failed attempts; return the outcome."""
+        """Return the outcome of the load path from ``state`` to a goal; increments are halved after failed attempts."""
         planned = planned_increments(goal.poses, state.poses, self.body.size)
         way, begin = Way.between(state, goal, planned, self._settings.max_iterations), state
         while True:
@@ -170,7 +171,7 @@ class Stepper:
                 return changed(self._end(state, way, attempt.solution), snapped=attempt.snapped)
 
     def _attempt(self, way: Way, state: State) -> Attempt:
-        """Solve for the next increment of a load path."""
+        """Solve the next increment of a load path; return the attempt."""
         (poses, commands), deadline, patience = way.aim, way.goal.deadline, self.equilibrium.patience
         limit = way.left if way.shortest else min(way.left, patience)
         problem = Increment(
@@ -200,9 +201,10 @@ class Stepper:
         return self.actuation.unstable(solution.positions, since, commands, before)
 
     def _accepted(self, state: State, attempt: Attempt, begin: State) -> State:
-        """Return the state of an accepted attempt, with an anchor if the load path fails.
+        """Return the state of an accepted attempt; if the load path fails, with `State.anchor`.
 
-        The anchor is the last equilibrium or, if that is crumpled, the equilibrium at the beginning of the load path.
+        The anchor is the last equilibrium. If its elements are folded or nearly folded, the equilibrium at the
+        beginning of the load path is preferred.
         """
         accepted = self.equilibrium.accept(attempt.solution, state)
         before = [each for each in (state, begin) if each.unfinished is None and each.sound]
@@ -240,10 +242,11 @@ class Stepper:
         )
 
     def _let_go(self, march: March, goal: Goal, start: State) -> March:
-        """Retry with the moving obstacles at their targets and the contact forces dropped.
+        """Retry with the moving obstacles at their targets and without contact forces; return the accepted outcome.
 
-        The body starts where it is; the second attempt starts from rest. The result is accepted only if these obstacles
-        do not touch the body there. Thus no obstacle passes through the body to the place where it would push it.
+        The first attempt starts from the present state, the second from the undeformed body. A result is accepted only
+        if these obstacles do not touch the body there: otherwise an obstacle might have passed through the body. If no
+        result is accepted, ``march`` is returned.
         """
         flaw, touched = march.message, [contact.name for contact in self.actuation.contacts if contact.on_body]
         touched = [name for name in touched if march.state.terms[name]["press"].any()]
@@ -257,7 +260,7 @@ class Stepper:
         return march
 
     def _untouched(self, begin: State, last: State, names: Sequence[str], goal: Goal) -> State:
-        """Return a state with the obstacles ``names`` at their targets and without contact forces."""
+        """Return ``begin`` with the obstacles ``names`` at their targets, without contact forces."""
         there = self.place(begin, begin.positions)
         rubbed = {contact.name: last.terms[contact.name]["lost"] for contact in self.actuation.contacts}
         lost = {name: {**there.terms[name], "lost": heat} for name, heat in rubbed.items()}
@@ -265,7 +268,7 @@ class Stepper:
         return there.with_(poses=poses, terms={**there.terms, **lost})
 
     def _better_from_rest(self, march: March, goal: Goal) -> March:
-        """Follow the goal again from rest; return the better outcome, with a message if it is the new one."""
+        """Return the better of ``march`` and the load path from the undeformed body; with a message for the latter."""
         again = self._march(self.at_rest(), goal)
         gain = self._energy(march.state) - self._energy(again.state)
         if not again.is_better(march, NEAR * goal.tolerance * self.body.size, gain=gain):
@@ -279,14 +282,14 @@ class Stepper:
 
 
 def _refused(state: State, message: str) -> March:
-    """Return the outcome of a step that was not begun because a command is impossible."""
+    """Return the outcome of a step that is refused because a command is impossible."""
     stays = state.with_(summary=changed(state.summary, converged=False, message=message))
     counts = {"iterations": 0, "increments": 0, "skipped": {}}
     return March(state=stays, reached=False, converged=False, message=message, **counts)
 
 
 def _withdrawn(state: State, attempt: Attempt) -> State:
-    """Return the last sound state, with the reason for going back to it."""
+    """Return the last sound state, with the reason why the step returns to it."""
     sound = state.anchor or state
     summary = changed(sound.summary, converged=False, message=attempt.reason_to_withdraw)
     return sound.with_(summary=summary)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Load path of a step: from its first commands to its target, and the progress on it."""
+"""Load path of a step, from the present commands to the target, and the progress on it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROUNDING = 1e-9
 
 
 class AttemptOutcome(Enum):
-    """The consequence of an attempt."""
+    """The consequence of an attempted increment."""
 
     ACCEPT = "accept, and go on from there"
     STOP = "accept, and go no farther"
@@ -35,10 +35,10 @@ class Goal:
     """Target of a step.
 
     Attributes:
-        poses: of every handle, relative to its rest pose.
-        commands: of every actuator and load.
-        tolerance: estimated largest distance to the equilibrium over the body's size.
-        deadline: once it has passed, the step ends where it is; None for no deadline.
+        poses: pose of every handle, relative to its rest pose.
+        commands: command of every actuator and load.
+        tolerance: allowed distance to the equilibrium, divided by the body's size.
+        deadline: once it has passed, the step ends with the state that it has reached; None for no deadline.
     """
 
     poses: Mapping[str, Pose]
@@ -52,13 +52,13 @@ class Way:
     """A load path and the progress on it.
 
     Attributes:
-        poses, commands: at its beginning.
-        goal: at its end.
-        budget: most iterations on it.
-        length: fraction of it that the next attempt covers.
-        done: fraction of it that is completed.
-        iterations, attempts: made on it so far.
-        jumped: whether the body has jumped on it.
+        poses, commands: poses and commands at the beginning.
+        goal: target at the end.
+        budget: largest number of iterations on the load path.
+        length: fraction of the load path that the next attempt covers.
+        done: fraction of the load path that is completed.
+        iterations, attempts: numbers of iterations and of attempts so far.
+        jumped: whether the body has jumped to another equilibrium in an attempt.
         folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
         leap: length of the first attempt from the present state that jumped to a sound equilibrium; 0 for none.
         leaping: whether this jump is accepted, because shorter attempts failed.
@@ -85,7 +85,7 @@ class Way:
 
     @property
     def moves(self) -> bool:
-        """Whether the end differs from the beginning."""
+        """Whether the commands at the end differ from the commands at the beginning."""
         return self.poses != self.goal.poses or self.commands != self.goal.commands
 
     @property
@@ -105,7 +105,7 @@ class Way:
 
     @property
     def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
-        """Poses and commands of the next attempt."""
+        """Poses and commands at the end of the next attempt."""
         share, goal = self.next, self.goal
         if share == 1.0:
             return goal.poses, goal.commands
@@ -114,7 +114,7 @@ class Way:
         return poses, commands
 
     def tried(self, solution: Solution, *, jumps: bool) -> Way:
-        """Return the load path with the cost and findings of an attempt."""
+        """Return the load path with the iterations of an attempt, and with whether it jumped or folded elements."""
         sound = solution.min_det > 0.0
         return changed(
             self,

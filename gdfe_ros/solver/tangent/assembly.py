@@ -33,15 +33,15 @@ def add_tangents(stiffness, slot, out):
 class Assembly:
     """Sparsity pattern of the matrix of movable vertices.
 
-    Rows are the free vertices, then those of the handles with a free axis.
+    Rows are the free vertices, then the vertices of the handles with a free axis.
 
     Args:
         groups: vertices (m, c) that are coupled with each other: by cells, and by terms.
-        unknowns: the numbering.
+        unknowns: the numbering of the unknowns.
 
     Attributes:
-        free, members: number of free vertices, and of those of handles with a free axis.
-        indices, indptr: int32, of the block rows.
+        free, members: number f of free vertices, and number b of vertices of handles with a free axis.
+        indices, indptr: int32 column of each block, and offset of each block row (compressed sparse rows).
     """
 
     def __init__(self, groups: Sequence[NDArray[np.int32]], unknowns: Unknowns) -> None:
@@ -87,6 +87,6 @@ class Assembly:
 
 
 def _names(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Return a number (m c c,) for each pair of rows in a group (m, c), equal for equal pairs; -1 for fixed rows."""
+    """Return a number (m c c,) for each pair of rows in a group (m, c), equal for equal pairs; -1 if one is fixed."""
     first, second = rows[:, :, None], rows[:, None, :]
     return np.where((first >= 0) & (second >= 0), first * count + second, -1).ravel()

@@ -24,8 +24,8 @@ by at most `FLAT`. A value below `FLAT` counts as no curvature.
 """
 
 NOISE = 1e-4
-"""A product's remainder counts as noise if it is relatively smaller than this, because products are differences of
-gradients.
+"""The next Lanczos vector counts as noise if its M-norm, divided by the largest diagonal entry, is below this, because
+products are differences of gradients.
 """
 
 Apply = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
@@ -37,7 +37,7 @@ class Lowest(NamedTuple):
 
     Attributes:
         value: least Ritz value of M^-1 K.
-        direction: (3 r,) its vector [m], with M-norm 1.
+        direction: (3 r,) Ritz vector [m] of this value, with M-norm 1.
         known: whether the value has converged to the least eigenvalue.
         products: number of products with K.
     """

@@ -12,8 +12,8 @@ from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.cell_kernels import add_walls
 
 SPACING = 1e-5
-"""Displacement in a finite difference, over the cube root of an element's volume. Truncation and rounding errors are
-then both about 1e-10.
+"""Displacement in a finite difference, divided by the cube root of an element's volume. Truncation and rounding errors
+are then both about 1e-10.
 """
 
 
@@ -42,11 +42,11 @@ def add_wall_tangents(x, watched, shape, material, table, force, energy, out):
 
 
 class ElementStiffness:
-    """Evaluates the tangents of a body's elements into its own array.
+    """Evaluates the tangents of a body's elements, in an array that is reused.
 
     Args:
         count: number of elements m.
-        corners: number of their corners c.
+        corners: number c of corners of each element.
 
     Attributes:
         values: (m, 3 c, 3 c) [N/m] the last result of `at`.

@@ -2,8 +2,8 @@
 """Rotations of a body's vertices since its tangent was taken.
 
 Bending turns the stiff directions of a slender body into its soft ones. After a few degrees of rotation, a kept tangent
-K0 is therefore far too soft. With the rotation R of each vertex, R K0 R^T follows such a motion, like the paper's local
-rotation fit of the elements.
+K0 is therefore far too soft. With the rotation R of each vertex, R K0 R^T follows such a motion, like the local
+rotation fit of the elements in the paper.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ UNIQUE = 0.05
 deformation the margin is 8 / 27^(1/2).
 """
 LEAST_TURN = 3e-3
-"""If no vertex is rotated by more than this angle [rad], all count as not rotated. If stiffnesses differ by ten
-decades, small differences of rotations do more harm than good.
+"""If no vertex is rotated by more than this angle [rad], all vertices count as not rotated. If stiffnesses differ by
+ten decades, small differences between the rotations make the tangent worse.
 """
 
 
@@ -28,8 +28,9 @@ decades, small differences of rotations do more harm than good.
 def vertex_rotations(x, before, shape, free, held, sums, out):
     """Write the rotations (f, 9) of the ``free`` vertices from ``before`` to ``x`` (n, 3) [m].
 
-    Each is the mean of the elements' rotations at the vertex. A body that is not ``held`` has one rotation for all
-    vertices; otherwise R K0 R^T would not conserve its momentum. ``sums`` (n, 9) is scratch.
+    Each rotation is the mean of the rotations of the elements at the vertex. A body that no handle holds (``held`` is
+    False) has one rotation for all vertices. Otherwise R K0 R^T would not conserve its momentum. ``sums`` (n, 9) is
+    scratch.
     """
     sums[...] = 0.0
     for e in range(len(shape.cells)):
@@ -62,5 +63,5 @@ def vertex_rotations(x, before, shape, free, held, sums, out):
 
 
 def unrotated(count: int) -> np.ndarray:
-    """Return the rotations (f, 9) of vertices that have not turned."""
+    """Return the rotations (f, 9) of ``count`` vertices that have not rotated: identities."""
     return np.tile(np.eye(3).ravel(), (count, 1))

@@ -28,7 +28,7 @@ TILE = 256
 
 @internal
 def gather(blocks, parts, begin, end, front, width):
-    """Write the supernode's blocks (k, 3, 3) ``begin`` to ``end`` into a front (width, width)."""
+    """Write the blocks from ``begin`` up to ``end`` of ``blocks`` (k, 3, 3) into a supernode's front (width, width)."""
     for k in range(begin, end):
         block, at = blocks[parts[k, 0]], parts[k, 1] * width + parts[k, 2]
         for i in range(3):
@@ -54,7 +54,7 @@ def extend(child, places, front, width):
 def eliminate(front, width, own, panel):
     """Eliminate the first ``own`` columns of a front, upper triangle; return whether they are positive definite.
 
-    Rows of the factor contain one over their diagonal in its place.
+    Each row of the factor contains the inverse of its diagonal entry in place of this entry.
     """
     for first in range(0, own, PANEL):
         last = min(first + PANEL, own)
@@ -77,7 +77,7 @@ def eliminate(front, width, own, panel):
 
 @vector_kernel
 def subtract(front, width, first, last, panel):
-    """Subtract the products of the factor's rows ``first`` to ``last`` from the rows below, tile by tile."""
+    """Subtract the products of the factor's rows from ``first`` up to ``last`` from the rows below, tile by tile."""
     next_row = uint64(TILE)
     for begin in range(last, width, TILE):
         end = min(begin + TILE, width)
@@ -143,11 +143,11 @@ class Fronts:
     """Factors matrices of one pattern in succession, and solves with the last factor.
 
     Args:
-        graph: (f, f) an entry for each block (3, 3) of the matrices, symmetric, in their order.
-        points: (f, 3) vertices [m].
+        graph: (f, f) symmetric pattern with an entry for each block (3, 3) of the matrices, in the order of the blocks.
+        points: (f, 3) positions of the vertices [m].
 
     Attributes:
-        price: cost of a factorisation, in solutions.
+        price: cost of a factorisation, divided by the cost of a solution.
         kept: the last factor.
     """
 
@@ -186,12 +186,12 @@ class Fronts:
         return factor_fronts(blocks, self._parts, self._plan, self._front, self._panel, self._stack, self.kept.values)
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the solution for right-hand sides (3 f,) or (3 f, k)."""
+        """Return the solution for a right-hand side (3 f,) or for k of them (3 f, k)."""
         return solutions(self.kept, right)
 
 
 def solutions(kept: Kept, right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the solution for right-hand sides (3 f + q,) or (3 f + q, k)."""
+    """Return the solution with a kept factor for a right-hand side (3 f + q,) or for k of them (3 f + q, k)."""
     if right.ndim > 1:
         columns = [solutions(kept, np.ascontiguousarray(column)) for column in right.T]
         return np.stack(columns, axis=1) if columns else np.empty_like(right)

@@ -26,11 +26,11 @@ from gdfe_ros.solver.tangent.tangent import Tangent
 from gdfe_ros.solver.terms.term import Term
 
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
-"""If a tangent has no factor, a multiple of the constant matrix is added: first multiple, and growth per attempt."""
+"""If a tangent has no factor, a multiple of the constant matrix is added: the first multiple, and its growth factor."""
 MOST_SHIFT = 1e12
 """Largest such multiple; if it is not enough, the constant matrix replaces the tangent."""
 TURN = 1e-6
-"""Change of a rigid row, over the body's size, in differences of the handles' motion."""
+"""Change of a rigid row in finite differences of the handles' motion, divided by the body's size."""
 
 
 class TangentLevel:
@@ -43,7 +43,7 @@ class TangentLevel:
         elements: evaluates the tangents of the elements; None for the tangents of their laws.
 
     Attributes:
-        price: cost of a tangent, in solutions with it.
+        price: cost of factoring a tangent, divided by the cost of a solution with it.
     """
 
     def __init__(
@@ -108,11 +108,11 @@ class TangentLevel:
 
     @property
     def stiffness(self) -> NDArray[np.float64]:
-        """Tangents (m, 3 c, 3 c) [N/m] of the elements by the last call of `take`, not copied."""
+        """Tangents (m, 3 c, 3 c) [N/m] of the elements in the last call of `take`, not copied."""
         return self._elements.values
 
     def load(self, tangent: Tangent) -> None:
-        """Factor a tangent that `take` returned, in this run or another one, unless it is loaded already."""
+        """Factor a tangent that `take` returned, in this run or in another run, unless it is already loaded."""
         if self._loaded is None or self._loaded.blocks is not tangent.blocks:
             self._load(tangent)
 
@@ -122,18 +122,18 @@ class TangentLevel:
         return self._kept
 
     def touched(self, x: NDArray[np.float64]) -> bool:
-        """Return whether the parts that touch at ``x`` (n, 3) [m] differ from those of the loaded tangent."""
+        """Return whether the contact springs at ``x`` (n, 3) [m] connect other vertices than in the loaded tangent."""
         return self._loaded is None or not np.array_equal(self._springs(x).ends, self._loaded.ends)
 
     def turn(self, x: NDArray[np.float64]) -> None:
-        """Let the loaded tangent follow the rotations of the vertices to the positions ``x`` (n, 3) [m]."""
+        """Rotate the loaded tangent with its vertices from its own positions to the positions ``x`` (n, 3) [m]."""
         if self._loaded.positions is None:
             return
         before, unknowns, held = self._loaded.positions, self._unknowns, bool(self._body.handles)
         vertex_rotations(x, before, self._body.shape, unknowns.free, held, self._sums, self._kept.frames)
 
     def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Write K^-1 gradient (3 r,) to ``out`` (3 r,)."""
+        """Write the product of K^-1 and ``gradient`` (3 r,) [N] to ``out`` (3 r,) [m]."""
         solve_kept(self._kept, gradient, out)
 
     def _springs(self, x: NDArray[np.float64]) -> Springs:

@@ -13,10 +13,10 @@ DEGREE = 3
 
 
 def smooth_field(points: NDArray[np.float64], pieces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return a field (n, 3) over ``points`` (n, 3) [m] with a part of every polynomial up to `DEGREE`.
+    """Return a field (n, 3) over ``points`` (n, 3) [m] that contains every polynomial up to the degree `DEGREE`.
 
-    Each connected piece has its own polynomials, because common polynomials over two distant pieces would hardly bend
-    either. ``pieces`` (n,) is the piece of each point, from 0.
+    Each connected piece has its own polynomials. Common polynomials of two distant pieces would be almost linear over
+    each piece. ``pieces`` (n,) is the number of the piece of each point, from 0.
     """
     field = np.empty_like(points)
     for piece in range(int(pieces.max(initial=-1)) + 1):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Springs between touching parts of a body in a kept tangent: few, and between any vertices.
+"""Springs between touching parts of a body in a kept tangent: there are few, and they may connect any vertices.
 
 The length of a spring is linear in the positions: d = a . x. A spring of stiffness k adds k a a^T to the tangent. These
-entries may couple any vertices, and would fill the factor. The rows sqrt(k) a of all springs therefore form a matrix G,
-by which `substitution` corrects solutions without springs.
+entries may couple any vertices, and would fill the factor. The rows sqrt(k) a of all springs therefore form a separate
+matrix G, with which `substitution` corrects the solutions of the factor without springs.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Springs(NamedTuple):
     """Springs between vertices.
 
     Attributes:
-        ends: (m, c) int32 vertices.
+        ends: (m, c) int32 vertices that each spring connects.
         ways: (m, c, 3) [(N/m)^(1/2)] square root of each spring's stiffness times d(length)/d(position of each end).
     """
 
@@ -41,11 +41,11 @@ class Springs(NamedTuple):
 
 
 def spring_rows(springs: Springs, unknowns: Unknowns, motion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rows G (m, 3 r) of springs in the unknowns.
+    """Return the matrix G (m, 3 r) of springs, in the unknowns.
 
     Args:
         springs: the springs.
-        unknowns: the numbering.
+        unknowns: the numbering of the unknowns.
         motion: (3 b, 3 q) d(vertices of handles with a free axis)/d(rigid rows).
     """
     count, free, members = len(springs.ends), len(unknowns.free), len(unknowns.members)

@@ -4,9 +4,10 @@
 Three rows of the factor (one vertex) are processed at a time. Inner loops count in unsigned numbers: a possibly
 negative index would cost a test in each iteration and prevent SIMD.
 
-Two corrections follow where a body needs them. Handles with a free axis have rigid rows beside the factor's rows; their
-Schur complement S is dense. Springs between touching parts, G^T G, would widen the factor; with W = K^-1 G^T the
-solution x without them becomes x - W (1 + G W)^-1 G x (Sherman, Morrison and Woodbury).
+Two corrections follow, if a body needs them. First, handles with a free axis have rigid rows in addition to the rows of
+the factor. Their Schur complement S is dense. Second, springs between touching parts add G^T G to K, which would fill
+the factor. With W = K^-1 G^T, the solution x without springs becomes x - W (1 + G W)^-1 G x (Sherman, Morrison and
+Woodbury).
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ class Plan(NamedTuple):
     """Index arrays of the kernels: see `Elimination`.
 
     Attributes:
-        first, row_start, rows, inside: of the elimination.
-        children, child_start: (c,) and (s + 1,), of each supernode.
+        first, row_start, rows, inside: index arrays of the elimination.
+        children, child_start: (c,) and (s + 1,), children of all supernodes, and offset of each supernode's children.
         part_start: (s + 1,) offset of each supernode's blocks of the matrix.
         value_start: (s + 1,) offset of each supernode's rows of the factor.
     """
@@ -41,14 +42,14 @@ class Plan(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """A factor for the kernels; with q rigid rows and m springs between touching parts.
+    """A factor for the kernels, with q rigid rows and m springs between touching parts.
 
     Attributes:
         plan: the index arrays.
-        values: of the factor, overwritten by the next one.
-        order: (f,) of the vertices.
+        values: entries of the factor; the next factorisation overwrites them.
+        order: (f,) vertices in the order of their elimination.
         x, local: scratch.
-        harmonic: (3 f, q) displacement of the free vertices by each rigid row, times -1.
+        harmonic: (3 f, q) displacement of the free vertices that each rigid row causes, times -1.
         schur: (q, q) inverse of the Schur complement S.
         springs: (m, 3 f + q) rows G.
         reach: (m, 3 f + q) rows of W^T.
@@ -100,7 +101,7 @@ def solve_unturned(kept, right, out):
 
 @vector_kernel
 def solve_rigid(harmonic, schur, right, out):
-    """Solve for the rigid rows, and correct the free ones."""
+    """Solve for the rigid rows, and correct the solution ``out`` of the free rows."""
     count, rows = harmonic.shape
     force = right[count : count + rows].copy()
     for i in range(count):
@@ -118,7 +119,7 @@ def solve_rigid(harmonic, schur, right, out):
 
 @vector_kernel
 def connect(springs, reach, inner, out):
-    """Correct a solution without springs between touching parts: add the effect of the springs."""
+    """Correct ``out``, a solution without springs between touching parts, for the effect of the springs."""
     count = len(springs)
     lengths = np.empty(count)
     for k in range(count):
@@ -136,7 +137,7 @@ def connect(springs, reach, inner, out):
 
 @vector_kernel
 def solve_free(kept, right, out):
-    """Write K^-1 right (3 f,) of the free vertices to ``out`` (3 f,)."""
+    """Write K^-1 ``right`` (3 f,) of the free vertices to ``out`` (3 f,)."""
     plan, values, x, local = kept.plan, kept.values, kept.x, kept.local
     for i in range(len(kept.order)):
         for axis in range(3):
@@ -150,7 +151,7 @@ def solve_free(kept, right, out):
 
 @vector_kernel
 def reduce_all(values, plan, x, local):
-    """Solve U^T x = x in the order of elimination; ``local`` is scratch for the rows of any supernode."""
+    """Replace ``x`` by the solution y of U^T y = x, first row first; ``local`` is scratch for any supernode's rows."""
     for node in range(len(plan.first) - 1):
         begin, end = plan.row_start[node], plan.row_start[node + 1]
         width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
@@ -167,7 +168,7 @@ def reduce_all(values, plan, x, local):
 
 @vector_kernel
 def expand_all(values, plan, x, local):
-    """Solve U x = x in the order of elimination."""
+    """Replace ``x`` by the solution y of U y = x, last row first; ``local`` is scratch for any supernode's rows."""
     for node in range(len(plan.first) - 2, -1, -1):
         begin, end = plan.row_start[node], plan.row_start[node + 1]
         width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
@@ -183,7 +184,7 @@ def expand_all(values, plan, x, local):
 
 @vector_kernel
 def reduce_rows(values, at, local, width, own):
-    """Solve the first ``own`` rows of U^T, and subtract their products from the other rows."""
+    """Solve the first ``own`` rows of a supernode with U^T, and subtract their products from its other rows."""
     for first in range(0, own, 3):
         a = values[at + first * width : at + (first + 1) * width]
         b = values[at + (first + 1) * width : at + (first + 2) * width]
@@ -198,7 +199,7 @@ def reduce_rows(values, at, local, width, own):
 
 @vector_kernel
 def expand_rows(values, at, local, width, own):
-    """Solve the first ``own`` rows of U; the other rows are known."""
+    """Solve the first ``own`` rows of a supernode with U; the solution in its other rows is known."""
     for first in range(own - 3, -1, -3):
         a = values[at + first * width : at + (first + 1) * width]
         b = values[at + (first + 1) * width : at + (first + 2) * width]

@@ -16,14 +16,16 @@ class Tangent:
     """A kept tangent stiffness; an immutable value.
 
     Attributes:
-        blocks: (k, 3, 3) of pairs of vertices [N/m], positive definite over the free ones.
+        blocks: (k, 3, 3) [N/m] blocks of coupled pairs of vertices; the part of the free vertices is positive definite.
         motion: (3 b, 3 q) d(vertices of handles with a free axis)/d(rigid rows).
-        positions: (n, 3) [m] where it was taken; None for the constant matrix, which does not follow rotations.
+        positions: (n, 3) [m] at which the tangent was taken; None for the constant matrix, which does not follow
+            rotations.
         shift: multiple of the constant matrix that was added for definiteness.
-        softest: the ratio of a mode's stiffness to its stiffness in this tangent has a least value over all modes; this
-            is an upper bound of it. It is 1 if nothing was added and no softer mode was found yet, 0 if it is unknown.
-        ends, ways: of the springs between touching parts, as in `Springs`.
-        spent: iterations and products since the tangent was evaluated, without the free ones of each solve.
+        softest: upper bound of the least ratio, over all modes, of a mode's true stiffness to its stiffness in this
+            tangent. It is 1 if nothing was added and no softer mode was found yet, and 0 if it is unknown.
+        ends, ways: arrays of the springs between touching parts, as in `Springs`.
+        spent: number of iterations and products since the tangent was evaluated, without the `newton.FREE` products of
+            each Newton step.
     """
 
     blocks: NDArray[np.float64]

@@ -25,7 +25,7 @@ from gdfe_ros.solver.terms.term import Term, TermTable
 LOAD_FACTOR = 1.0
 """Default command of a load."""
 FINEST = 1e-9
-"""Least distance, over the body's size, that contact forces may require as tolerance of a minimisation."""
+"""Lower bound of `Actuation.resolution`, over the body's size."""
 ROUNDING = 1e-9
 """Fraction of a cable's length that counts as zero."""
 
@@ -36,17 +36,17 @@ class Actuation:
     Args:
         body: the discretised body.
         actuators: cables, chambers and growths.
-        loads: dead loads; each acts with the factor that is its command.
+        loads: dead loads; the command of each is its factor.
         terms: further terms.
 
     Attributes:
         terms: all terms, loads first.
-        table: the same for the kernels.
-        strung: cables between handles; these have a least length.
+        table: all terms in the layout of the kernels.
+        strung: cables between fixed points, which have a least length.
         growths: the growths, which change the elements' rest shape.
-        neutral: for every actuator and load, the command without effect.
+        neutral: dict from actuator or load name to the command without effect.
         loaded: names of the loads.
-        contacts: contact terms: one for each obstacle, and that of the body with itself.
+        contacts: contact terms of the obstacles, and the self-contact term.
     """
 
     def __init__(
@@ -100,9 +100,10 @@ class Actuation:
         *,
         ratio: float = 0.0,
     ) -> None:
-        """Prepare all terms for a solve; arguments as in `Term.begin`, with the stored states by term name.
+        """Prepare all terms for a solve with the arguments of `Term.begin`; ``saved`` is a dict from term name.
 
-        If ``poses`` are given, they are those of handles and obstacles, and ``last`` is the previous state.
+        If ``poses`` of handles and obstacles are given, they and the previous state ``last`` are first passed to
+        `Term.aim`.
         """
         for term in self.terms:
             if poses is not None:
@@ -115,21 +116,18 @@ class Actuation:
         return max(misses, default=0.0) / self._body.size
 
     def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """Raise the contact penalties of points carried by ``vertices`` (k,) for the next solve."""
+        """Raise the contact penalties of contact points on ``vertices`` (k,) for the next solve."""
         for term in self.contacts:
             term.stiffen(vertices)
 
     def hasten(self, near: float) -> None:
-        """Extrapolate the contact multipliers if more than ``near`` of the body's size remains."""
+        """Extrapolate the contact multipliers if the last update left more than ``near``, over the body's size."""
         for term in self.contacts:
             term.hasten(near * self._body.size)
 
     @property
     def resolution(self) -> float:
-        """Displacement, over the body's size, that minimisations must resolve so that contact forces are known.
-
-        Infinite without contacts.
-        """
+        """Tolerance of a minimisation, over the body's size, that contact forces require; infinite without contacts."""
         if not self.contacts:
             return np.inf
         return max(FINEST, min(contact.resolution for contact in self.contacts) / self._body.size)
@@ -145,20 +143,20 @@ class Actuation:
 
     @property
     def buried(self) -> bool:
-        """Whether the penetration that `flaw` found is deep, not only above the tolerance."""
+        """Whether the penetration that `flaw` reported is deep; a depth just above the tolerance does not count."""
         return any(term.buried for term in self.contacts)
 
     @property
     def hopeless(self) -> bool:
-        """Whether a solve cannot separate parts that were apart before it."""
+        """Whether surfaces that were apart before the solve have penetrated too deeply for contact to separate them."""
         return any(term.hopeless for term in self.contacts)
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Include contacts that a minimisation has made and that were left out; return whether there were any."""
+        """Include contacts that were left out and that the minimisation has closed; return whether there were any."""
         return any([term.reached(positions) for term in self.contacts])
 
     def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
-        """Return the states that all terms store after a solve that ended at ``positions`` (n, 3) [m]."""
+        """Return a dict from term name to the state to store after a solve that ended at ``positions`` (n, 3) [m]."""
         return {term.name: term.finish(saved[term.name], positions) for term in self.terms}
 
     def unstable(
@@ -171,8 +169,8 @@ class Actuation:
         """Return the name of the chamber that inflated without bound since an equilibrium; empty if none did.
 
         ``since`` (n, 3) [m] are the positions of the equilibrium, ``positions`` (n, 3) [m] those of failed solves after
-        it. If the body ran away, its volumes have no meaning; the name is then that of a chamber with a pressure that
-        has risen since the commands ``before``.
+        it. If the body ran away, its volumes have no meaning. ``before`` are then the earlier commands, and the result
+        is a chamber whose commanded pressure has risen.
         """
         for term in self._chambers:
             pressed = term.actuator.mode is Mode.PRESSURE
@@ -183,7 +181,7 @@ class Actuation:
         return ""
 
     def unreachable(self, base: NDArray[np.float64], commands: Mapping[str, float]) -> str:
-        """Return a message about a cable that is commanded shorter than the distance of its handles; empty for none.
+        """Return a message if a cable is commanded shorter than the distance of its handles; empty if none is.
 
         ``base`` (n, 3) [m] has the commanded positions of the handles.
         """
@@ -199,7 +197,7 @@ class Actuation:
     def states(
         self, positions: NDArray[np.float64], commands: Mapping[str, float], operators: Operators
     ) -> dict[str, ActuatorState]:
-        """Return the state of every actuator; ``positions`` (n, 3) [m] are those of the last solve."""
+        """Return a dict from actuator name to its state; ``positions`` (n, 3) [m] are the end of the last solve."""
         return {
             item.name: self.growths.state(item, commands, operators)
             if isinstance(item, Growth)
@@ -208,14 +206,14 @@ class Actuation:
         }
 
     def reports(self, positions: NDArray[np.float64]) -> dict[str, dict[str, float]]:
-        """Return the reports of user-defined terms, by their names."""
+        """Return a dict from the name of a user-defined term to its report."""
         return {term.name: report for term in self._more if (report := term.report(positions))}
 
     def balance(self, positions: NDArray[np.float64], commands: Mapping[str, float]) -> Balance:
-        """Return the potential [J] of the terms at ``positions`` (n, 3) [m], and its slope along every command.
+        """Return the potential [J] of the terms at ``positions`` (n, 3) [m], and its derivative by every command.
 
-        The potential is zero while the body is undeformed. A commanded length or volume has no potential; its slope is
-        the multiplier.
+        The potential is zero while the body is undeformed. A length or volume that a multiplier keeps has no potential.
+        The derivative by such a command is the multiplier, or minus the multiplier for a length.
         """
         found = {
             term.name: term.potential(positions, commands[term.name])

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cables as terms.
 
-A cable of length L pulls with t = max(0, T + k (L - l)) and has the energy (t^2 - T^2) / (2 k). This is the augmented
-Lagrangian of L <= l with multiplier T, and for T = 0 an elastic cable of stiffness k. With k = 0 it is T (L - l).
+A cable of length L has the tension t = max(0, T + k (L - l)) and the energy (t^2 - T^2) / (2 k). This is the augmented
+Lagrangian of the constraint L <= l with multiplier T. For T = 0 it is an elastic cable of stiffness k. For k = 0 the
+tension is T and the energy T (L - l).
 """
 
 from __future__ import annotations
@@ -23,16 +24,17 @@ from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembere
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 EFFORT, TARGET, STIFFNESS, CARRIERS, WEIGHTS = range(5)
-"""Offsets in the term's reals of T [N], l [m], k [N/m], the number c of vertices that carry each point, and the weights
-of its points."""
+"""Offsets in ``reals`` of T [N], l [m], k [N/m], the number c of vertices that carry each point, and the weights of
+these vertices."""
 
 BALANCED = 1e-9
-"""Force on movable vertices, over the tension, that counts as zero."""
+"""Force on a movable vertex, over the tension, that counts as zero."""
 NO_WEIGHT = 1e-9
-"""A cable's point does not follow a corner if the corner's weight is below this."""
+"""A cable point does not depend on a vertex whose weight is below this."""
 FAINT, NEARLY = 1e-12, 3e-6
-"""Two negligible amounts: tension over modulus and squared body size, and lengthening over the body's size. In finite
-differences, a cable that is just not taut gets the sum of both tensions, so that it counts as taut.
+"""Two negligible amounts: a tension, over Young's modulus times squared body size, and a lengthening, over the body's
+size. In finite differences, a cable at the limit of becoming taut gets the sum of both tensions, so that it counts as
+taut.
 """
 ROUNDING = 1e-9
 """Fraction of a cable's length that counts as zero."""
@@ -40,7 +42,7 @@ ROUNDING = 1e-9
 
 @inlined
 def point(x, reals, integers, i):
-    """Return the position of a cable point [m]."""
+    """Return the position [m] of cable point ``i``."""
     p0, p1, p2, count = 0.0, 0.0, 0.0, int(reals[CARRIERS])
     for a in range(count):
         v, w = integers[count * i + a], reals[WEIGHTS + count * i + a]
@@ -62,13 +64,13 @@ def cable_length(x, reals, integers):
 
 @kernel
 def cable_tension(length, reals):
-    """Return the tension [N] of a cable of the given length [m]."""
+    """Return the tension [N] of a cable of the given ``length`` [m]."""
     return max(0.0, reals[EFFORT] + reals[STIFFNESS] * (length - reals[TARGET]))
 
 
 @kernel
 def pull(x, reals, integers, tension, force):
-    """Add tension times dL/dx to ``force`` (n, 3)."""
+    """Add ``tension`` times dL/dx to ``force`` (n, 3)."""
     count = int(reals[CARRIERS])
     for i in range(len(integers) // count - 1):
         a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
@@ -111,8 +113,8 @@ class CableTerm(Term):
     """A cable with a commanded tension, length or shortening.
 
     Args:
-        cable: of the scene.
-        body: the body through which it runs.
+        cable: cable of the scene.
+        body: the body through which the cable passes.
 
     Attributes:
         actuator: the cable.
@@ -140,7 +142,7 @@ class CableTerm(Term):
         return self.actuator.constrains
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set the cable's own stiffness, or for a commanded length a penalty that suits the body's stiffness."""
+        """Set the stiffness of an elastic cable; for a kept length, a penalty in proportion to the body's stiffness."""
         if self.actuator.mode is Mode.TENSION:
             return
         if self._elastic:
@@ -155,14 +157,14 @@ class CableTerm(Term):
         self.reals[STIFFNESS] = fitted_penalty(matrix, force, self.name)
 
     def _pull(self, points: slice) -> NDArray[np.float64]:
-        """Return dl/dx (n, 3) of the undeformed segments between ``points``."""
+        """Return dL/dx (n, 3) of the undeformed segments between ``points``."""
         weights, corners = (values[points] for values in self._points())
         force, reals = np.zeros_like(self._body.rest), np.concatenate([self.reals[:WEIGHTS], weights.ravel()])
         pull(self._body.rest, reals, corners.ravel(), 1.0, force)
         return force
 
     def _points(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Return weights and vertices (p, c) of the points."""
+        """Return the weights (p, c) and vertices (p, c) that carry the cable points."""
         return self.reals[WEIGHTS:].reshape(-1, self._carriers), self.integers.reshape(-1, self._carriers)
 
     def couplings(self) -> NDArray[np.int32]:
@@ -191,7 +193,7 @@ class CableTerm(Term):
         return remembered(0.0, {})
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Set the command, and for a commanded length the tension of the last step."""
+        """Set the command; for a kept length, also the initial tension, extrapolated from the last steps."""
         self._command, numbers = commands[self.name], self.reals
         if self.actuator.mode is Mode.TENSION:
             numbers[EFFORT], numbers[TARGET] = self._command, cable_length(positions, numbers, self.integers)
@@ -200,7 +202,7 @@ class CableTerm(Term):
         numbers[TARGET] = self.wanted(self._command)
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Set the tension that was found; a cable that is just not taut counts as taut."""
+        """Restore the tension at the end of a solve; a cable at the limit of becoming taut counts as taut."""
         self.begin(commands, saved, positions, 0.0)
         numbers, size = self.reals, self._body.size
         least = FAINT * float(self._body.table.parameters[:, YOUNG].min()) * size**2
@@ -213,7 +215,7 @@ class CableTerm(Term):
         numbers[EFFORT] += self._lifted
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Set another command or initial state."""
+        """Set another command or another stored state after `resume`."""
         self.begin(commands, saved, positions, 0.0)
         self.reals[EFFORT] += self._lifted
 
@@ -239,16 +241,16 @@ class CableTerm(Term):
         return np.array([cable_tension(cable_length(positions, self.reals, self.integers), self.reals)])
 
     def wanted(self, command: float) -> float:
-        """Return the length [m] that a command, which is a length or a shortening, demands."""
+        """Return the length [m] for a command that is a length or a shortening."""
         return command if self.actuator.mode is Mode.LENGTH else self._rest_length - command
 
     @property
     def strung(self) -> bool:
-        """Whether handles impose a least length; commands below it are refused."""
+        """Whether fixed handles impose a least length; shorter commands are refused."""
         return self.updates and int(self._anchored.sum()) > 1
 
     def shortest(self, base: NDArray[np.float64]) -> float:
-        """Return the least length [m] with handles at ``base`` (n, 3) [m]: straight from one to the next."""
+        """Return the least length [m] with handles at ``base`` (n, 3) [m]: straight between the fixed points."""
         held = self.actuator.points.at(base)[self._anchored]
         return float(np.linalg.norm(np.diff(held, axis=0), axis=1).sum())
 
@@ -270,7 +272,10 @@ class CableTerm(Term):
         return ActuatorState(self.actuator.mode, self._command, extent, float(effort))
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] and its slope along the command, which for a commanded length is the multiplier."""
+        """Return the potential [J] and its derivative by the command.
+
+        For a commanded length the derivative is minus the tension, for a shortening it is the tension.
+        """
         state = self.state(positions)
         stored = 0.5 * state.effort**2 / self.actuator.stiffness if self._elastic else 0.0
         if self.actuator.mode is Mode.TENSION:

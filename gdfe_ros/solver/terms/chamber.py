@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Chambers as terms.
 
-A chamber of volume V has the energy -p (V - v) + k/2 (V - v)^2: with k = 0 it has a given pressure, otherwise it is the
-augmented Lagrangian of V = v with the multiplier p. Sums run in a fixed order.
+A chamber of volume V has the energy -p (V - v) + k/2 (V - v)^2. With k = 0 this is a chamber of given pressure p.
+Otherwise it is the augmented Lagrangian of the constraint V = v with the multiplier p. Sums have a fixed order.
 """
 
 from __future__ import annotations
@@ -24,23 +24,22 @@ from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembere
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 EFFORT, TARGET, STIFFNESS, LIMIT = range(4)
-"""Layout of the term's reals: p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] above which the chamber counts as
-unstable.
+"""Offsets in ``reals`` of p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] above which the chamber counts as unstable.
 """
 LARGEST_INFLATION = 8.0
-"""A chamber of given pressure counts as unstable if one solve inflates it by more than this ratio."""
+"""A chamber of given pressure counts as unstable if its volume grows by more than this factor in one solve."""
 RUNNING_AWAY = 0.25
-"""A failed solve counts as running away if it ends above this fraction of the volume limit."""
+"""A chamber counts as unstable in a failed solve that ends above this fraction of the volume limit."""
 _PLACES, FACE_SHARES = triangle_rule(3)
 FACE_SHAPES, FACE_SLOPES = face_weights(_PLACES), face_slopes(_PLACES)
-"""Shape functions (9, 6) and their slopes (9, 6, 2) at the integration points of a six-node face. With the weights
-`FACE_SHARES` these points integrate the volume, of degree 4, exactly.
+"""Shape functions (9, 6) and their derivatives (9, 6, 2) at the integration points of a six-node face. With the
+weights `FACE_SHARES`, these points integrate the volume exactly: its integrand has degree 4.
 """
 
 
 @inlined
 def corners_of(x, integers, q):
-    """Return the corners of a quad relative to one vertex of the chamber, which avoids rounding far from the origin."""
+    """Return the corners of quad ``q`` relative to the chamber's first vertex, which keeps rounding small."""
     o, i = integers[0], 4 * q
     a, b, c, d = integers[i], integers[i + 1], integers[i + 2], integers[i + 3]
     return (
@@ -65,13 +64,13 @@ def chamber_volume(x, integers):
 
 @kernel
 def chamber_pressure(volume, reals):
-    """Return the pressure [Pa] of a chamber of the given volume [m^3]."""
+    """Return the pressure [Pa] of a chamber of the given ``volume`` [m^3]."""
     return reals[EFFORT] - reals[STIFFNESS] * (volume - reals[TARGET])
 
 
 @kernel
 def push(x, integers, pressure, force):
-    """Subtract pressure times dV/dx from ``force`` (n, 3)."""
+    """Subtract ``pressure`` times dV/dx from ``force`` (n, 3)."""
     scale = pressure / 12.0
     for q in range(len(integers) // 4):
         a, b, c, d = corners_of(x, integers, q)
@@ -114,7 +113,7 @@ def face_volume(x, integers):
 
 @inlined
 def face_point(x, integers, o, q, p):
-    """Return place, dx/dxi and dx/deta [m] at an integration point of a six-node face, relative to vertex ``o``."""
+    """Return position relative to vertex ``o``, dx/dxi and dx/deta [m] at a six-node face's integration point."""
     p0, p1, p2, a0, a1, a2, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(6):
         v, n = integers[6 * q + a], FACE_SHAPES[p, a]
@@ -160,10 +159,10 @@ def face_chamber_energy(x, reals, integers, force, size):
 
 @kernel
 def carried_energy(x, reals, integers, force, size):
-    """Return the energy [J] of a chamber with points that eight vertices each carry, and add its gradient.
+    """Return the energy [J] of a chamber between points that eight vertices each carry, and add its gradient.
 
-    ``reals`` has the weights after the chamber's own numbers. ``integers`` has the number of points, the vertices that
-    carry each, and the quads between the points.
+    ``reals`` has the vertices' weights after the chamber's own numbers. ``integers`` has the number of points, the
+    eight vertices of each point, and the quads between the points.
     """
     count = integers[0]
     points, pulls = np.zeros((count, 3)), np.zeros((count, 3))
@@ -200,8 +199,8 @@ class ChamberTerm(Term):
     """A chamber with a commanded pressure or volume.
 
     Args:
-        chamber: of the scene.
-        body: the body around it.
+        chamber: chamber of the scene.
+        body: the body around the chamber.
 
     Attributes:
         actuator: the chamber.
@@ -228,7 +227,7 @@ class ChamberTerm(Term):
         self._command = self.neutral_command
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set a penalty that suits the body's initial stiffness, for a commanded volume."""
+        """For a commanded volume, set a penalty in proportion to the body's initial stiffness."""
         if self.updates:
             places, points = self.actuator.at(self._body.rest), self.actuator.points
             force = np.zeros_like(places)
@@ -247,7 +246,7 @@ class ChamberTerm(Term):
         return remembered(0.0, {})
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Set the command, and for a commanded volume the pressure of the last step."""
+        """Set the command; for a commanded volume, also the initial pressure, extrapolated from the last steps."""
         self._command, numbers = commands[self.name], self.reals
         if self.updates:
             numbers[EFFORT], numbers[TARGET], numbers[LIMIT] = followed(saved, ratio), self._command, math.inf
@@ -267,7 +266,7 @@ class ChamberTerm(Term):
         return remembered(float(self.reals[EFFORT]), saved)
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Set the pressure that was found."""
+        """Restore the pressure at the end of a solve."""
         self.begin(commands, saved, positions, 0.0)
         if self.updates:
             self.reals[EFFORT] = found["effort"][0]
@@ -298,7 +297,7 @@ class ChamberTerm(Term):
         return LARGEST_INFLATION * max(abs(volume), self._rest_volume)
 
     def ran_away(self, positions: NDArray[np.float64], since: NDArray[np.float64]) -> bool:
-        """Return whether a chamber of given pressure has inflated far in failed solves since an equilibrium."""
+        """Return whether a chamber of given pressure inflated beyond `RUNNING_AWAY` from ``since`` to ``positions``."""
         pressed = math.isfinite(self.reals[LIMIT])
         return pressed and not self._volume(positions) <= RUNNING_AWAY * self._limit(self._volume(since))
 
@@ -308,7 +307,7 @@ class ChamberTerm(Term):
         return ActuatorState(self.actuator.mode, self._command, extent, float(self.reals[EFFORT]))
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] and its slope along the command, which for a commanded volume is the multiplier."""
+        """Return the potential [J] and its derivative by the command: for a commanded volume, the pressure."""
         if self.updates:
             return 0.0, float(self.reals[EFFORT])
         slope = self._rest_volume - self._volume(positions)

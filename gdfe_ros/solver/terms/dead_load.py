@@ -15,7 +15,7 @@ from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 FACTOR, FORCES = 0, 1
-"""Offsets in the term's reals of the factor s and of the forces f_v [N], each followed by X_v [m]."""
+"""Offsets in ``reals`` of the factor s, and of the forces f_v [N], each followed by its rest position X_v [m]."""
 
 
 @kernel
@@ -44,7 +44,7 @@ class DeadLoadTerm(Term):
     """A load with its commanded factor.
 
     Args:
-        load: of the scene.
+        load: load of the scene.
         body: the body on which it acts.
     """
 
@@ -61,6 +61,6 @@ class DeadLoadTerm(Term):
         self.reals[FACTOR] = commands[self.name]
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] at ``positions`` (n, 3) [m] and its slope along the factor."""
+        """Return the potential [J] at ``positions`` (n, 3) [m] and its derivative by the factor ``command``."""
         slope = -float(np.vdot(self._forces, positions - self._rest))
         return command * slope, slope

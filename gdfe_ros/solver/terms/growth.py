@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Growth of cells: it has no energy of its own, but replaces the operators of the cells' rest shape.
+"""Growth of cells: it changes the operators of the cells' rest shape, and has no energy of its own.
 
-Let F_e = F G^-1 be the elastic part of F. The gradients of a cell become G^-T g_a, its volume det G V, and its edges G
-d. Its hourglass vectors stay unchanged, because linear maps do not affect them. The element kernels then compute F_e in
-place of F.
+Let G be the growth and F_e = F G^-1 the elastic part of F. The gradients of a cell become G^-T g_a, its volume becomes
+det G V, and its edges become G d. Its hourglass vectors stay unchanged, because linear maps do not affect them. The
+element kernels then compute F_e in place of F.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Growths:
 
     Args:
         body: the body, whose operators are not modified.
-        actuators: of the scene; only growths among them are used.
+        actuators: actuators of the scene; only growths are used.
 
     Attributes:
         growths: the growths.
@@ -69,7 +69,7 @@ class Growths:
         return Operators(grown, blocks._replace(geometry=block_geometry(grown, blocks.element)), stretch)
 
     def state(self, growth: Growth, commands: Mapping[str, float], grown: Operators) -> ActuatorState:
-        """Return command and mean det G of a growth."""
+        """Return the state of a growth: its command and the mean det G of its cells."""
         rows = self._rows[self.growths.index(growth)]
         weights = self._body.shape.volume[self.cells[rows]]
         mean = float(np.average(np.linalg.det(grown.stretch[rows]), weights=weights))

@@ -10,14 +10,14 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 
 PENALTY = 10.0
-"""Penalty stiffness of a commanded length or volume, over the body's own stiffness by the constant matrix. It is large
-enough for few updates. It is small enough to give a minimisation only one outlying eigenvalue, which the history
-resolves.
+"""Penalty stiffness of a commanded length or volume, over the body's stiffness against it by the constant matrix. It is
+large enough for few updates. It is small enough to cause only one outlying eigenvalue, which the history of a
+minimisation resolves.
 """
 
 
 def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str) -> float:
-    """Return the penalty of an actuator that pulls at the vertices with ``force`` (n, 3) at unit effort.
+    """Return the penalty of an actuator that acts on the vertices with ``force`` (n, 3) at unit tension or pressure.
 
     Raises:
         ValueError: the actuator moves nothing; scenes with such an actuator are rejected on loading.
@@ -29,11 +29,11 @@ def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str
 
 
 def remembered(effort: float, saved: Saved) -> Saved:
-    """Return the state to store: the effort and the previous one."""
+    """Return the state to store: ``effort`` (tension or pressure) and the previous effort."""
     return {"effort": np.array([effort, saved["effort"][0] if saved else 0.0])}
 
 
 def followed(saved: Saved, ratio: float) -> float:
-    """Return the initial effort if a multiple ``ratio`` of the last step is extrapolated."""
+    """Return the initial tension or pressure: the last one plus ``ratio`` times its last change."""
     last, before = saved["effort"]
     return float(last + ratio * (last - before))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The interface of a term: an additional contribution to the potential that a solve minimises.
 
-The minimisation uses the sum of all terms and its gradient, whichever terms there are. The elements are the first
-term and have kernels of their own. Every other term is a compiled function of the positions and of two arrays that the
-term fills. Solves call it by its address. No combination of terms needs a compilation of its own, and absent terms cost
-nothing. `docs/terms.md` shows how to add one.
+The minimisation uses the sum of all terms and the gradient of the sum. The elements are the first term and have kernels
+of their own. Every other term is a compiled function of the positions and of two arrays that the term fills. Solves
+call the function by its address. No combination of terms needs a compilation of its own, and absent terms cost nothing.
+`docs/terms.md` shows how to add a term.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _ENTRY = types.float64(_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.
 
 
 class TermKernel:
-    """The compiled entry of a term; it is compiled, or loaded from a cache, when a body first has the term.
+    """The compiled entry of a term; it is compiled, or loaded from a cache, when its address is first used.
 
     Args:
-        entry: receives the arguments of `as_arrays` and returns the energy.
+        entry: function that receives the arguments of `as_arrays` and returns the energy.
     """
 
     def __init__(self, entry: Callable[..., float]) -> None:
@@ -50,7 +50,7 @@ class TermKernel:
 
 
 def term_kernel(entry: Callable[..., float]) -> TermKernel:
-    """Decorate a term's entry, which solves call by its address.
+    """Return the compiled entry of a term, for use as decorator; solves call the entry by its address.
 
     For the entry
 
@@ -59,16 +59,16 @@ def term_kernel(entry: Callable[..., float]) -> TermKernel:
             return spring_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
     ``spring_energy(x, reals, integers, force, size)``, a `gdfe_ros.compiled.kernel`, receives the positions ``x`` (n,
-    3) [m] and the term's two arrays. It adds dE/dx to ``force`` (n, 3) [N]. It adds a bound for the rounding of its
-    energy, the sum of the absolute values of its parts, to ``size[0]`` [J]. It returns the energy [J], infinite for
-    positions out of bounds.
+    3) [m] and the term's two arrays. It adds dE/dx to ``force`` (n, 3) [N]. It adds the sum of the absolute values of
+    the energy's summands, which bounds the energy's rounding, to ``size[0]`` [J]. It returns the energy [J], infinite
+    for positions out of bounds.
     """
     return TermKernel(entry)
 
 
 @inlined
 def as_arrays(x, n, reals, k, integers, i, force, size):
-    """Return the arguments of an entry as the arrays that are arguments of a term's energy."""
+    """Return the pointers of an entry's arguments as arrays: positions, reals, integers, force and size."""
     return carray(x, (n, 3)), carray(reals, (k,)), carray(integers, (i,)), carray(force, (n, 3)), carray(size, (1,))
 
 
@@ -76,15 +76,15 @@ class Term:
     """Base class of all terms; a term overrides the methods that it needs.
 
     Attributes:
-        name: unique among the terms of a body; of an actuator or load, its name in the scene.
-        kernel: made by `term_kernel`; None for a term without an energy of its own.
-        reals: (k,) float64, read by the kernel; written by `begin` and `update`.
-        integers: (i,) int32, likewise.
-        updates: whether `update` has anything to do.
+        name: unique name among the terms of a body; for an actuator or load, its name in the scene.
+        kernel: compiled entry, made by `term_kernel`; None for a term without an energy of its own.
+        reals: (k,) float64 data for the kernel; written by `begin` and `update`.
+        integers: (i,) int32 data for the kernel; written by `begin` and `update`.
+        updates: whether `update` changes multipliers.
         inside: whether the body was inside of the term's obstacle at the beginning of the solve.
-        delicate: whether its forces change within tiny displacements, as at the onset of slip.
-        even: whether `stiffness` is its whole tangent, acts on x, y and z alike, and never changes; kept tangents then
-            use it directly.
+        delicate: whether the term's forces change within tiny displacements, as at the onset of slip.
+        even: whether `stiffness` is the term's whole tangent, acts on x, y and z alike, and never changes. Kept
+            tangents then use it directly.
     """
 
     kernel: TermKernel | None = None
@@ -112,7 +112,7 @@ class Term:
     def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """Return springs at ``positions`` (n, 3) [m] between vertices that nothing else couples.
 
-        They serve the same purpose as `tangents`, but are few, and change from solve to solve.
+        Springs have the same purpose as `tangents`, but are few, and change from solve to solve.
 
         Returns:
             Vertices (m, c), and for each spring the root of its stiffness times d(length)/d(position of each end)
@@ -121,24 +121,24 @@ class Term:
         return np.zeros((0, 1), dtype=np.int32), np.zeros((0, 1, 3))
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set penalties by the constant ``matrix``."""
+        """Set penalties in proportion to the body's stiffness by the constant ``matrix``."""
 
     def neutral(self) -> Saved:
         """Return the initial stored state."""
         return {}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
-        """Set the commanded poses of handles and obstacles, and the previous state, before a solve begins."""
+        """Store the commanded poses of handles and obstacles, and the previous state, before a solve begins."""
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Prepare a solve.
 
         Args:
-            commands: of every actuator and load.
+            commands: dict from actuator or load name to command.
             saved: the term's stored state after the last accepted step.
             positions: (n, 3) [m] at the start of the solve; energies may be relative to them.
-            ratio: the start extrapolates the last accepted step by this multiple; multipliers may be extrapolated
-                equally.
+            ratio: the start is the last state plus this multiple of the last accepted step; multipliers may be
+                extrapolated by the same multiple.
         """
 
     def update(self, positions: NDArray[np.float64]) -> float:
@@ -149,7 +149,7 @@ class Term:
         """Extrapolate the multipliers, if the last update left more than ``near`` [m]."""
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Include contacts that a minimisation has made and that were not included; return whether there were any."""
+        """Include contacts that were left out and that the minimisation has closed; return whether there were any."""
         return False
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
@@ -157,7 +157,7 @@ class Term:
         return {}
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Restore the end of a solve that began with ``saved`` and ended with ``found`` at ``positions``."""
+        """Restore the end of a solve that began with the state ``saved`` and ended with ``found`` at ``positions``."""
         self.begin(commands, saved, positions, 0.0)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
@@ -178,14 +178,14 @@ class Term:
         """Set the multipliers (k,)."""
 
     def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the multipliers (k,) after a plain update at ``positions`` (n, 3) [m]; the present ones stay."""
+        """Return the multipliers (k,) after an update at ``positions`` (n, 3) [m], without changing the term."""
         return np.zeros(0)
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return the term's energy [J] at ``positions`` (n, 3) [m] for the energy balance of increments.
 
-        The value must not change while nothing moves. The default is the energy of the kernel. A term overrides it if
-        its kernel is relative to the start of a solve, or if its energy is that of a multiplier.
+        The value must not change if the positions do not change. The default is the energy of the kernel. A term
+        overrides this method if its kernel's energy is relative to the start of a solve, or is that of a multiplier.
         """
         if self.kernel is None:
             return 0.0
@@ -201,12 +201,12 @@ class Term:
 
 
 class TermTable(NamedTuple):
-    """All terms for the kernels.
+    """All terms in the layout of the kernels.
 
     Attributes:
-        address: (t,) int64 of the compiled energies.
-        real_start, integer_start: (t + 1,) int64, offset of each term's numbers.
-        reals, integers: the numbers of all terms; each term has a view of its own.
+        address: (t,) int64 addresses of the compiled entries.
+        real_start, integer_start: (t + 1,) int64 offsets of each term's data in ``reals`` and ``integers``.
+        reals, integers: the data of all terms; each term has a view of its own part.
     """
 
     address: NDArray[np.int64]
@@ -217,13 +217,13 @@ class TermTable(NamedTuple):
 
     @classmethod
     def of(cls, term: Term) -> TermTable:
-        """Return a table of one term that has an energy; it holds the term's own arrays of numbers."""
+        """Return a table of one term with an energy; the table refers to the term's own arrays."""
         ends = [np.array([0, len(numbers)], dtype=np.int64) for numbers in (term.reals, term.integers)]
         return cls(np.array([term.kernel.address], dtype=np.int64), ends[0], term.reals, ends[1], term.integers)
 
     @classmethod
     def pack(cls, terms: Sequence[Term]) -> TermTable:
-        """Copy the numbers of all terms with an energy into common arrays; the terms then hold views of these."""
+        """Return the table of all terms with an energy; their data are copied to it, and the terms get views of it."""
         acting = [term for term in terms if term.kernel is not None]
         real_start = np.cumsum([0, *(len(term.reals) for term in acting)])
         integer_start = np.cumsum([0, *(len(term.integers) for term in acting)])
@@ -238,7 +238,7 @@ class TermTable(NamedTuple):
 
 @intrinsic
 def call_term(typingctx, address, x, n, reals, k, integers, i, force, size):
-    """Call the compiled energy of a term by its address."""
+    """Call the compiled entry of a term by its address."""
     pointers = (_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.intp, _REALS, _REALS)
     signature = types.float64(types.intp, *pointers)
 
@@ -252,9 +252,9 @@ def call_term(typingctx, address, x, n, reals, k, integers, i, force, size):
 
 @kernel
 def terms_energy(x, table, force, size):
-    """Write dE/dx (n, 3) [N] of all terms at positions ``x`` (n, 3) [m]; return their energy [J].
+    """Return the energy [J] of all terms at positions ``x`` (n, 3) [m]; write dE/dx to ``force`` (n, 3) [N].
 
-    A bound for the rounding of that energy [J] is written to ``size`` (1,).
+    The sum of the absolute values of the energy's summands [J] is written to ``size`` (1,).
     """
     force[...] = 0.0
     size[0] = 0.0

@@ -41,11 +41,11 @@ def _maker(text: str) -> Callable[..., Simulation]:
 
 @pytest.fixture
 def cube() -> Callable[..., Simulation]:
-    """Give a function that makes a cube held at its top above a ball; keyword arguments override keys."""
+    """Give a function that makes a cube above a ball, held at its top; keyword arguments override scene keys."""
     return _maker(CUBE)
 
 
 @pytest.fixture
 def slider() -> Callable[..., Simulation]:
-    """Give a function that makes a free slab on a floor, in motion; keyword arguments as for `cube`."""
+    """Give a function that makes a free slab on a floor, with dynamics; keyword arguments override scene keys."""
     return _maker(SLIDER)

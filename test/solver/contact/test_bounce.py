@@ -34,7 +34,7 @@ dynamics: {step: 0.005, velocity: [20, 0, 0]}
 
 @pytest.mark.parametrize("scheme", ["newmark", "generalised_alpha", "bdf2"])
 def test_no_bounce_makes_energy(scheme: str) -> None:
-    """Let a ball of rubber fall by a centimetre: it comes back, never with more energy than it fell with."""
+    """A rubber ball that falls by a centimetre bounces back and never has more energy than at its start."""
     simulation = Simulation(scene_from_text(BALL, overrides={"dynamics.scheme": scheme}))
     heights, totals, mass = [], [], float(simulation.stepper.mass.sum())
     for _ in range(120):
@@ -50,9 +50,9 @@ def test_no_bounce_makes_energy(scheme: str) -> None:
 
 @pytest.mark.parametrize("scheme", ["newmark", "generalised_alpha"])
 def test_a_ball_at_rest_presses_with_its_weight(scheme: str) -> None:
-    """Damped, it comes to rest on the floor, which carries its weight, as force and at the vertices that touch.
+    """A damped ball comes to rest on the floor, and the floor's reaction and the contact forces equal its weight.
 
-    Its last bounces, of less than a micrometre, are over after a second or a little more.
+    Its last bounces, of less than a micrometre, end after a second or a little more.
     """
     damping = {"scheme": scheme, "step": 0.004, "damping": {"mass": 20.0, "viscosity": 200.0}}
     simulation = Simulation(scene_from_text(BALL, overrides={"dynamics": damping}))
@@ -66,9 +66,9 @@ def test_a_ball_at_rest_presses_with_its_weight(scheme: str) -> None:
 
 @pytest.mark.parametrize(("thickness", "kind"), [(0.002, "box"), (0.05, "box"), (0.05, "mesh")])
 def test_what_is_fast_does_not_pass_a_wall(thickness: float, kind: str) -> None:
-    """Shoot a cube at a wall, 20 m/s in steps of 5 ms, ten centimetres each: it bounces off, however thin the wall.
+    """A cube that hits a wall at 20 m/s, ten centimetres per step of 5 ms, bounces off, however thin the wall is.
 
-    With how much of its speed depends on the moment of a step at which it comes.
+    The speed after the impact depends on the moment of the impact within the step.
     """
     surface = trimesh.creation.box((thickness, 1.0, 1.0))
     forms = {

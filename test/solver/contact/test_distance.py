@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signed distances to the forms of obstacles."""
+"""Signed distances to the shapes of obstacles."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def gaps_and_normals(obstacle: Obstacle, points: np.ndarray) -> tuple[np.ndarray
 
 
 def meshed(surface: trimesh.Trimesh, cell: float | None = None) -> Obstacle:
-    """Return a surface of triangles as an obstacle."""
+    """Return an obstacle made of a triangle surface."""
     return Obstacle(name="mesh", form=TriangleMesh(make_solid(surface.vertices, surface.faces, cell=cell)))
 
 
 def on_surface(form: Form, count: int = 4000) -> np.ndarray:
-    """Return points on the surface of a form, found without its distance."""
+    """Return points on the surface of a shape, made without the distance function."""
     rng = np.random.default_rng(1)
     ways = rng.normal(size=(count, 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
@@ -59,7 +59,7 @@ def on_surface(form: Form, count: int = 4000) -> np.ndarray:
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: type(form).__name__)
 def test_the_distance_vanishes_on_the_surface_and_is_one_to_one_beside_it(form: Form) -> None:
-    """Points of the surface have the distance zero, and no point is nearer to any of them than its distance says."""
+    """The distance is zero on the surface, and elsewhere never larger than the distance to any point of the surface."""
     surface, points = on_surface(form), np.random.default_rng(2).uniform(-1.5, 1.5, (200, 3))
     assert np.abs(gaps(Obstacle(name="thing", form=form), surface)).max() < 1e-12
     if isinstance(form, Plane):
@@ -72,7 +72,7 @@ def test_the_distance_vanishes_on_the_surface_and_is_one_to_one_beside_it(form: 
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: type(form).__name__)
 def test_an_obstacle_is_where_its_frame_is(form: Form) -> None:
-    """An obstacle that is placed and turned measures as the one at the origin does in its frame."""
+    """A placed and rotated obstacle has the same distances in its own frame as one at the origin."""
     turn = Rotation.from_rotvec([0.3, -0.8, 0.5])
     placed = Obstacle(name="thing", form=form, origin=(0.2, -0.1, 0.4), turn=tuple(turn.as_rotvec()))
     points = np.random.default_rng(3).uniform(-1.5, 1.5, (100, 3))
@@ -81,14 +81,14 @@ def test_an_obstacle_is_where_its_frame_is(form: Form) -> None:
 
 
 def test_a_pose_moves_an_obstacle_about_its_own_origin() -> None:
-    """The rotation of a pose turns the frame where it stands, its translation shifts it."""
+    """The rotation of a pose rotates the obstacle's frame about its origin; the translation moves the origin."""
     origin, axes = Obstacle(name="bar", form=Box((1, 2, 3)), origin=(1, 0, 0)).frame(Pose((0, 0, 2), (0, 0, np.pi / 2)))
     np.testing.assert_allclose(origin, [1, 0, 2])
     np.testing.assert_allclose(axes, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
 
 
 def test_a_mesh_of_a_ball_is_as_far_away_as_the_ball() -> None:
-    """Within 3 cells of the surface the distance is right to a fortieth of a cell, the normal to a hundredth."""
+    """Within 3 cells of the surface the distance is exact to a fortieth of a cell, the normal to a hundredth."""
     mesh, ball = meshed(trimesh.creation.icosphere(subdivisions=5, radius=0.04)), Obstacle(name="b", form=Sphere(0.04))
     ways = np.random.default_rng(5).normal(size=(2000, 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
@@ -101,7 +101,7 @@ def test_a_mesh_of_a_ball_is_as_far_away_as_the_ball() -> None:
 
 
 def test_a_mesh_of_a_box_is_exact_off_its_edges() -> None:
-    """Flat faces are met to rounding, edges are round by less than two fifths of a cell."""
+    """The distance to a mesh of a box is exact to rounding off the edges, and within 0.4 cells of it near them."""
     mesh, box = meshed(trimesh.creation.box((1.0, 1.4, 0.6))), Obstacle(name="b", form=Box((1.0, 1.4, 0.6)))
     points = on_surface(Box((1.0, 1.4, 0.6))) + np.random.default_rng(7).normal(scale=0.01, size=(4000, 3))
     cell, error = mesh.form.solid.cell, np.abs(gaps(mesh, points) - gaps(box, points))
@@ -112,7 +112,7 @@ def test_a_mesh_of_a_box_is_exact_off_its_edges() -> None:
 
 
 def test_beyond_its_grid_a_mesh_is_where_it_is() -> None:
-    """Far away the distance and its direction are right to a few per cent, and go on where the grid ends."""
+    """Far from the surface the distance and normal are right to a few per cent, and continuous at the grid's border."""
     mesh, ball = meshed(trimesh.creation.icosphere(subdivisions=4, radius=0.7)), Obstacle(name="b", form=Sphere(0.7))
     points = np.random.default_rng(8).uniform(-4, 4, (4000, 3))
     found, normals = gaps_and_normals(mesh, points)
@@ -126,7 +126,7 @@ def test_beyond_its_grid_a_mesh_is_where_it_is() -> None:
 
 
 def test_the_normal_of_a_mesh_is_the_exact_gradient() -> None:
-    """Central differences agree in the grid, at kinks of the distance, too."""
+    """The normal of a mesh equals central differences of its distance inside the grid, also at kinks."""
     mesh = meshed(trimesh.creation.box((1.0, 1.4, 0.6)))
     points = np.random.default_rng(9).uniform(-1.0, 1.0, (500, 3)) * [0.55, 0.75, 0.35]
     _, normals = gaps_and_normals(mesh, points)
@@ -136,7 +136,7 @@ def test_the_normal_of_a_mesh_is_the_exact_gradient() -> None:
 
 
 def test_a_mesh_survives_a_point_that_is_nowhere() -> None:
-    """Positions that are not numbers, or infinite, have such a distance, as with closed forms."""
+    """A position that is NaN or infinite has a distance that is not finite, as with closed forms."""
     mesh = meshed(trimesh.creation.box((1.0, 1.4, 0.6)))
     found = gaps(mesh, np.array([[np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0], [0.0, -1e300, 0.0], [0.0, 0.0, 0.0]]))
     assert not np.isfinite(found[:2]).any()

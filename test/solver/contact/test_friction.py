@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Coulomb friction: sticking, slipping, and what it takes."""
+"""Coulomb friction: sticking, slipping and dissipated energy."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ solver: {skip: []}
 def tilted(
     slider: Callable[..., Simulation], friction: float, *, angle: float = 30.0, **overrides: object
 ) -> Simulation:
-    """Return the slab on a floor with gravity as on a slope of so many degrees."""
+    """Return the slab on a horizontal floor, with gravity tilted as on a slope of ``angle`` degrees."""
     slope = math.radians(angle)
     gravity = [G * math.sin(slope), 0.0, -G * math.cos(slope)]
     return slider(obstacles__floor__friction=friction, loads={"weight": {"gravity": gravity}}, **overrides)
 
 
 def ways(simulation: Simulation, steps: int) -> np.ndarray:
-    """Return the mean displacement (steps,) [m] along the slope."""
+    """Return the slab's mean displacement (steps,) [m] along the slope after each step."""
     found = []
     for _ in range(steps):
         result = simulation.step()
@@ -45,7 +45,7 @@ def ways(simulation: Simulation, steps: int) -> np.ndarray:
 
 @pytest.mark.parametrize("friction", [0.1, 0.3, 0.5])
 def test_a_slab_slides_as_theory_says(slider: Callable[..., Simulation], friction: float) -> None:
-    """On a slope of 30 degrees it gathers speed by g (sin - mu cos), within 0.5 %."""
+    """On a slope of 30 degrees the slab accelerates by g (sin - mu cos), within 0.5 %."""
     path = ways(tilted(slider, friction), 160)
     late = np.arange(80, 160) * 0.005
     acceleration = 2.0 * np.polyfit(late, path[80:], 2)[0]
@@ -55,7 +55,7 @@ def test_a_slab_slides_as_theory_says(slider: Callable[..., Simulation], frictio
 
 @pytest.mark.parametrize("friction", [0.1, 0.57, 1.0])
 def test_a_slab_sticks_below_the_cone_and_slips_above(slider: Callable[..., Simulation], friction: float) -> None:
-    """On a slope that asks for 0.98 of the coefficient it stands, on one that asks for 1.02 it leaves."""
+    """A slab stands on a slope whose tangent is 0.98 of the friction coefficient, and slides at 1.02 of it."""
     speeds = {}
     for demand in (0.98, 1.02):
         simulation = tilted(slider, friction, angle=math.degrees(math.atan(demand * friction)))
@@ -66,7 +66,7 @@ def test_a_slab_sticks_below_the_cone_and_slips_above(slider: Callable[..., Simu
 
 
 def test_what_sticks_does_not_creep(slider: Callable[..., Simulation]) -> None:
-    """A slab that stands on a slope for ten seconds drifts by less than a nanometre in a second."""
+    """A slab that sticks to a slope for ten seconds drifts by less than a nanometre per second."""
     simulation = tilted(slider, 0.7, solver={"skip": []})
     ways(simulation, 800)
     path = ways(simulation, 2000)
@@ -74,7 +74,7 @@ def test_what_sticks_does_not_creep(slider: Callable[..., Simulation]) -> None:
 
 
 def test_friction_takes_what_the_fall_gives(slider: Callable[..., Simulation]) -> None:
-    """The balance of a slab that slides closes: what it lost in height is motion, or was rubbed off."""
+    """The energy balance of a sliding slab closes: its loss of potential energy is kinetic, elastic or dissipated."""
     simulation = tilted(slider, 0.3)
     ways(simulation, 120)
     energies = simulation.result.energies
@@ -84,7 +84,10 @@ def test_friction_takes_what_the_fall_gives(slider: Callable[..., Simulation]) -
 
 
 def test_what_is_dragged_over_a_ball_stays_when_it_is_asked_again() -> None:
-    """Where a vertex slips about a ball, what presses turns with it: 4.5 tolerances were left of what had converged."""
+    """After a converged step with slip on a ball, repeating the command moves no vertex by more than a tolerance.
+
+    The normal force turns as the vertex slips around the ball. Earlier, 4.5 tolerances remained after convergence.
+    """
     simulation, slipped = Simulation(scene_from_text(DRAGGED)), 0
     for way in ((0.0, 0.0, -0.004), (0.001, 0.0, -0.006), (0.004, 0.001, -0.006), (0.01, 0.002, -0.006)):
         command = Command(handles={"top": Pose(way)})
@@ -108,7 +111,7 @@ obstacles: {table: {box: {size: [0.3, 0.1, 0.02]}, at: [0, 0, AT], friction: 1, 
 
 
 def test_a_finger_that_is_dragged_over_a_table_is_found_at_every_step() -> None:
-    """Press a slender finger on a table and drag it: friction lifts what it holds, and each step settles."""
+    """Every step converges while a slender finger is pressed on a table and dragged, where friction lifts it."""
     low = scene_from_text(FINGER.replace("AT", "-1")).mesh.vertices[:, 2].min()
     simulation = Simulation(scene_from_text(FINGER.replace("AT", str(low - 0.0101))))
     poses = [Pose((0.0, 0.0, -0.003 * step / 20)) for step in range(1, 21)]

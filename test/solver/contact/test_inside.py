@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What lies inside of what at the end of a step, and what follows from it."""
+"""Vertices that lie inside another part of the mesh at the end of a step: their depths and the messages."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ self_contact: {}
 
 
 def the_contact(simulation: Simulation) -> OwnContact:
-    """Return the term of contact of a body with itself."""
+    """Return the self-contact term."""
     return simulation.stepper.actuation.contacts[-1]
 
 
 def deepest(simulation: Simulation) -> float:
-    """Return how deep a vertex lies inside of another part, over the body's size."""
+    """Return the largest depth of a vertex inside another part, divided by the body's size."""
     term = the_contact(simulation)
     inside = term.inside
     return float(inside.depths(simulation.state.positions, 0.0)[0].max()) / simulation.mesh.size
 
 
 def turned(points: np.ndarray) -> np.ndarray:
-    """Return points (n, 3) [m] turned about all axes and shifted."""
+    """Return points (n, 3) [m] rotated about all axes and shifted."""
     axes = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
     return points @ axes.T + np.array([0.3, -2.0, 1.0])
 
@@ -45,7 +45,7 @@ def turned(points: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(("low", "high"), [(1, 2), (2, 2), (3, 4)])
 @pytest.mark.parametrize("depth", [1e-6, 0.004, 0.02])
 def test_depths_are_those_of_cubes_in_each_other(low: int, high: int, depth: float) -> None:
-    """Every vertex of a cube that was shifted into another is found, however deep, in any place, with its distance."""
+    """All vertices of two overlapping cubes have the exact depth in the other cube, at any depth and in any pose."""
     simulation = stack(low, high)
     term, x = the_contact(simulation), simulation.mesh.vertices.copy()
     vertices, above = term.surface.topology.vertices, x[:, 2] > 0.0
@@ -64,7 +64,7 @@ def test_depths_are_those_of_cubes_in_each_other(low: int, high: int, depth: flo
 
 @pytest.mark.parametrize("name", ["tendon_finger", "soft_pinch", "pneunet"])
 def test_nothing_is_inside_at_rest(name: str) -> None:
-    """Undeformed, and at positions that are not finite, no vertex of a shipped scene lies in a cell of others."""
+    """No vertex of an undeformed shipped scene is inside other cells, nor is one at positions that are not finite."""
     simulation = Simulation(load_scene(name, overrides={"self_contact": {}}))
     assert deepest(simulation) == 0.0
     term = the_contact(simulation)
@@ -74,9 +74,10 @@ def test_nothing_is_inside_at_rest(name: str) -> None:
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_a_coarse_block_does_not_end_inside_of_another(friction: float) -> None:
-    """Moved by more than a cell in a step, blocks stop short of each other, say so, and find home.
+    """Blocks moved by more than a cell per step do not end inside each other, and return to their undeformed shape.
 
-    They ended a sixth of their size inside of each other, and were said to have converged.
+    Earlier they ended a sixth of their size inside each other and were reported as converged. A step that stops before
+    its target says so.
     """
     simulation = Simulation(scene_from_text(BLOCKS, overrides={"self_contact": {"friction": friction}}))
     random = np.random.default_rng(0)
@@ -94,7 +95,7 @@ def test_a_coarse_block_does_not_end_inside_of_another(friction: float) -> None:
 
 
 def test_a_step_that_ends_inside_says_who_where_and_how_deep() -> None:
-    """Where blocks would enter each other the message names both, the depth, the place in the world and a remedy."""
+    """Where blocks would penetrate each other, the message names both, the depth, the position and a remedy."""
     far = {"meshes.low.at": [50, 0, 0], "meshes.high.at": [50, 0, 0.051], "solver.max_iterations": 2100}
     simulation = Simulation(scene_from_text(BLOCKS, overrides=far))
     result = simulation.step(Command(handles={"high": Pose((0.005, 0.0, -0.06))}))
@@ -106,7 +107,7 @@ def test_a_step_that_ends_inside_says_who_where_and_how_deep() -> None:
 
 
 def test_what_is_put_inside_comes_out_or_says_so_again() -> None:
-    """A step from vertices that lie in another mesh pushes them apart, or says that they still are."""
+    """From vertices placed inside another mesh, a step converges with them outside, or reports that they are inside."""
     simulation = Simulation(
         scene_from_text(BLOCKS, overrides={"handles.high": {"where": {"mesh": "high", "face": "x+"}}})
     )
@@ -123,7 +124,10 @@ def test_what_is_put_inside_comes_out_or_says_so_again() -> None:
 
 @pytest.mark.parametrize("friction", [0.3, 1.0, 5.0, 10.0])
 def test_a_step_with_friction_stays_when_it_is_asked_again(friction: float) -> None:
-    """What slipped in a step that converged stays within three tolerances at the same command: 126 of them before."""
+    """Repeating the command of a converged step with slip moves no vertex by more than three tolerances.
+
+    Earlier it was 126 tolerances.
+    """
     overrides = {
         "self_contact": {"friction": friction},
         "solver": {"skip": []},

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The augmented Lagrangian of gaps and friction."""
+"""The augmented Lagrangian of contact gaps and friction."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MESH = {"mesh": {"embedded": pack_surface(BALL.vertices, BALL.faces)}}
 
 
 def touching(cube: Callable[..., Simulation], form: dict, friction: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return positions a little off an equilibrium in contact, and the numbers of the term there."""
+    """Return positions near an equilibrium in contact, and the contact term's real and integer parameters there."""
     simulation = cube(obstacles__ball={**form, "friction": friction, "at": [0.05, 0, -0.09]})
     simulation.step(Command(handles={"ball": Pose((0.002, 0.001, 0.003))}))
     term = simulation.stepper.equilibrium.actuation.contacts[0]
@@ -29,7 +29,7 @@ def touching(cube: Callable[..., Simulation], form: dict, friction: float) -> tu
 @pytest.mark.parametrize("friction", [0.0, 0.1, 10.0])
 @pytest.mark.parametrize("form", [{"sphere": {"radius": 0.04}}, {"box": {"size": [0.05, 0.05, 0.08]}}, MESH], ids="sbm")
 def test_the_gradient_is_that_of_the_energy(cube: Callable[..., Simulation], form: dict, friction: float) -> None:
-    """Central differences of the energy agree with the forces, sticking or slipping."""
+    """The forces equal central differences of the energy, for sticking and for slipping vertices."""
     x, reals, integers = touching(cube, form, friction)
     force, size = np.zeros_like(x), np.zeros(1)
     law.contact_energy(x, reals, integers, force, size)
@@ -44,7 +44,7 @@ def test_the_gradient_is_that_of_the_energy(cube: Callable[..., Simulation], for
 
 
 def test_shear_stays_within_the_cone(cube: Callable[..., Simulation]) -> None:
-    """No vertex has more shear than the coefficient times what presses it, and some have exactly that."""
+    """The friction force is at most mu times the normal force at every vertex, and equal to it at some."""
     simulation = cube(obstacles__ball__friction=0.2)
     for share in (0.5, 1.0):
         simulation.step(Command(handles={"ball": Pose((0.0, 0.01 * share, 0.01 * share))}))

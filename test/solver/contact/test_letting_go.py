@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies that an obstacle holds and that cannot follow it any more."""
+"""Bodies that an obstacle presses so far that they cannot follow it."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ INTO = (
     Pose((0.046, 0.023, -0.137), (0.35, -1.01, 1.20)),
     Pose((-0.004, 0.014, -0.163), (-1.01, -0.57, -1.31)),
 )
-"""Poses of the box in the middle of the body, one after the other: more than elements can follow."""
+"""Successive poses of the box inside the body: its elements cannot follow them."""
 AWAY = Pose((0.0, 0.0, 0.5))
 
 
 @pytest.fixture
 def poked() -> Simulation:
-    """Return a body that was left between its start and the place where a box was put in it."""
+    """Return a body whose steps into the box did not converge: it is between its start and the box's last pose."""
     simulation = Simulation(scene_from_text(POKED))
     for pose in INTO:
         result = simulation.step(Command(handles={"thing": pose}))
@@ -40,9 +40,9 @@ def poked() -> Simulation:
 
 
 def test_a_body_goes_back_to_rest_when_what_is_stuck_in_it_is_taken_away(poked: Simulation) -> None:
-    """Take the box away: the body comes home, and where elements would fold in between, it says how.
+    """When the box is taken away, the body returns to its undeformed shape, and a dropped contact is reported.
 
-    Rounding decides whether they would.
+    Contact is dropped where elements would fold on the load path. Whether they would depends on rounding.
     """
     result = poked.step(Command(handles={"thing": AWAY}))
     assert result.converged
@@ -56,7 +56,7 @@ def test_a_body_goes_back_to_rest_when_what_is_stuck_in_it_is_taken_away(poked: 
 
 
 def test_nothing_passes_through_a_body_that_cannot_follow(poked: Simulation) -> None:
-    """Turn the box in the body further: it is not let go of, for it would touch the body there, too."""
+    """Contact with a box that turns further inside the body is not dropped, because the body would still touch it."""
     for turn in (0.2, 0.4):
         result = poked.step(Command(handles={"thing": Pose((-0.004, 0.014, -0.150), (-1.01, -0.57, -1.31 + turn))}))
         assert "was dropped" not in result.message

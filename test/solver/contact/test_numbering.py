@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What soft bodies do to each other in motion does not depend on their order, the place of the origin or the unit."""
+"""A collision of soft bodies does not depend on their order, the place of the origin or the unit of length."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ dynamics: {step: 0.005}
 def fallen(
     *, order: Sequence[str] = ("low", "high"), origin: Sequence[float] = (0.0, 0.0, 0.0), unit: float = 1.0
 ) -> dict[str, NDArray[np.float64]]:
-    """Return by mesh where two cubes are, over their size, 0.25 s after one began to fall by 5 cm onto the other."""
+    """Return the positions of two cubes over their size, 0.25 s after one starts to fall by 5 cm onto the other.
+
+    The result is a dict from mesh name to positions.
+    """
     meshes: dict[str, Any] = {name: {**CUBE, "at": np.add(PLACES[name], origin).tolist()} for name in order}
     given = {"materials.soft.young": 1e5 * unit, "materials.soft.density": 1000 * unit, "obstacles.floor.at": [*origin]}
     simulation, touched = Simulation(scene_from_text(PAIR, overrides={"meshes": meshes, **given})), False
@@ -47,9 +50,9 @@ def fallen(
 
 @pytest.mark.parametrize("other", [{"order": ("high", "low")}, {"origin": (0.13, -0.07, 0.05)}, {"unit": 100.0}])
 def test_two_soft_cubes_collide_alike(other: dict[str, Any]) -> None:
-    """Number them in reverse, move the origin, count in other units: within 0.3 % of the size after 0.25 s.
+    """Reversed order, another origin and other units change positions after 0.25 s by less than 0.3 % of the size.
 
-    At most 7.4e-4 in eight such scenes of cubes and balls, none of which has edge on edge.
+    The largest change was 7.4e-4 in eight such scenes of cubes and balls, none of which has an edge on an edge.
     """
     here, there = fallen(), fallen(**other)
     for name in PLACES:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which face of a body's surface is nearest to a vertex, and the law between them."""
+"""Self-contact: the search for the nearest face of the body's surface, and the contact law."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gdfe_ros.steppers import scene_body
 
 
 def the_contact(simulation: Simulation) -> OwnContact:
-    """Return the term of contact of a body with itself."""
+    """Return the self-contact term."""
     return simulation.stepper.actuation.contacts[-1]
 
 
@@ -28,7 +28,7 @@ def skin_of(name: str) -> tuple[Body, OwnSurface]:
 
 
 def test_cells_across_a_notch_face_each_other() -> None:
-    """Of a pneumatic actuator's cells, 2 mm apart, vertices find the wall across the gap, and none through a wall."""
+    """In a pneumatic actuator, vertices find the wall 2 mm away across a notch, and no face through their own wall."""
     body, surface = skin_of("pneunet")
     found = surface.look(body.rest, body.rest, 2.1e-3)
     on = found.face >= 0
@@ -40,13 +40,13 @@ def test_cells_across_a_notch_face_each_other() -> None:
 
 
 def test_a_finger_at_rest_is_near_to_nothing() -> None:
-    """A body whose parts are farther apart than the reach finds nothing, whatever its own thickness."""
+    """No vertex finds a face in a body whose parts are farther apart than the search reach, however thin it is."""
     body, surface = skin_of("tendon_finger")
     assert (surface.look(body.rest, body.rest, 3e-3).face < 0).all()
 
 
 def test_what_has_passed_a_face_is_remembered() -> None:
-    """A vertex deep behind a face is found where it was in front of it before, and not where it never was."""
+    """A vertex deep behind a face finds that face if it was in front of it before, and otherwise does not."""
     simulation = stack(2, 2)
     surface, rest = the_contact(simulation).surface, simulation.mesh.vertices
     deep = rest.copy()
@@ -58,7 +58,7 @@ def test_what_has_passed_a_face_is_remembered() -> None:
 
 
 def test_a_vertex_leaves_a_face_over_its_edge_by_and_by() -> None:
-    """Beside an edge the face bears less of what presses the farther the vertex is, and nothing beyond the rim."""
+    """Beside an edge, the supported fraction of the normal force falls with the distance, to zero at the rim."""
     simulation = stack(2, 2)
     surface, rest = the_contact(simulation).surface, simulation.mesh.vertices
     corner = np.flatnonzero(
@@ -76,7 +76,7 @@ def test_a_vertex_leaves_a_face_over_its_edge_by_and_by() -> None:
 
 @pytest.mark.parametrize("friction", [0.0, 0.05, 5.0])
 def test_the_gradient_is_that_of_the_energy_and_sums_to_nothing(friction: float) -> None:
-    """Central differences agree with the forces, sticking or slipping; what acts is what acts back, to rounding."""
+    """The forces equal central differences of the energy, sticking or slipping, and sum to zero to rounding."""
     simulation = stack(3, 2, friction=friction)
     simulation.step(Command(handles={"high": Pose((0.0, 0.0, -0.003))}))
     simulation.step(Command(handles={"high": Pose((0.001, 0.0, -0.003))}))

@@ -17,7 +17,7 @@ from gdfe_ros.scene.loader import scene_from_text
 
 REFERENCE = Path(__file__).parents[2] / "data" / "reference" / "contact_block_on_ball.npz"
 QUADRATIC = {0.012: 84.8, 0.016: 128.9, 0.02: 178.8}
-"""Force [N] over move [m] with quadratic elements on 16^3 cells, by the makers of the reference."""
+"""Dict from displacement [m] to force [N]: quadratic elements on 16^3 cells, by the makers of the reference."""
 BEAM = """
 name: beam
 mesh: {bar: {size: [1.0, 0.005, 0.005], cells: [160, 1, 1]}}
@@ -30,7 +30,7 @@ loads: {weight: {gravity: [0, 0, -9.81]}}
 
 
 def lift(simulation: Simulation, move: float) -> float:
-    """Lift the ball by so much [m]; return the force [N] on the cube's top."""
+    """Lift the ball to a displacement [m] and return its reaction [N]; the cube's top must carry the opposite force."""
     result = simulation.step(Command(handles={"ball": Pose((0.0, 0.0, move))}))
     assert result.converged, result.message
     force = max(1.0, result.reactions["ball"][2])
@@ -39,7 +39,7 @@ def lift(simulation: Simulation, move: float) -> float:
 
 
 def test_with_gaps_at_vertices_the_force_is_that_of_the_same_mesh(cube: Callable[..., Simulation]) -> None:
-    """Press the cube of 16^3 cells on the ball: within 1 % of another code with the same cells and condition."""
+    """With gaps at vertices, the force on a cube of 16^3 cells is within 1 % of another code with the same cells."""
     simulation = cube(mesh__bar__cells=[16, 16, 16], obstacles__ball__gaps="vertices")
     with np.load(REFERENCE) as reference:
         forces = dict(zip(np.round(reference["moves"], 6), reference["force_16"], strict=True))
@@ -48,14 +48,14 @@ def test_with_gaps_at_vertices_the_force_is_that_of_the_same_mesh(cube: Callable
 
 
 def test_by_default_the_force_is_that_of_quadratic_elements(cube: Callable[..., Simulation]) -> None:
-    """The same with the mean gaps of faces: within 2 % of quadratic elements on as many cells."""
+    """With the default mean gaps of faces, the force is within 2 % of quadratic elements on as many cells."""
     simulation = cube(mesh__bar__cells=[16, 16, 16])
     for move, force in QUADRATIC.items():
         assert lift(simulation, move) == pytest.approx(force, rel=0.02)
 
 
 def test_a_mesh_of_a_ball_presses_as_the_ball(cube: Callable[..., Simulation]) -> None:
-    """The same ball as triangles: forces within 0.7 % of the closed form's, within 1.5 times the iterations."""
+    """A triangle mesh of a ball gives the force of the exact ball within 0.7 %, in at most 1.5 times the iterations."""
     surface, solid = trimesh.creation.icosphere(subdivisions=5, radius=0.04), cube(mesh__bar__cells=[8, 8, 8])
     form = {"mesh": {"embedded": pack_surface(surface.vertices, surface.faces)}, "at": [0.05, 0, -0.09]}
     mesh, iterations = cube(mesh__bar__cells=[8, 8, 8], obstacles__ball=form), np.zeros(2)
@@ -66,7 +66,7 @@ def test_a_mesh_of_a_ball_presses_as_the_ball(cube: Callable[..., Simulation]) -
 
 
 def test_nothing_enters_an_obstacle(cube: Callable[..., Simulation]) -> None:
-    """At the end of each step no vertex is deeper in the ball than a ten-thousandth of the body's size."""
+    """At the end of each step no vertex is deeper in the ball than 1e-4 of the body's size."""
     simulation = cube(mesh__bar__cells=[8, 8, 8])
     for move in np.linspace(0.002, 0.02, 6):
         lift(simulation, move)
@@ -75,7 +75,7 @@ def test_nothing_enters_an_obstacle(cube: Callable[..., Simulation]) -> None:
 
 
 def test_forces_go_on_to_nothing_when_the_obstacle_leaves(cube: Callable[..., Simulation]) -> None:
-    """Touch and let go: the cube has the bits of its rest shape up to the tolerance, and no force is left."""
+    """After the ball leaves, the force is exactly zero and the cube is undeformed to within the tolerance."""
     simulation = cube()
     lift(simulation, 0.01)
     assert lift(simulation, -0.02) == 0.0
@@ -83,7 +83,7 @@ def test_forces_go_on_to_nothing_when_the_obstacle_leaves(cube: Callable[..., Si
 
 
 def test_a_beam_that_lies_down_touches_where_theory_says() -> None:
-    """A clamped beam above a floor: it first touches at (72 E I H / q)^(1/4), within 3 %."""
+    """A clamped beam that sags onto a floor first touches it at (72 E I H / q)^(1/4), within 3 %."""
     simulation = Simulation(scene_from_text(BEAM))
     for factor in np.linspace(0.1, 1.0, 6):
         result = simulation.step(Command(loads={"weight": float(factor)}))
@@ -94,6 +94,6 @@ def test_a_beam_that_lies_down_touches_where_theory_says() -> None:
 
 
 def test_a_pressed_ball_gives_way_as_theory_says() -> None:
-    """A ball between plates: more force than Hertz' half space, less than Tatara's first order for a ball adds."""
+    """The force on a ball between plates is above that on Hertz' half space and below Tatara's first order."""
     for approach, force in ball_between_plates(cells=16, approaches=[0.002, 0.0035, 0.005]).items():
         assert 1.03 * hertz(approach) < force < tatara(approach)

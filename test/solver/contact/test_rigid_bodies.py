@@ -30,7 +30,7 @@ MASS = 1500 * 0.04 * 0.03 * 0.02
 
 @pytest.fixture
 def cushion() -> Callable[..., Simulation]:
-    """Give a function that makes a rigid box above a soft cushion; keyword arguments override keys."""
+    """Give a function that makes a rigid box above a soft cushion; keyword arguments override scene keys."""
 
     def make(**overrides: Any) -> Simulation:
         keys = {name.replace("__", "."): value for name, value in overrides.items()}
@@ -40,14 +40,14 @@ def cushion() -> Callable[..., Simulation]:
 
 
 def run(simulation: Simulation, steps: int) -> None:
-    """Make steps, each of which has to converge."""
+    """Make steps; each must converge."""
     for _ in range(steps):
         result = simulation.step()
         assert result.converged, result.message
 
 
 def test_a_box_that_falls_freely_does_so_as_any_other(cushion: Callable[..., Simulation]) -> None:
-    """Far from everything it falls g t^2 / 2 without turning."""
+    """Without contact a rigid box falls by g t^2 / 2 and does not turn."""
     simulation = cushion(bodies__part__at=[0.5, 0.0, 2.0], dynamics__scheme="newmark")
     run(simulation, 40)
     pose = simulation.handle_pose("part")
@@ -56,7 +56,7 @@ def test_a_box_that_falls_freely_does_so_as_any_other(cushion: Callable[..., Sim
 
 
 def test_what_lies_on_a_body_weighs_on_it(cushion: Callable[..., Simulation]) -> None:
-    """A box comes to rest on a cushion, which carries its weight and is indented."""
+    """A box comes to rest on a cushion, which it indents and which carries its weight."""
     simulation = cushion()
     run(simulation, 160)
     assert simulation.result.reactions["part"][2] == pytest.approx(-MASS * 9.81, rel=2e-2)
@@ -65,7 +65,7 @@ def test_what_lies_on_a_body_weighs_on_it(cushion: Callable[..., Simulation]) ->
 
 
 def test_a_box_lies_on_the_floor(cushion: Callable[..., Simulation]) -> None:
-    """A tilted box falls beside the cushion, tumbles onto a face, and stays there without going through the floor."""
+    """A tilted box falls beside the cushion, tumbles onto a face, and rests on the floor without penetrating it."""
     simulation = cushion(bodies__part__at=[0.3, 0.0, -0.02], bodies__part__rotation_deg=[10, 0, 0])
     run(simulation, 240)
     pose = simulation.handle_pose("part")
@@ -75,7 +75,7 @@ def test_a_box_lies_on_the_floor(cushion: Callable[..., Simulation]) -> None:
 
 
 def test_momentum_is_kept_in_a_collision(cushion: Callable[..., Simulation]) -> None:
-    """A free soft block hits a rigid box without gravity: together they keep their momentum to 0.1 %."""
+    """A free soft block that hits a rigid box without gravity keeps the total momentum to 0.1 %."""
     simulation = cushion(
         handles={},
         loads={},
@@ -91,7 +91,7 @@ def test_momentum_is_kept_in_a_collision(cushion: Callable[..., Simulation]) -> 
 
 
 def test_the_gradient_is_that_of_rigid_motions(cushion: Callable[..., Simulation]) -> None:
-    """Central differences of the energy as the box shifts and turns agree with force and moment on its vertices."""
+    """Central differences of the energy with respect to the box's pose equal the force and moment on its vertices."""
     simulation = cushion()
     run(simulation, 20)
     term = next(each for each in simulation.stepper.equilibrium.actuation.contacts if each.name == "part")
@@ -115,9 +115,9 @@ def test_the_gradient_is_that_of_rigid_motions(cushion: Callable[..., Simulation
 
 @pytest.mark.parametrize(("name", "at"), [("part", [0.05, 0.0, 0.031]), ("part on floor", [0.3, 0.0, -0.0399])])
 def test_the_tangent_couples_both_sides(cushion: Callable[..., Simulation], name: str, at: list[float]) -> None:
-    """What contact adds to a tangent is the change of its forces as vertices move, and as the box shifts and turns.
+    """The contact tangent is the derivative of the contact forces with respect to vertices and to the box's pose.
 
-    Left out are how the pressing force turns with the box, and the slip's change of direction.
+    Two terms are left out: the rotation of the normal force with the box, and the change of the slip direction.
     """
     simulation = cushion(bodies__part__at=at)
     run(simulation, 60)
@@ -138,6 +138,6 @@ def test_the_tangent_couples_both_sides(cushion: Callable[..., Simulation], name
 
 
 def test_a_body_takes_no_commands(cushion: Callable[..., Simulation]) -> None:
-    """A command for a body that moves freely is refused with the reason."""
+    """A command for a body that moves freely is refused, and the error says why."""
     with pytest.raises(CommandError, match="'part' moves freely and follows no target"):
         cushion().step(Command(handles={"part": Pose((0.0, 0.0, 0.1))}))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid bodies that touch each other, and what stops them at once."""
+"""Contact between rigid bodies, and with other things at the same time."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Vector = tuple[float, float, float]
 
 @pytest.fixture
 def pair() -> Callable[..., Simulation]:
-    """Give a function that makes two rigid boxes beside a soft one; it takes overrides."""
+    """Give a function that makes two rigid boxes beside a soft one; it takes overrides of scene keys."""
 
     def make(**overrides: Any) -> Simulation:
         given = overrides.pop("more", {})
@@ -51,7 +51,7 @@ def pair() -> Callable[..., Simulation]:
 
 
 def kick(simulation: Simulation, **speeds: tuple[Vector, Vector]) -> None:
-    """Give bodies a velocity [m/s] and a spin [rad/s] after a first step."""
+    """Make one step, then give bodies a velocity [m/s] and an angular velocity [rad/s]."""
     simulation.step()
     state, h = simulation.state, simulation.scene.dynamics.step
     saved = {name: array.copy() for name, array in state.terms[inertia.NAME].items()}
@@ -66,21 +66,21 @@ def kick(simulation: Simulation, **speeds: tuple[Vector, Vector]) -> None:
 
 
 def momenta(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:
-    """Return momentum [kg m/s] and angular momentum about the middle between them [kg m^2/s] of the two bodies."""
+    """Return the two bodies' momentum [kg m/s], and angular momentum [kg m^2/s] about the point midway between them."""
     own = simulation.state.positions[-8:] + simulation.origin - [0.135, 0.0, 0.0]
     each = (simulation.stepper.mass @ simulation.stepper.velocities(simulation.state))[-8:]
     return each.sum(axis=0), np.cross(own, each).sum(axis=0)
 
 
 def run(simulation: Simulation, steps: int) -> None:
-    """Make steps, each of which has to converge."""
+    """Make steps; each must converge."""
     for _ in range(steps):
         result = simulation.step()
         assert result.converged, result.message
 
 
 def test_momentum_is_kept_where_boxes_collide(pair: Callable[..., Simulation]) -> None:
-    """A spinning box hits another face to face: momenta stay to 1e-6, friction divides the spin, energy never grows."""
+    """A spinning box hits another face to face: momenta stay to 1e-6, friction slows both spins, energy never grows."""
     exact = {"dynamics.step": 0.0005, "solver.tolerance": 1e-6}
     simulation = pair(more={**exact, "bodies.two.at": [0.15, 0, 0]})
     kick(simulation, one=((0.5, 0.0, 0.0), (1.0, 0.0, 0.0)), two=((0.0, 0.0, 0.0), (-0.2, 0.0, 0.0)))
@@ -103,7 +103,7 @@ def test_momentum_is_kept_where_boxes_collide(pair: Callable[..., Simulation]) -
 
 @pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha"])
 def test_an_oblique_collision_keeps_what_it_must(pair: Callable[..., Simulation], scheme: str) -> None:
-    """Corner on corner: momentum to 1e-6, angular momentum to the order of the step, energy never grows."""
+    """Corner on corner, momentum stays to 1e-6, angular momentum to the order of the step, and energy never grows."""
     errors = []
     for h in (0.002, 0.0005):
         simulation = pair(more={"bodies.two.at": [0.17, 0.015, 0.01], "dynamics.scheme": scheme, "dynamics.step": h})
@@ -124,7 +124,7 @@ def test_an_oblique_collision_keeps_what_it_must(pair: Callable[..., Simulation]
 
 @pytest.mark.parametrize("other", ["sphere", "capsule", "box"])
 def test_a_ball_that_hits_another_body_keeps_momenta(pair: Callable[..., Simulation], other: str) -> None:
-    """Off its middle, with friction: momentum to 1e-6, angular momentum to the step's order, energy never grows."""
+    """An eccentric hit of a ball keeps momentum to 1e-6, angular momentum to the step's order; energy never grows."""
     shapes = {"sphere": {"radius": 0.02}, "capsule": {"radius": 0.02, "length": 0.03}, "box": {"size": [0.04] * 3}}
     two = {other: shapes[other], "density": 1200, "at": [0.16, 0.012, 0.006], "friction": 0.3}
     one = {"sphere": {"radius": 0.02}, "density": 800, "at": [0.1, 0.0, 0.0], "friction": 0.3}
@@ -149,7 +149,7 @@ def test_a_ball_that_hits_another_body_keeps_momenta(pair: Callable[..., Simulat
 
 @pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha", "newmark"])
 def test_a_turning_body_goes_on_turning(pair: Callable[..., Simulation], scheme: str) -> None:
-    """A box that flies and tumbles keeps its energy for hundreds of steps: nothing of it is stretched."""
+    """A tumbling box in free flight keeps its kinetic energy for hundreds of steps."""
     simulation = pair(more={"dynamics.scheme": scheme, "bodies.two.at": [0.9, 0.0, 0.0]})
     kick(simulation, one=((0.1, 0.0, 0.0), (3.0, 10.0, 2.0)))
     run(simulation, 20)
@@ -160,7 +160,7 @@ def test_a_turning_body_goes_on_turning(pair: Callable[..., Simulation], scheme:
 
 @pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha"])
 def test_what_falls_does_not_spring_back(pair: Callable[..., Simulation], scheme: str) -> None:
-    """A box that falls onto the floor at whatever moment of a step rises by no more than a tenth of its fall."""
+    """A box that hits the floor at any moment within a step rebounds by at most a tenth of the height of its fall."""
     for height in (0.030, 0.0305, 0.031, 0.0315):
         more = {
             "bodies.one.at": [0.1, 0, -0.1 + 0.02 + height],
@@ -186,10 +186,11 @@ EDGES = pytest.mark.exact("corners lie on edges: by which face they leave is rou
     [pytest.param([0.04, 0.04, 0.04], 0.1, 0.05, marks=EDGES), ([0.03, 0.03, 0.04], 0.105, 1e-3)],
 )
 def test_a_stack_stands(pair: Callable[..., Simulation], size: list[float], x: float, near: float) -> None:
-    """A box on a box of the same size, or on one that it does not cover, weighs on it and stays for 10 s.
+    """A box stands for 10 s on a box of the same size, or on one that it does not cover, with the right normal force.
 
-    Of the same size, corners lie on edges, and rounding decides by which face they leave. Of ten places that differed
-    by 1e-14 m, seven had its weight between them to 3e-4 in each of 60 steps; the others to 1.7e-3, 1.7e-2 and 2.4e-2.
+    With boxes of the same size, corners lie on edges, and rounding decides through which face they leave. At seven of
+    ten positions that differed by 1e-14 m, the contact force between the boxes equalled the upper one's weight to 3e-4
+    in each of 60 steps; at the other three to 1.7e-3, 1.7e-2 and 2.4e-2.
     """
     more = {
         **STACKED,
@@ -217,10 +218,10 @@ def test_a_stack_stands(pair: Callable[..., Simulation], size: list[float], x: f
 
 @pytest.mark.parametrize("slope", [0.4, 0.6])
 def test_friction_holds_a_box_on_another(pair: Callable[..., Simulation], slope: float) -> None:
-    """On a slope that the lower one sticks to, the upper one stays below its coefficient and slides above.
+    """On a slope where the lower box sticks, the upper box stays below the friction coefficient and slides above it.
 
-    It is narrower, and does not come to an edge during its motion: edges on edges enter each other
-    (docs/theory/contact.md), and rounding decided when a box that was as wide as the other fell off.
+    The upper box is narrower, so that it reaches no edge: edges on edges penetrate each other
+    (docs/theory/contact.md), and rounding decided when a box as wide as the lower one fell off.
     """
     cosine = 1.0 / math.hypot(1.0, slope)
     more = {
@@ -244,7 +245,7 @@ def test_friction_holds_a_box_on_another(pair: Callable[..., Simulation], slope:
 
 
 def test_bars_that_cross_lie_on_each_other(pair: Callable[..., Simulation]) -> None:
-    """No corner of either is in the other: points of their faces carry the upper one."""
+    """Crossed bars without a corner inside the other touch at points of their faces, which carry the upper bar."""
     more = {
         **STACKED,
         "bodies.one.box.size": [0.04, 0.12, 0.04],
@@ -260,14 +261,14 @@ def test_bars_that_cross_lie_on_each_other(pair: Callable[..., Simulation]) -> N
 
 
 def test_schemes_that_rattle_are_remarked(pair: Callable[..., Simulation]) -> None:
-    """Two bodies with a scheme that damps no contact: remarks with the remedy; none with the one that does."""
+    """Two rigid bodies with a scheme that does not damp contact give a remark with a remedy; `bdf2` gives none."""
     assert pair().remarks() == []
     (rest,) = pair(more={"dynamics.scheme": "generalised_alpha"}).remarks()
     assert rest.startswith("bodies: one, two may not come to rest on each other with generalised_alpha; remedy:")
 
 
 def test_points_lie_on_the_skin() -> None:
-    """Points that touch other bodies are on the surface, cover long sides, and have the corners among them."""
+    """The contact points of a shape lie on its surface, cover its long sides, and include its corners."""
     box, tube = Box((0.02, 0.08, 0.04)), Cylinder(0.01, 0.05)
     away = np.abs(box.skin) / (0.5 * np.array(box.size))
     np.testing.assert_allclose(away.max(axis=1), 1.0)

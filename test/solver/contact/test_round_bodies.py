@@ -34,7 +34,7 @@ RADIUS = 0.01
 
 @pytest.fixture
 def on_slope() -> Callable[..., Simulation]:
-    """Give a function that puts a body on a slope of an angle [rad], in contact; it takes overrides."""
+    """Give a function that puts a body in contact with a slope of an angle [rad]; it takes overrides of scene keys."""
 
     def make(angle: float, body: dict[str, Any], friction: float = 0.5, **overrides: Any) -> Simulation:
         normal = np.array([np.sin(angle), 0.0, np.cos(angle)])
@@ -51,19 +51,19 @@ def on_slope() -> Callable[..., Simulation]:
 
 
 def run(simulation: Simulation, duration: float) -> None:
-    """Make steps for a time [s]; each has to converge."""
+    """Make steps for a duration [s]; each must converge."""
     for _ in range(round(duration / simulation.scene.dynamics.step)):
         result = simulation.step()
         assert result.converged, result.message
 
 
 def moved(simulation: Simulation) -> float:
-    """Return the distance [m] that the body has moved."""
+    """Return the distance [m] of the body from its initial position."""
     return float(np.linalg.norm(simulation.handle_pose("ball").translation))
 
 
 def test_a_ball_rolls_down_a_slope(on_slope: Callable[..., Simulation]) -> None:
-    """Its acceleration is 5/7 g sin(angle); the error falls with the square of the step; it stays on the slope."""
+    """A ball rolls with 5/7 g sin(angle) and stays on the slope; the error is of second order in the step."""
     angle, time, errors = np.radians(20.0), 0.3, []
     exact = 0.5 * 5.0 / 7.0 * G * np.sin(angle) * time**2
     for h in (0.005, 0.0025):
@@ -77,7 +77,7 @@ def test_a_ball_rolls_down_a_slope(on_slope: Callable[..., Simulation]) -> None:
 
 
 def test_a_capsule_rolls_as_its_moment_of_inertia_says(on_slope: Callable[..., Simulation]) -> None:
-    """Its acceleration is g sin(angle) / (1 + I / (m r^2)), with I of a cylinder and two half balls."""
+    """A capsule rolls with g sin(angle) / (1 + I / (m r^2)), where I is that of a cylinder and two half balls."""
     angle, time, r, length = np.radians(20.0), 0.2, RADIUS, 0.03
     cylinder, ball = np.pi * r**2 * length, 4.0 / 3.0 * np.pi * r**3
     inertia = (cylinder * r**2 / 2.0 + ball * 0.4 * r**2) / ((cylinder + ball) * r**2)
@@ -90,7 +90,7 @@ def test_a_capsule_rolls_as_its_moment_of_inertia_says(on_slope: Callable[..., S
 def test_a_ball_slides_where_friction_is_too_small(
     on_slope: Callable[..., Simulation], friction: float, spins: bool
 ) -> None:
-    """Below tan(angle) 2 / 7 it slips: a = g (sin - mu cos), and the spin grows with 5/2 mu g cos / r."""
+    """Below mu = 2/7 tan(angle) a ball slips: a = g (sin - mu cos), and its spin grows by 5/2 mu g cos / r."""
     angle, time = np.radians(30.0), 0.1
     simulation = on_slope(angle, BALL, friction)
     run(simulation, time)
@@ -103,7 +103,7 @@ def test_a_ball_slides_where_friction_is_too_small(
 
 @pytest.mark.parametrize("body", [BALL, LYING], ids=["ball", "capsule"])
 def test_what_rests_carries_its_weight_and_stays(on_slope: Callable[..., Simulation], body: dict[str, Any]) -> None:
-    """On a level floor it stays for a second to 1e-6 m, and the floor carries its weight."""
+    """A ball or capsule stays on a level floor for a second to 1e-6 m, and the contact force equals its weight."""
     simulation = on_slope(0.0, body, solver__tolerance=1e-6)
     run(simulation, 1.0)
     assert moved(simulation) < 1e-6
@@ -113,7 +113,7 @@ def test_what_rests_carries_its_weight_and_stays(on_slope: Callable[..., Simulat
 
 
 def test_the_gradient_is_that_of_the_energy(on_slope: Callable[..., Simulation]) -> None:
-    """Differences of the energy of a ball on another body, as both shift and turn, agree with the forces."""
+    """Central differences of the energy with respect to both bodies' poses equal the forces of a ball on a body."""
     simulation = on_slope(
         0.3, BALL, bodies__block={"box": {"size": [0.05, 0.05, 0.02]}, "density": 900, "at": [0.003, 0.0, -0.07]}
     )
@@ -146,7 +146,7 @@ def test_the_gradient_is_that_of_the_energy(on_slope: Callable[..., Simulation])
 
 
 def box_file(folder: Path, size: tuple[float, float, float], turn: float = 0.0) -> Path:
-    """Write a box in millimetres, turned about z, beside the origin."""
+    """Write a box as an STL file in millimetres, rotated about z and away from the origin; return its path."""
     box = trimesh.creation.box(1000.0 * np.array(size))
     box.apply_transform(trimesh.transformations.rotation_matrix(turn, [0, 0, 1]))
     box.apply_translation([5.0, 2.0, 1.0])
@@ -156,7 +156,7 @@ def box_file(folder: Path, size: tuple[float, float, float], turn: float = 0.0) 
 
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_a_mesh_box_behaves_as_the_box(on_slope: Callable[..., Simulation], tmp_path: Path, turn: float) -> None:
-    """Dropped on an edge, it moves as the box does, wherever the origin and axes of its file are."""
+    """A mesh of a box has the mass, inertia and motion of the box, whatever the origin and axes of its file are."""
     size = (0.03, 0.02, 0.01)
     at, tilt = [0.0, 0.0, -0.085], [10.0, 25.0, 0.0]
     simple = on_slope(0.1, {"box": {"size": list(size)}, "at": at, "rotation_deg": tilt})
@@ -179,7 +179,7 @@ def test_a_mesh_box_behaves_as_the_box(on_slope: Callable[..., Simulation], tmp_
 
 
 def test_a_bag_contains_the_surface(on_slope: Callable[..., Simulation], tmp_path: Path) -> None:
-    """The scene's own text, without the file, gives the same bits; so does a second run."""
+    """The scene text embeds the surface: a simulation from it, without the file, gives the same bits."""
     file = box_file(tmp_path, (0.03, 0.02, 0.01), 0.7)
     first = on_slope(0.1, {"mesh": {"file": str(file), "scale": 0.001}, "at": [0.0, 0.0, -0.07]})
     file.unlink()
@@ -192,7 +192,7 @@ def test_a_bag_contains_the_surface(on_slope: Callable[..., Simulation], tmp_pat
 
 
 def test_a_ball_that_rolls_is_replayed_to_the_bit(on_slope: Callable[..., Simulation]) -> None:
-    """Two runs, and a run from a snapshot in between, end at the same bits."""
+    """Two runs, and a run continued from a snapshot, end at the same bits."""
     first, second = on_slope(0.3, BALL), on_slope(0.3, BALL)
     run(first, 0.1)
     kept = first.snapshot()
@@ -205,7 +205,7 @@ def test_a_ball_that_rolls_is_replayed_to_the_bit(on_slope: Callable[..., Simula
 
 
 def test_a_hand_holds_a_ball() -> None:
-    """The fingers of `grasp` close on a ball instead of the box; it hangs between them when they are lifted."""
+    """The fingers of `grasp` close on a ball instead of the box, and lift it."""
     ball = {"sphere": {"radius": 0.0165}, "density": 500, "at": [0.030, 0, -0.0385], "friction": 0.8}
     program = {
         "program.actuators.left": [{"time": 0.0, "value": 0}, {"time": 0.5, "value": 6.0}],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of a mesh that touch each other, and bodies that touch themselves."""
+"""Self-contact: parts of a mesh that touch each other."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ dynamics: {step: 0.001}
 
 
 def pressed(simulation: Simulation, depth: float, *, slide: float = 0.0) -> StepResult:
-    """Move the upper block down and aside by so much [m]; return a sound step."""
+    """Move the upper block down and sideways to displacements [m]; return the converged step."""
     result = simulation.step(Command(handles={"high": Pose((slide, 0.0, -depth))}))
     assert result.converged, result.message
     return result
@@ -36,7 +36,7 @@ def pressed(simulation: Simulation, depth: float, *, slide: float = 0.0) -> Step
 
 @pytest.mark.parametrize(("low", "high"), [(4, 4), (4, 3), (2, 5)])
 def test_pressure_is_uniform_where_blocks_are_pressed(low: int, high: int) -> None:
-    """Two cubes pressed on each other carry the same pressure at every vertex of both, within 2 %, on any cells."""
+    """Two cubes pressed on each other have the same pressure at every vertex, within 2 %, on any two meshes."""
     simulation = stack(low, high)
     result = pressed(simulation, PRESSED)
     for side in pressures(simulation, result):
@@ -48,7 +48,7 @@ def test_pressure_is_uniform_where_blocks_are_pressed(low: int, high: int) -> No
 
 
 def test_what_acts_acts_back() -> None:
-    """Forces of contact and the moments of both handles sum to nothing, with friction and on unlike cells."""
+    """Contact forces sum to zero, and the forces on both handles too, with friction and on non-matching meshes."""
     simulation = stack(3, 4, friction=0.5)
     pressed(simulation, 0.004)
     result = pressed(simulation, 0.006, slide=0.004)
@@ -63,10 +63,10 @@ def test_what_acts_acts_back() -> None:
 
 
 def test_a_block_sticks_to_a_block_and_slips_beyond() -> None:
-    """Pushed aside, friction carries the push as one body would until it is mu times the press, and then no more.
+    """A block pushed sideways sticks like one body until friction reaches mu times the normal force, and then slips.
 
-    Where all that stuck begins to slip at once, updates settle slowly: in 323 to 655 iterations on twelve meshes that
-    differ by 1e-13 of the size. At a tolerance of 1e-5 it was 488 to 853 on ten, more than 2000 on two.
+    Where all sticking vertices start to slip at once, updates converge slowly: in 323 to 655 iterations on twelve
+    meshes that differ by 1e-13 of the size. At a tolerance of 1e-5 it was 488 to 853 on ten, more than 2000 on two.
     """
     scenes = [stack(3, 3, friction=friction).scene for friction in (0.2, 50.0)]
     loose, tied = (Simulation(scene, settings=SolverSettings()) for scene in scenes)
@@ -83,12 +83,12 @@ def test_a_block_sticks_to_a_block_and_slips_beyond() -> None:
 
 
 def test_what_slides_without_friction_is_where_it_is_said_to_be() -> None:
-    """A block that is slid over one of other cells converges, and stays within the promise when it is asked again.
+    """A frictionless block sliding over a block of other cells converges within five tolerances of the equilibrium.
 
-    It was not found in 4000 iterations: as the block slides the normals under it turn, and all forces with them.
+    Earlier it did not converge in 4000 iterations: as the block slides, the normals under it turn, and all forces too.
 
-    What is promised is five tolerances from the equilibrium (docs/index.md). Asked three times again, it went on by
-    0.7 to 1.2 tolerances of the first step on twelve meshes that differed by 1e-13 of the size, by 0.14 to 0.39 of the
+    Five tolerances are promised (docs/index.md). Three repetitions of the command moved the body by 0.7 to 1.2
+    tolerances after the first step on twelve meshes that differed by 1e-13 of the size, and by 0.14 to 0.39 after the
     others. The second step took 506 to 649 iterations on eleven of them and 1359 on one, the third 279 to 322.
     """
     scene = stack(4, 3).scene
@@ -102,7 +102,7 @@ def test_what_slides_without_friction_is_where_it_is_said_to_be() -> None:
 
 
 def test_a_notch_closes_and_holds() -> None:
-    """Pull the finger's tendon: its links come to lie on each other, carry what is pulled more, and let go again."""
+    """A finger's notches close as its tendon is pulled: the links carry the additional force, and open again later."""
     simulation, tips = Simulation(load_scene("tendon_finger", overrides={"self_contact": {}})), {}
     for tension in (3.0, 6.0, 9.0, 12.0, 3.0):
         result = simulation.step(Command(actuators={"flexor": tension}))
@@ -117,9 +117,9 @@ def test_a_notch_closes_and_holds() -> None:
 
 @pytest.mark.parametrize(("scheme", "swing"), [("newmark", 1e-6), ("generalised_alpha", 0.015), ("bdf2", 1e-6)])
 def test_two_soft_bodies_collide(scheme: str, swing: float) -> None:
-    """A block that is pushed off hits another that floats: momentum is kept to 0.1 %, and no energy is made.
+    """A pushed block hits a floating one: momentum stays to 0.1 %, and energy does not grow.
 
-    Generalised alpha takes forces between the ends of a step: what it counts at the ends swings when blocks part.
+    Generalised alpha balances forces between the ends of a step: the energy at the ends oscillates as blocks separate.
     """
     simulation, totals, touched = Simulation(scene_from_text(SHOT, overrides={"dynamics.scheme": scheme})), [], []
     for step in range(150):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of a skin's points: a ball beside CalculiX, slopes in closed form, forces and moments to rounding."""
+"""Contact at the points of a skin: a ball beside CalculiX, slopes in closed form, forces and moments to rounding."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ANGLE = np.radians(30.0)
 
 
 def slab(folder: Path, friction: float, more: str = "") -> Simulation:
-    """Return a slab on a slope that touches by a skin, which is its own surface."""
+    """Return a slab on a slope whose contact points are those of its surface mesh."""
     box = trimesh.creation.box((0.10, 0.06, 0.02)).apply_translation([0.05, 0.0, 0.0])
     box.export(folder / "slab.stl")
     weight = {"along": 9.81 * np.sin(ANGLE), "down": -9.81 * np.cos(ANGLE)}
@@ -40,7 +40,10 @@ def slab(folder: Path, friction: float, more: str = "") -> Simulation:
 
 
 def test_a_ball_between_plates_is_calculix_ball() -> None:
-    """Press a cut ball: within 5 % of CalculiX at 12 cells over the diameter, less than half as far as at 8."""
+    """The force on a cut ball between plates is within 5 % of CalculiX at 12 cells per diameter.
+
+    The error at 12 cells is less than half of the error at 8 cells.
+    """
     coarse, fine = (press_ball(count, "skin") for count in (8, 12))
     misses = [max(abs(each[share] / wanted - 1.0) for share, wanted in CALCULIX.items()) for each in (coarse, fine)]
     assert misses[1] < 0.05
@@ -60,9 +63,9 @@ obstacles: {{floor: {{plane: [0, 0, 1], at: [0, 0, {floor}], friction: {friction
 
 
 def pressed(folder: Path, body: trimesh.Trimesh, *, young: float = 1e5, friction: float = 0.0) -> tuple[float, float]:
-    """Press a cut body's upper half down by a tenth of its height; return how deep its skin enters over that, and more.
+    """Press the upper half of a cut body down by a tenth of its height.
 
-    The other value is the least volume ratio.
+    Returns the skin's penetration divided by the displacement, and the least volume ratio.
     """
     body.export(folder / "body.stl")
     low, high = body.bounds[:, 2]
@@ -81,7 +84,7 @@ def pressed(folder: Path, body: trimesh.Trimesh, *, young: float = 1e5, friction
 
 @pytest.mark.parametrize(("share", "turn"), [(0.15, 0.0), (0.4, 0.0), (0.6, 0.0), (0.75, 0.0), (0.45, 0.5)])
 def test_flat_sides_enter_nothing_however_full_their_cells_are(tmp_path: Path, share: float, turn: float) -> None:
-    """Press boxes whose outer cells are filled by a fraction, or that are turned in the grid: 2 % of the approach."""
+    """Flat sides with partly filled cells, or turned in the grid, penetrate by at most 2 % of the displacement."""
     body = trimesh.creation.box((np.array([4, 4, 3]) + 2.0 * share) * 0.01)
     body.apply_transform(trimesh.transformations.rotation_matrix(turn, [0, 0, 1]))
     depth, least = pressed(tmp_path, body)
@@ -91,7 +94,7 @@ def test_flat_sides_enter_nothing_however_full_their_cells_are(tmp_path: Path, s
 
 @pytest.mark.parametrize("young", [3e4, 1e5])
 def test_a_soft_ball_of_cut_cells_falls_and_jumps(tmp_path: Path, young: float) -> None:
-    """Drop a ball of 8 cells over its diameter by ten centimetres: no step fails, and it flies again."""
+    """A cut ball of 8 cells per diameter falls by ten centimetres and bounces back; every step converges."""
     radius, fall = 0.04, 0.10
     trimesh.creation.icosphere(4, radius).export(tmp_path / "body.stl")
     more = "loads: {weight: {gravity: [0, 0, -9.81]}}\ndynamics: {scheme: bdf2, step: 0.005}"
@@ -109,7 +112,7 @@ def test_a_soft_ball_of_cut_cells_falls_and_jumps(tmp_path: Path, young: float) 
 
 @pytest.mark.parametrize("friction", [0.2, 0.4])
 def test_a_slab_slides_as_coulomb_says(tmp_path: Path, friction: float) -> None:
-    """Release a slab on a slope: g (sin - mu cos) once it has settled."""
+    """After it has settled, a slab slides down a slope with g (sin - mu cos)."""
     simulation, places = slab(tmp_path, friction), []
     for _ in range(40):
         assert simulation.step().converged
@@ -119,7 +122,7 @@ def test_a_slab_slides_as_coulomb_says(tmp_path: Path, friction: float) -> None:
 
 
 def test_a_slab_sticks_without_creeping(tmp_path: Path) -> None:
-    """Leave a slab on a rough slope: once it rests it moves by less than a nanometre in a tenth of a second."""
+    """A slab at rest on a rough slope moves by less than a nanometre in a tenth of a second."""
     simulation = slab(tmp_path, 0.8, "solver: {tolerance: 1.0e-7}")
     for _ in range(150):
         simulation.step()
@@ -131,7 +134,7 @@ def test_a_slab_sticks_without_creeping(tmp_path: Path) -> None:
 
 
 def test_what_a_skin_pushes_is_what_the_body_feels(tmp_path: Path) -> None:
-    """Press a turned floor aside into a slab: forces on vertices have the wrench's force and moment, to rounding."""
+    """The vertex forces of a skin contact have the force and moment of its wrench, to rounding."""
     simulation = slab(
         tmp_path, 0.5, "bodies: {lid: {box: {size: [0.04, 0.04, 0.01]}, density: 2000, at: [0.05, 0, 0.015]}}"
     )
@@ -153,7 +156,7 @@ def test_what_a_skin_pushes_is_what_the_body_feels(tmp_path: Path) -> None:
 
 
 def test_forces_are_the_slope_of_the_energy(tmp_path: Path) -> None:
-    """Differ the energy of a pressed skin on a rigid body along random motions: its forces; no tangent is negative."""
+    """Forces of a skin contact equal differences of its energy, and no tangent has a negative eigenvalue."""
     more = "bodies: {lid: {box: {size: [0.04, 0.04, 0.01]}, density: 2000, at: [0.05, 0, 0.015], friction: 0.5}}"
     simulation = slab(tmp_path, 0.5, more)
     for _ in range(8):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wall at corners: its energy, its forces, and where it acts."""
+"""The fold barrier ("wall") at element corners: its energy, its forces, and where it acts."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _least(x, shape, out):
 
 
 def walls(body: Body, shape: ShapeOperators, x: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the energy [J] of the walls of all elements and its gradient (n, 3) [N]."""
+    """Return the fold barrier's energy [J] over all elements and its gradient (n, 3) [N]."""
     count = len(body.material)
     force, energy, gradient = np.zeros((count, 8, 3)), np.zeros(count), np.zeros_like(x)
     _walls(x, np.arange(count, dtype=np.int32), shape, body.material, body.table, force, energy)
@@ -43,7 +43,7 @@ def walls(body: Body, shape: ShapeOperators, x: np.ndarray) -> tuple[float, np.n
 
 
 def pressed(mesh: HexMesh, share: float) -> np.ndarray:
-    """Return positions with a vertex pushed by a fraction of the distance to the middle, which makes corners flat."""
+    """Return positions with one vertex moved toward the middle by a fraction of its distance; corners become flat."""
     x, random = mesh.vertices.copy(), np.random.default_rng(1)
     x[0] += share * (x.mean(axis=0) - x[0])
     return x + random.normal(scale=0.002 * mesh.size, size=x.shape)
@@ -51,7 +51,7 @@ def pressed(mesh: HexMesh, share: float) -> np.ndarray:
 
 @pytest.mark.parametrize("filled", ["whole", "cut"])
 def test_forces_are_the_slopes_of_the_energy(element: HexMesh, make_body: Callable[..., Body], filled: str) -> None:
-    """Press corners of four shapes of cells, whole and cut: forces are differences of energies."""
+    """The barrier's forces equal differences of its energy at pressed corners of whole and cut cells of four shapes."""
     body = make_body(element)
     shape = body.shape
     if filled == "cut":
@@ -73,7 +73,7 @@ def test_forces_are_the_slopes_of_the_energy(element: HexMesh, make_body: Callab
 
 
 def test_the_wall_begins_smoothly_and_goes_on_straight() -> None:
-    """Value, slope and curvature vanish at the threshold; below `LINE` the slope stays; between, b is (1 - s)^3 / s."""
+    """Value, slope and curvature vanish at the threshold; the barrier is (1 - s)^3 / s, and linear below `LINE`."""
     near, step = 1.0 - 1e-6, 1e-3
     assert wall.py_func(near)[0] == pytest.approx(0.0, abs=1e-17)
     assert wall.py_func(near)[1] == pytest.approx(0.0, abs=1e-11)
@@ -87,13 +87,13 @@ def test_the_wall_begins_smoothly_and_goes_on_straight() -> None:
 
 
 def test_sound_corners_feel_nothing(distorted: HexMesh, make_body: Callable[..., Body]) -> None:
-    """Strain a block of skewed cells by a third: no wall has an energy."""
+    """The fold barrier has no energy in a block of skewed cells that is compressed by a third."""
     body = make_body(distorted)
     assert walls(body, body.shape, 0.7 * distorted.vertices)[0] == 0.0
 
 
 def test_no_corner_folds_within_the_room(distorted: HexMesh, make_body: Callable[..., Body]) -> None:
-    """Move every vertex as far as a look allows: whatever was not watched stays above the threshold."""
+    """Corners of unwatched elements stay above the threshold while no vertex moves farther than `_look` allows."""
     body = make_body(distorted)
     count, random = len(body.material), np.random.default_rng(3)
     for noise in (0.0, 0.01, 0.02):

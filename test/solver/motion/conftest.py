@@ -23,7 +23,7 @@ dynamics: {scheme: newmark, step: 0.002}
 
 @pytest.fixture
 def moving() -> Callable[..., Simulation]:
-    """Give a function that makes a simulation of the bar; keyword arguments override keys, ``__`` for a dot."""
+    """Give a function that simulates the bar; keyword arguments override scene keys, ``__`` stands for a dot."""
 
     def make(**overrides: Any) -> Simulation:
         keys = {name.replace("__", "."): value for name, value in overrides.items()}

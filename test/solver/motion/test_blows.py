@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Blows: whatever a soft body hits, at whatever moment within a step, it leaves with no more energy than it had."""
+"""Impacts: at whatever moment within a step a soft body hits something, its energy does not grow."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SCHEMES = {
 
 
 def played(simulation: Simulation, count: int) -> tuple[list[float], Any]:
-    """Make steps; return the energy after each over that of the first, and the last result."""
+    """Make converging steps; return the energy after each divided by that after the first, and the last result."""
     held = []
     for _ in range(count):
         result = simulation.step()
@@ -51,11 +51,11 @@ BLOWS = [
     ("cube", 1e4, 0.005), ("cube", 1e5, 0.001), ("cube", 1e7, 0.0002), ("cube", 1e7, 0.005),
     ("bar", 1e6, 0.002), ("ball", 1e5, 0.005), ("pair", 1e5, 0.002), ("pair", 1e7, 0.001),
 ]  # fmt: skip
-"""Mesh, Young's modulus [Pa] and step [s]."""
+"""Cases of impacts: mesh, Young's modulus [Pa] and step [s]."""
 PAIRED = ("bdf2", "newmark", "alpha 0.8")
-"""Schemes in which two bodies hit each other, which takes longest."""
+"""Schemes used for the case of two bodies, which takes longest."""
 STAYS = ("cube", 1e7, 0.005, "bdf2")
-"""What stays at the floor: the step of BDF2 that would feed it is made again by backward Euler (test_ceiling.py)."""
+"""A case without a rebound: the BDF2 step that would gain energy is repeated by backward Euler (test_ceiling.py)."""
 THROWN = [
     case
     for case in ((*blow, scheme) for blow in BLOWS for scheme in SCHEMES)
@@ -65,9 +65,9 @@ THROWN = [
 
 @pytest.mark.parametrize(("mesh", "young", "step", "scheme"), THROWN)
 def test_a_blow_makes_no_energy(mesh: str, young: float, step: float, scheme: str) -> None:
-    """Throw it at a floor, which it reaches at two moments of a step: it comes back, and never with more energy.
+    """A body thrown at a floor rebounds without an energy gain, at two moments of impact within a step.
 
-    What damps nothing keeps the energy of linear bodies; that of these ones swings a little where steps are long.
+    Schemes without damping keep the energy of linear bodies only; here it oscillates a little with long steps.
     """
     swing = 0.03 if scheme in ("newmark", "alpha 1.0") else 1e-3
     text, lowest = f"name: thrown\n{MESHES[mesh]}{SOFT}", LOWEST[mesh]
@@ -79,7 +79,7 @@ def test_a_blow_makes_no_energy(mesh: str, young: float, step: float, scheme: st
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_what_lies_on_a_floor_lies_still(scheme: str) -> None:
-    """A cube on a floor comes to rest: no velocity, no acceleration, and the floor carries its weight."""
+    """A cube comes to rest on a floor: velocity and acceleration vanish, and the floor carries its weight."""
     damping = {"mass": 400.0, "viscosity": 200.0}
     keys = {
         "materials.soft.young": 1e5,

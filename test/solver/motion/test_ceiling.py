@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a body has beyond the work done on it never grows, though steps resolve neither strains nor turns."""
+"""The energy bound: a body's energy minus the work done on it never grows, even where steps resolve no detail."""
 
 from __future__ import annotations
 
@@ -34,7 +34,10 @@ PULL = {"points": [[0.0, 0.0, 0.008], [0.05, 0.0, 0.008], [0.1, 0.0, 0.008]], "c
 
 
 def require_bounded(results: Sequence[StepResult], *, above_start: float = 0.01, above_least: float = 0.031) -> None:
-    """Require steps that converge, and energy within fractions of the largest so far."""
+    """Require converged steps, and an energy above its start and its least value by at most the given fractions.
+
+    The fractions are of the largest kinetic plus elastic energy so far.
+    """
     assert all(result.converged for result in results), next(r.message for r in results if not r.converged)
     energies = [result.energies for result in results]
     stirred = np.maximum.accumulate([each["kinetic"] + each["elastic"] for each in energies])
@@ -46,7 +49,10 @@ def require_bounded(results: Sequence[StepResult], *, above_start: float = 0.01,
 @pytest.mark.parametrize("young", [1e4, 1e5, 1e6])
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_soft_cube_that_falls_by_a_metre_gains_nothing(scheme: str, young: float) -> None:
-    """It hits the floor in steps that do not resolve its strains: all converge; elements folded."""
+    """A soft cube that falls by a metre gains no energy in steps that do not resolve its strains, and all converge.
+
+    Earlier, elements folded.
+    """
     dynamics = {f"dynamics.{key}": value for key, value in SCHEMES[scheme].items()}
     cube = Simulation(scene_from_text(CUBE, overrides={"materials.soft.young": young, **dynamics}))
     above = 0.25 if scheme == "bdf2" else 0.031
@@ -55,10 +61,11 @@ def test_a_soft_cube_that_falls_by_a_metre_gains_nothing(scheme: str, young: flo
 
 @pytest.mark.parametrize("scheme", ["newmark", "generalised_alpha"])
 def test_a_spinning_body_gains_nothing_after_a_step_of_another_length(moving: Callable, scheme: str) -> None:
-    """Spin it by 0.3 radians a step, a shorter one first: its momentum stays to a ten-millionth.
+    """A body that spins by 0.3 radians per step after a first step of a third of the length keeps its momentum to 1e-7.
 
-    Free flight would fold elements, and a step begins at a fraction of the flight; the centre of mass must not. It did,
-    and up to 1.3e-3 of the momentum was lost, as rounding had it; at most 2e-8 on twelve roundings since.
+    Free flight would fold elements, so a step starts at a fraction of the flight. That fraction must not apply to the
+    centre of mass. Earlier it did, and up to 1.3e-3 of the momentum was lost, depending on rounding. Since then at most
+    2e-8 was lost on twelve roundings.
     """
     keys = {"dynamics__spin": [0.0, 0.0, 60.0], "dynamics__step": 0.005, "dynamics__scheme": scheme}
     spinning = moving(handles={}, dynamics__velocity=[1.0, 0.0, 0.0], **keys)
@@ -70,7 +77,7 @@ def test_a_spinning_body_gains_nothing_after_a_step_of_another_length(moving: Ca
 
 @pytest.mark.parametrize("step", [0.002, 0.01])
 def test_newmark_keeps_a_commanded_length_for_long(moving: Callable, step: float) -> None:
-    """Shorten a cable in ten steps and hold it for 300: the tension rings, and the body does not fly apart."""
+    """A cable shortened in ten steps and held for 300 oscillates in tension by newmark, but gains no energy."""
     weight, soft = {"weight": {"gravity": [0, 0, -9.81]}}, {"materials__rubber__young": 5e4}
     bar = moving(actuators={"pull": {"cable": PULL}}, loads=weight, **soft, dynamics__step=step)
     for shortening in np.linspace(0.0015, 0.015, 10):
@@ -81,14 +88,17 @@ def test_newmark_keeps_a_commanded_length_for_long(moving: Callable, step: float
 @pytest.mark.parametrize("phase", [0.0, 0.3, 0.7])
 @pytest.mark.parametrize("young", [1e7, 1e9])
 def test_a_wall_does_not_feed_what_it_stops_in_one_step(young: float, phase: float) -> None:
-    """Throw a stiff cube at a floor by `bdf2`: it left with 1.5 times its energy."""
+    """A stiff cube that a floor stops within one step of `bdf2` gains no energy.
+
+    Earlier it left with 1.5 times its energy.
+    """
     cube = thrown(THROWN, SCHEMES["bdf2"], young, 0.005, phase, lowest=-0.05)
     require_bounded([cube.step() for _ in range(40)], above_start=1e-3, above_least=0.25)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_resolved_motions_are_left_alone(moving: Callable, scheme: str) -> None:
-    """Swing, and spin in 60 steps a turn: no step is made twice."""
+    """In a resolved swing and in a spin of 60 steps per turn, no step is repeated or divided."""
     dynamics = {f"dynamics__{key}": value for key, value in SCHEMES[scheme].items()}
     swings = moving(loads={"weight": {"gravity": [0, 0, -9.81]}}, **dynamics, materials__rubber__young=5e4)
     spins = moving(handles={}, dynamics__spin=[0.0, 0.0, 50.0], **dynamics)
@@ -98,7 +108,10 @@ def test_resolved_motions_are_left_alone(moving: Callable, scheme: str) -> None:
 
 @pytest.mark.parametrize("poisson", [0.49, 0.5])
 def test_pressures_that_carry_volumes_do_not_feed_a_motion(moving: Callable, poisson: float) -> None:
-    """Let a nearly incompressible bar swing by the default: pressures that lagged fed it until elements folded."""
+    """A nearly incompressible bar that swings by the default scheme gains no energy.
+
+    Earlier, pressures that lagged behind the motion added energy until elements folded.
+    """
     keys = {"materials__rubber__poisson": poisson, "mesh__bar__cells": [5, 2, 2], "dynamics__step": 0.005}
     bar = moving(loads={"weight": {"gravity": [0, 0, -9.81]}}, **keys, dynamics__scheme="generalised_alpha")
     results = [bar.step() for _ in range(200)]
@@ -107,7 +120,7 @@ def test_pressures_that_carry_volumes_do_not_feed_a_motion(moving: Callable, poi
 
 
 def test_energy_that_cannot_be_mended_is_told(moving: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have every step make energy: it is halved as often as may be, is made, and is not called converged."""
+    """A step that always gains energy is halved as often as allowed, completed, and reported as not converged."""
     bar = moving(loads={"weight": {"gravity": [0, 0, -9.81]}})
     bar.step()
     checked = Ceiling.checked
@@ -120,7 +133,7 @@ def test_energy_that_cannot_be_mended_is_told(moving: Callable, monkeypatch: pyt
 
 
 def test_a_motion_of_an_archive_without_a_bound_goes_on(moving: Callable) -> None:
-    """Take the bound out of a state, as in earlier archives: the next step begins it anew, and changes nothing else."""
+    """A state without an energy bound, as in earlier archives, gets one in the next step, and positions stay equal."""
     bars = [moving(loads={"weight": {"gravity": [0, 0, -9.81]}}) for _ in range(2)]
     for bar in bars:
         bar.step()

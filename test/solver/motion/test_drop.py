@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark of motion: a clamped bar released under gravity, against Q2/P-1 elements that another code moved."""
+"""The benchmark of motion: a clamped bar released under gravity, compared with Q2/P-1 elements of another code."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ def tip_path(**overrides: object) -> tuple[np.ndarray, np.ndarray, dict[str, np.
 
 
 def test_a_coarse_bar_in_long_steps() -> None:
-    """Move 80 cells in steps of 10 ms: at most 2 % off."""
+    """With 80 cells and steps of 10 ms, the tip's path is at most 2 % off."""
     times, path, _ = tip_path()
     assert path_error(times, path) < 0.02
 
 
 def test_a_finer_bar_in_shorter_steps() -> None:
-    """Move 640 cells in steps of 2 ms: at most 0.5 % off."""
+    """With 640 cells and steps of 2 ms, the tip's path is at most 0.5 % off."""
     times, path, _ = tip_path(mesh__bar__cells=[40, 4, 4], dynamics__step=0.002)
     assert path_error(times, path) < 0.005
 
 
 def test_newmark_keeps_the_energy() -> None:
-    """Swing for a second without damping: the total changes by less than 0.5 % of the largest kinetic energy."""
+    """Newmark keeps the total energy of an undamped swing to 0.5 % of the largest kinetic energy for a second."""
     _, _, energies = tip_path(dynamics__scheme="newmark", dynamics__step=0.005)
     total = energies["kinetic"] + energies["elastic"] + energies["potential"]
     assert np.abs(total).max() < 0.005 * energies["kinetic"].max()
@@ -46,7 +46,7 @@ def test_newmark_keeps_the_energy() -> None:
 
 @pytest.mark.parametrize("damping", [{"viscosity": 200.0}, {"mass": 1.0}])
 def test_what_is_lost_is_accounted_for(damping: dict) -> None:
-    """Damp the swing: what is lost closes the balance to 1 % of the largest kinetic energy, and only grows."""
+    """With damping, the dissipated energy never falls and closes the balance to 1 % of the largest kinetic energy."""
     _, _, energies = tip_path(dynamics__scheme="newmark", dynamics__step=0.005, dynamics__damping=damping)
     total = energies["kinetic"] + energies["elastic"] + energies["potential"] + energies["dissipated"]
     assert np.abs(total).max() < 0.01 * energies["kinetic"].max()
@@ -55,7 +55,7 @@ def test_what_is_lost_is_accounted_for(damping: dict) -> None:
 
 
 def swung_path(scheme: str, step: float) -> np.ndarray:
-    """Return the tip's path (n, 3) [m] while the weight comes and goes smoothly within 0.2 s."""
+    """Return the tip's path (n, 3) [m] while the weight rises and falls smoothly within 0.2 s."""
     given = {"mesh.bar.cells": [10, 1, 1], "dynamics.scheme": scheme, "dynamics.step": step, "solver.tolerance": 1e-6}
     simulation, path = Simulation(load_scene("drop", overrides={**given, "program": None})), []
     for number in range(1, round(0.24 / step) + 1):
@@ -67,7 +67,7 @@ def swung_path(scheme: str, step: float) -> np.ndarray:
 
 @pytest.mark.parametrize("scheme", ["newmark", "generalised_alpha", "bdf2"])
 def test_smooth_paths_converge_with_the_square_of_the_step(scheme: str) -> None:
-    """Halve the steps: differences of the paths to one of far shorter steps fall by four."""
+    """The error of a smooth path, against far shorter steps, is of second order in the step."""
     fine, differences = swung_path(scheme, 0.0005), []
     for step, every in ((0.008, 16), (0.004, 8), (0.002, 4)):
         away = np.abs(swung_path(scheme, step) - fine[every - 1 :: every])

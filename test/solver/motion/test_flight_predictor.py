@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where steps in time start."""
+"""The start of a step in time: prediction by free flight."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ dynamics: {{step: {step}}}
 
 
 def test_a_force_at_a_light_vertex_leads_where_short_steps_lead() -> None:
-    """Pull at one corner, which would fly 25 cells far in a step: near what short steps find, no energy is made."""
+    """A force on one corner, whose free flight is 25 cells a step, moves it as with short steps and adds no energy."""
     moved = {}
     for step in (0.0005, 0.005):
         simulation = Simulation(scene_from_text(TEXT.format(step=step)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A body that nothing holds: it falls, flies and spins as mechanics has it."""
+"""A body without handles falls, flies and spins as mechanics predicts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def momenta(simulation: Simulation, mass: csr_matrix) -> tuple[np.ndarray, np.nd
 @pytest.mark.exact("no iteration is left to do without a shift")
 @pytest.mark.parametrize("scheme", ["newmark", "generalised_alpha"])
 def test_a_thrown_body_flies_a_parabola(moving: Callable, scheme: str) -> None:
-    """Throw it: every vertex flies its parabola to rounding, without one iteration, and no strain."""
+    """Every vertex of a thrown body flies its parabola to rounding, without an iteration and without strain."""
     weight = {"weight": {"gravity": [0, 0, -9.81]}}
     thrown = moving(handles={}, loads=weight, dynamics__velocity=[1.0, 0.0, 2.0], dynamics__scheme=scheme)
     for _ in range(50):
@@ -41,7 +41,7 @@ def test_a_thrown_body_flies_a_parabola(moving: Callable, scheme: str) -> None:
 
 
 def test_the_first_step_of_bdf2_costs_its_parabola_once(moving: Callable) -> None:
-    """Drop it by `bdf2`: it stays ahead of its parabola by what one step of backward Euler is ahead, and not more."""
+    """A body dropped by `bdf2` stays ahead of its parabola only by the error of its first step, of backward Euler."""
     dropped = moving(handles={}, loads={"weight": {"gravity": [0, 0, -9.81]}}, dynamics__scheme="bdf2")
     for _ in range(50):
         result = dropped.step()
@@ -51,7 +51,7 @@ def test_the_first_step_of_bdf2_costs_its_parabola_once(moving: Callable) -> Non
 
 
 def test_a_spinning_body_keeps_its_momenta(moving: Callable) -> None:
-    """Spin it for five turns: the linear momentum to rounding, the angular one to 0.1 %."""
+    """A body that spins for five turns keeps its linear momentum to rounding and its angular momentum to 0.1 %."""
     spinning = moving(handles={}, dynamics__spin=[0.0, 0.0, 20.0], dynamics__step=0.001)
     start, mesh = MASS * (0.1**2 + 0.02**2) / 12.0 * 20.0, spinning.mesh
     mass = mass_matrix(mesh.vertices, mesh.cells, np.full(mesh.n_cells, 1000.0))
@@ -63,7 +63,7 @@ def test_a_spinning_body_keeps_its_momenta(moving: Callable) -> None:
 
 
 def test_a_dropped_body_sleeps_only_if_it_is_held(moving: Callable) -> None:
-    """Leave a free body alone: it is not taken for at rest, for the least push would move it."""
+    """A free body that drifts slowly is not taken as settled, since the least force would move it."""
     drifting = moving(handles={}, dynamics__velocity=[1e-9, 0.0, 0.0])
     for _ in range(3):
         assert "solve" not in drifting.step().skipped

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hard cases in motion: every state is finite, what is wrong is said, and damping schemes make no energy."""
+"""Hard cases in motion: states are finite, failures are reported, and damping schemes make no energy."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ REGIONS = [{"material": "rubber"}, {"material": "heavy", "where": {"box": {"x": 
 
 
 def balance(energies: dict[str, float]) -> float:
-    """Return what a body has beyond what it was given [J]."""
+    """Return the total energy, dissipated energy included, minus the work done on the body [J]."""
     has = energies["kinetic"] + energies["elastic"] + energies["potential"]
     return has + energies["dissipated"] - energies["work"]
 
 
 def played(simulation: Simulation, count: int, **options: Any) -> list:
-    """Make steps, and check that all are finite and that what has not converged says why."""
+    """Make steps; require finite states, and a message from each step that has not converged."""
     results = [simulation.step(**options) for _ in range(count)]
     for result in results:
         assert np.isfinite(result.positions).all()
@@ -43,7 +43,7 @@ def played(simulation: Simulation, count: int, **options: Any) -> list:
 
 @pytest.mark.parametrize("step", [1e-5, 1e-3, 0.05, 1.0])
 def test_steps_of_any_length_make_no_energy(moving: Callable, step: float) -> None:
-    """Drop a soft bar in steps of 10 us to 1 s by `bdf2`: all converge, and no step gains more than rounding."""
+    """A soft bar dropped by `bdf2` in steps of 10 us to 1 s converges and gains no energy."""
     results = played(moving(**SOFT, dynamics__step=step), 20)
     assert all(result.converged for result in results)
     held = np.array([balance(result.energies) for result in results])
@@ -71,10 +71,10 @@ def test_steps_of_any_length_make_no_energy(moving: Callable, step: float) -> No
 )
 @pytest.mark.parametrize("scheme", ["bdf2", "newmark", "generalised_alpha"])
 def test_every_feature_works_in_motion(moving: Callable, scheme: str, given: dict) -> None:
-    """Move a soft bar with one feature more for 0.1 s: every step converges.
+    """With each feature added in turn, every step of a soft bar in motion converges for 0.1 s.
 
-    With a viscosity of 1e7 Pa s the bar hardly moves, and the energy's precision may end a step: one of 300, over three
-    roundings and five densities that differ by 1e-13, ended 1.9e-7 of the size away and said so.
+    With a viscosity of 1e7 Pa s the bar hardly moves, and the precision of the energy may end a step early. Over three
+    roundings and five densities that differ by 1e-13, one of 300 steps ended 1.9e-7 of the size away and said so.
     """
     simulation = moving(**{**SOFT, "dynamics__step": 0.005, **given, "dynamics__scheme": scheme})
     precise = 1e-6 if given == {"dynamics__damping": {"viscosity": 1e7}} else 0.0
@@ -82,14 +82,14 @@ def test_every_feature_works_in_motion(moving: Callable, scheme: str, given: dic
 
 
 def test_a_fall_from_a_thousand_body_lengths(moving: Callable) -> None:
-    """Drop a free bar by 100 m: it falls as far as it must, unstrained."""
+    """A free bar that falls by 100 m falls as far as it must, without strain."""
     result = played(moving(**{**SOFT, "dynamics__scheme": "newmark"}, handles={}, dynamics__step=0.01), 452)[-1]
     assert result.positions[:, 2].mean() == pytest.approx(-0.5 * 9.81 * result.time**2, rel=1e-9)
     assert result.energies["elastic"] < 1e-9
 
 
 def test_a_jerk_by_a_body_length_is_survived(moving: Callable) -> None:
-    """Command the base a body length away in one step of 5 ms: said where it fails, finite, and it goes on after it."""
+    """A base moved by a body length in a step of 5 ms leaves a finite state; failures say so, and motion continues."""
     bar = moving(**SOFT, dynamics__step=0.005)
     played(bar, 3)
     results = played(bar, 1, command=Command(handles={"base": Pose((0.0, 0.0, 0.1))}))
@@ -99,7 +99,7 @@ def test_a_jerk_by_a_body_length_is_survived(moving: Callable) -> None:
 
 
 def test_a_step_of_changing_length_keeps_its_order(moving: Callable) -> None:
-    """Swing in steps that alternate between 1 and 3 ms: within 1 % of steps of 1 ms after 0.2 s."""
+    """A swing in steps that alternate between 1 and 3 ms is within 1 % of one in steps of 1 ms after 0.2 s."""
     even, uneven = (moving(**SOFT, dynamics__step=0.003, dynamics__damping={"viscosity": 100.0}) for _ in range(2))
     for _ in range(50):
         for _ in range(4):

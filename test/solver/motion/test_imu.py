@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inertial measurement units at material points: what mechanics says that they read."""
+"""Inertial measurement units at material points: their readings equal those of rigid-body mechanics."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PROBES = {"tip": [0.1, 0.0, 0.0], "side": [0.07, 0.01, 0.01]}
 
 @pytest.mark.exact("an exact zero without a shift")
 def test_a_falling_body_reads_nothing(moving: Callable) -> None:
-    """Throw a body that nothing holds: no acceleration, no turn, whatever its velocity."""
+    """Units of a freely flying body read no acceleration and no angular velocity, at any velocity."""
     falling = moving(handles={}, loads=WEIGHT, probes=PROBES, dynamics__velocity=[1.0, -2.0, 3.0])
     for _ in range(5):
         falling.step()
@@ -33,7 +33,7 @@ def test_a_falling_body_reads_nothing(moving: Callable) -> None:
 
 @pytest.mark.parametrize("factor", [1.0, -0.5])
 def test_a_body_at_rest_reads_gravity_upward(moving: Callable, factor: float) -> None:
-    """Let a bar sag until it rests: each unit, turned as its cell is, reads what holds it up."""
+    """A unit of a bar at rest reads, in its cell's rotated frame, the upward acceleration that opposes gravity."""
     sagging = moving(loads=WEIGHT, probes=PROBES, dynamics__damping__mass=30.0, dynamics__scheme="bdf2")
     sagging.step(Command(loads={"weight": factor}))
     while not sagging.settled:
@@ -46,7 +46,7 @@ def test_a_body_at_rest_reads_gravity_upward(moving: Callable, factor: float) ->
 
 
 def test_a_spinning_body_reads_its_turn_and_what_keeps_it_on_its_circle(moving: Callable) -> None:
-    """Spin a stiff body without gravity: omega about its own axis, and omega^2 r toward the centre."""
+    """Units of a spinning stiff body read the angular velocity about its axis, and omega^2 r toward the centre."""
     motion = {"dynamics__spin": [0.0, 0.0, 20.0], "dynamics__step": 0.0005, "dynamics__scheme": "bdf2"}
     spinning = moving(handles={}, probes=PROBES, materials__rubber__young=1.0e8, **motion)
     for _ in range(200):
@@ -61,7 +61,7 @@ def test_a_spinning_body_reads_its_turn_and_what_keeps_it_on_its_circle(moving: 
 
 
 def test_the_turn_of_a_stretching_cell_is_that_of_its_axes(moving: Callable) -> None:
-    """Turn and stretch a mesh at once: the angular velocity is R^T dR/dt of the polar decomposition."""
+    """The angular velocity of a cell that turns and stretches is R^T dR/dt of the polar decomposition."""
     mesh = moving().mesh
     shape, point = shape_operators(mesh.vertices, mesh.cells), embed(mesh, [PROBES["side"]], what="point")
 
@@ -82,6 +82,6 @@ def test_the_turn_of_a_stretching_cell_is_that_of_its_axes(moving: Callable) -> 
 
 
 def test_a_body_without_mass_has_no_unit() -> None:
-    """Ask a scene without dynamics: the error says what to add."""
+    """An IMU reading without dynamics is an error that says which section to add."""
     with pytest.raises(CommandError, match="dynamics"):
         Simulation(load_scene("bend5")).imus()

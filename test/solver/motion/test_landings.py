@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Landings that press corners flat: time goes on, every step converges, and no energy is made."""
+"""Landings that press corners flat: time passes, every step converges, and no energy is made."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.scene.loader import scene_from_text
 
 HARD = Landing(up="corner", young=1e5, speed=3.0, step=0.002, height=0.001, lasts=0.03)
-"""A landing with walls at work after three steps."""
+"""A landing in which the fold barrier acts after three steps."""
 
 
 def require_sound(outcome: Outcome) -> None:
-    """Require that time went on, that all converged, and that no energy was made."""
+    """Require that no step stopped, that all converged, and that no energy was made."""
     assert (outcome.stopped, outcome.unconverged, outcome.message) == (0, 0, "")
     assert outcome.most < 1.0 + 1e-9
     assert outcome.min_det > 0.0
 
 
 def test_a_cube_that_falls_on_its_corner_lands() -> None:
-    """Drop the soft cube of 4^3 cells by 10 mm on its corner: 0.3 s go by, through walls at work."""
+    """A soft cube of 4^3 cells that falls by 10 mm on its corner is simulated for 0.3 s while the fold barrier acts."""
     outcome = landed(Landing(up="corner", young=1e5, height=0.01, lasts=0.3))
     require_sound(outcome)
     assert outcome.min_det < 0.2
@@ -44,19 +44,19 @@ def test_a_cube_that_falls_on_its_corner_lands() -> None:
     ids=["cube on its edge", "hollow ball", "bar on its corner", "soft cube on its corner"],
 )
 def test_what_is_thrown_goes_on(landing: Landing, scheme: str) -> None:
-    """Throw it at the floor: no step stops."""
+    """A body thrown at the floor converges in every step."""
     require_sound(landed(replace(landing, scheme=scheme)))
 
 
 def at_work(simulation: Simulation) -> Simulation:
-    """Step until walls are at work."""
+    """Make steps until the fold barrier acts."""
     while simulation.step().min_det > 0.2:
         assert simulation.time < 0.02
     return simulation
 
 
 def test_a_landing_goes_on_from_a_file_to_the_same_bits() -> None:
-    """Save a landing while walls are at work and go on from there: the same positions, iterations and energies."""
+    """A landing saved while the fold barrier acts continues with the same positions, iterations and energies."""
     first, second = at_work(HARD.simulation()), HARD.simulation()
     load_state(second, save_state(first))
     for _ in range(4):
@@ -66,7 +66,7 @@ def test_a_landing_goes_on_from_a_file_to_the_same_bits() -> None:
 
 
 def test_threads_land_to_the_same_bits() -> None:
-    """Land in one thread and in two: the same positions while walls are at work."""
+    """A landing in two threads has the same positions as one in a single thread while the fold barrier acts."""
     landing = replace(HARD, mesh="{bar: {size: [0.04, 0.04, 0.04], cells: [8, 8, 8]}}")
     one, two = landing.simulation(), landing.simulation(solver__threads=2)
     for _ in range(4):
@@ -91,7 +91,7 @@ dynamics: {step: 0.002}
 
 
 def test_a_cube_lands_on_another_with_its_corner() -> None:
-    """Push a cube down on another with six times its weight, corner first: all converges, through walls at work."""
+    """A cube pushed corner first onto another with six times its weight converges while the fold barrier acts."""
     simulation = Simulation(scene_from_text(PAIR))
     results = [simulation.step() for _ in range(13)]
     assert all(result.converged for result in results), [result.message for result in results if result.message]
@@ -101,7 +101,7 @@ def test_a_cube_lands_on_another_with_its_corner() -> None:
 
 @pytest.mark.parametrize("driven", ["chamber", "growth"])
 def test_what_is_driven_lands_too(driven: str) -> None:
-    """Throw a hollow ball that is blown up, and a cube that grows: walls act beside what drives them."""
+    """A pressurised hollow ball and a growing cube land with the fold barrier at work beside the actuator."""
     mesh = {"mesh": BALL, "up": "face"} if driven == "chamber" else {"up": "corner"}
     entry = {"chamber": {"chamber": {"command": "pressure"}}, "growth": {"growth": {"stretch": [1.2, 1.2, 1.2]}}}
     value = {"chamber": 2e3, "growth": 1.0}
@@ -113,7 +113,7 @@ def test_what_is_driven_lands_too(driven: str) -> None:
 
 
 def test_a_fall_that_folds_corners_goes_on() -> None:
-    """Throw a very soft cube at 20 m/s: what does not converge says why, time goes on, and walls unfold what folded."""
+    """A very soft cube thrown at 20 m/s folds: failed steps say so, time passes, and the barrier unfolds corners."""
     simulation = Landing(up="corner", young=1e4, speed=20.0).simulation()
     results = [simulation.step() for _ in range(5)]
     assert simulation.time == pytest.approx(0.025)
@@ -135,7 +135,7 @@ handles: {base: {where: {face: z+}, fixed: true}}
 
 @pytest.mark.parametrize("way", ["edge", "corner"])
 def test_a_press_goes_on_past_where_corners_fold(way: str) -> None:
-    """Press an edge and a corner by 60 % of a cube's side: equilibria all along, and it comes home."""
+    """A cube pressed on an edge or corner by 60 % of its side converges at each step and returns to its shape."""
     up = np.array(WAYS[way]) / np.linalg.norm(WAYS[way])
     at = (scene_from_text(PRESS).mesh.vertices @ up).min() * up
     plate = {"plane": up.tolist(), "at": at.tolist()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid bodies that are put elsewhere in the middle of a motion."""
+"""Rigid bodies that a command puts at another pose in the middle of a motion."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ FAR = Pose((0.5, 0.1, 2.0), (0.1, 0.2, 0.3))
 
 
 def cushion(scheme: str = "bdf2", steps: int = 40) -> Simulation:
-    """Return a box that has lain on a soft cushion for some steps."""
+    """Return a box after some steps on a soft cushion."""
     simulation = Simulation(scene_from_text(CUSHION, overrides={"dynamics.scheme": scheme}))
     run(simulation, steps)
     return simulation
 
 
 def run(simulation: Simulation, steps: int) -> None:
-    """Make steps, each of which has to converge."""
+    """Make steps; each must converge."""
     for _ in range(steps):
         result = simulation.step()
         assert result.converged, result.message
@@ -41,7 +41,7 @@ def run(simulation: Simulation, steps: int) -> None:
 
 @pytest.mark.parametrize(("scheme", "rel"), [("newmark", 1e-4), ("generalised_alpha", 1e-4), ("bdf2", 0.03)])
 def test_what_is_put_somewhere_falls_from_there(scheme: str, rel: float) -> None:
-    """Take a box off its cushion: it falls g t^2 / 2 from where it is put, as it is turned, and the cushion rises."""
+    """A box put above its cushion falls by g t^2 / 2 from there, in the commanded rotation, and the cushion rises."""
     simulation = cushion(scheme)
     low = simulation.positions[:, 2].min(), simulation.positions[:, 2].max()
     result = simulation.step(Command(bodies={"part": FAR}))
@@ -55,7 +55,7 @@ def test_what_is_put_somewhere_falls_from_there(scheme: str, rel: float) -> None
 
 
 def test_putting_is_work() -> None:
-    """Lift a box that falls: energies balance with the work that it took, and its speed is gone."""
+    """Putting a falling box higher is counted as work, so that energies balance, and removes its velocity."""
     simulation = cushion("generalised_alpha", 2)
     stored = ("kinetic", "elastic", "potential", "dissipated")
     for _ in range(2):
@@ -68,7 +68,7 @@ def test_putting_is_work() -> None:
 
 
 def test_putting_before_the_first_step_is_work_too() -> None:
-    """Lift a box before anything has moved: the steps after it converge, and energies balance with the work."""
+    """Putting a box before the first step is counted as work too: the steps after it converge and energies balance."""
     simulation = cushion("generalised_alpha", 0)
     result = simulation.step(Command(bodies={"part": Pose((0.0, 0.0, 0.5))}))
     assert result.converged, result.message
@@ -78,7 +78,7 @@ def test_putting_before_the_first_step_is_work_too() -> None:
 
 
 def test_who_puts_it_all_the_time_holds_it() -> None:
-    """Put a box at one place in every step: it stays there; on the cushion again, it weighs on that."""
+    """A box put at the same place in every step stays there; put back on the cushion, it rests on the cushion."""
     simulation = cushion(steps=0)
     for _ in range(5):
         simulation.step(Command(bodies={"part": FAR}))
@@ -89,7 +89,7 @@ def test_who_puts_it_all_the_time_holds_it() -> None:
 
 
 def test_states_after_it_are_saved_to_the_bit() -> None:
-    """Put, save, go on; load into another simulation and go on: the very same, also of a state put but not stepped."""
+    """A state saved after a put continues elsewhere with the same bits, also if no time has passed since the put."""
     first, second = cushion(), cushion(steps=0)
     first.step(Command(bodies={"part": Pose((0.01, 0.0, 0.002), (0.0, 0.0, 0.2))}))
     first.step(Command(bodies={"part": Pose((0.01, 0.0, 0.001))}), dt=0.0)
@@ -102,7 +102,7 @@ def test_states_after_it_are_saved_to_the_bit() -> None:
 
 
 def test_wrong_places_are_refused() -> None:
-    """Name no body, or one that is none, put it out of reach: what is wrong and what there is; the state stays."""
+    """A wrong body name, a handle's name or a pose out of reach is refused with the allowed values; the state stays."""
     simulation = cushion(steps=3)
     before = simulation.handle_pose("part")
     for bodies, match in (
@@ -119,7 +119,7 @@ def test_wrong_places_are_refused() -> None:
 
 
 def test_what_would_be_put_into_something_is_refused() -> None:
-    """Put a box into a wall, a ball, another box, the cushion: how deep, into what, the remedy; nothing moves."""
+    """A put into a wall, a ball, another box or the cushion is refused with depth, name and remedy; nothing moves."""
     wall, ball = {"box": {"size": [0.01, 0.2, 0.2]}, "at": [0.2, 0.0, 0.0]}, {"sphere": {"radius": 0.002}}
     other = {"box": {"size": [0.02, 0.02, 0.02]}, "density": 1000, "at": [0.05, 0.0, 0.1]}
     more = {"obstacles": {"wall": wall, "ball": {**ball, "at": [-0.1, 0.0, 0.0]}}, "bodies.other": other}
@@ -145,7 +145,7 @@ def test_what_would_be_put_into_something_is_refused() -> None:
 
 
 def test_a_box_smaller_than_a_cell_is_not_put_between_vertices() -> None:
-    """Put a small box into a cell, where no vertex of the cushion is in it: refused all the same; beside it, taken."""
+    """A box smaller than a cell is refused inside the cushion, though it contains no vertex, and accepted beside it."""
     small = {"bodies.part.box.size": [0.008, 0.006, 0.006], "bodies.part.at": [0.05, 0.0, 0.05]}
     simulation = Simulation(scene_from_text(CUSHION, overrides=small))
     with pytest.raises(OverlapError, match="inside of the soft body, between vertices of its surface; remedy"):
@@ -154,7 +154,7 @@ def test_a_box_smaller_than_a_cell_is_not_put_between_vertices() -> None:
 
 
 def test_bodies_that_begin_inside_of_something_are_refused() -> None:
-    """Let a box begin in a floor, turned in another box, with crossing edges, or on them: refused by name, or taken."""
+    """A scene with a body that overlaps a floor or another body is refused by name; one without overlap is accepted."""
     floor = {"plane": [0, 0, 1], "at": [0, 0, 0.0195], "fixed": True}
     bar = {"box": {"size": [0.1, 0.01, 0.01]}, "density": 1000, "at": [0.05, 0.0, 0.1], "rotation_deg": [45, 0, 0]}
     cross = {**bar, "box": {"size": [0.01, 0.1, 0.01]}, "rotation_deg": [0, 45, 0]}
@@ -175,7 +175,7 @@ def test_bodies_that_begin_inside_of_something_are_refused() -> None:
 
 
 def test_bodies_that_begin_inside_of_the_soft_body_are_refused() -> None:
-    """Let a box begin eight millimetres deep in the bar: how deep, and what to do."""
+    """A box that starts eight millimetres deep in the bar is refused with the depth and a remedy."""
     text = """
 name: deep
 mesh: {bar: {size: [0.06, 0.02, 0.02], cells: [6, 2, 2]}}

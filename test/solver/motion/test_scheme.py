@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The schemes: exact for constant acceleration, of second order for a swing, damping as they say."""
+"""Time integration schemes: exact for constant acceleration, second order for an oscillation, numerical damping."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def swing(dynamics: Dynamics, h: float, count: int) -> np.ndarray:
 
 @pytest.mark.parametrize("scheme", Scheme)
 def test_constant_acceleration_is_exact(scheme: Scheme) -> None:
-    """Fall for three steps: positions and velocities are those of the parabola."""
+    """With constant acceleration, positions, velocities and accelerations are exact over three steps."""
     h, pull = 0.1, np.array([[0.0, 0.0, -9.81]])
     x, velocity = np.zeros((1, 3)), np.array([[1.0, 0.0, 2.0]])
     now = Kinematics.started(x, velocity, pull, h)
@@ -57,7 +57,7 @@ def test_constant_acceleration_is_exact(scheme: Scheme) -> None:
 
 @pytest.mark.parametrize("scheme", Scheme)
 def test_second_order(scheme: Scheme) -> None:
-    """Halve the step of a swing: the error falls by four."""
+    """The error of an oscillation is of second order in the step."""
     errors = []
     for count in (100, 200, 400):
         path = swing(Dynamics(scheme=scheme), 3.0 / count, count)
@@ -67,7 +67,10 @@ def test_second_order(scheme: Scheme) -> None:
 
 
 def test_newmark_keeps_the_amplitude_and_the_others_damp() -> None:
-    """Swing for a hundred periods with 60 steps each: the amplitude at the end, and that of a step far too long."""
+    """After a hundred periods of 60 steps newmark keeps the amplitude, the others lose some of it.
+
+    In a step far too long, the amplitude of generalised alpha falls by rho_inf.
+    """
     amplitude = {
         scheme: np.abs(swing(Dynamics(scheme=scheme), np.pi / 60.0, 6000)[-60:]).max() * FREQUENCY for scheme in Scheme
     }
@@ -92,6 +95,6 @@ def test_newmark_keeps_the_amplitude_and_the_others_damp() -> None:
     ],
 )
 def test_values_out_of_range_are_refused(given: dict, named: str) -> None:
-    """Give a value that makes no sense: it is named."""
+    """A value out of range is refused by name."""
     with pytest.raises(ValueError, match=named):
         Dynamics(**given)

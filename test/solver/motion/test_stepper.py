@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps in time: what they report, what they keep where they fail, when a body is at rest."""
+"""Steps in time: their results, the state after a failure, and bodies at rest."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WEIGHT = {"weight": {"gravity": [0, 0, -9.81]}}
 
 
 def test_reactions_contain_inertia(moving: Callable) -> None:
-    """Shake a bar by its base: the force there is the rate of its momentum, in every step."""
+    """The reaction of a shaken base equals the rate of change of the bar's momentum in every step."""
     bar = moving()
     mass = mass_matrix(bar.mesh.vertices, bar.mesh.cells, np.full(bar.mesh.n_cells, 1000.0))
     before, last = np.zeros(3), np.zeros(3)
@@ -35,7 +35,7 @@ def test_reactions_contain_inertia(moving: Callable) -> None:
 
 
 def test_a_settled_body_is_where_the_equilibrium_is_and_sleeps(moving: Callable) -> None:
-    """Release a damped bar: it comes to rest at the static equilibrium, and is not solved any more until commanded."""
+    """A damped bar comes to rest at the static equilibrium, and is not solved again until a command changes."""
     damped = {"dynamics__damping": {"viscosity": 3e4}, "dynamics__scheme": "bdf2", "dynamics__step": 0.01}
     bar, still = moving(handles=HELD, loads=WEIGHT, **damped), moving(handles=HELD, loads=WEIGHT, dynamics=None)
     while not bar.settled:
@@ -50,7 +50,7 @@ def test_a_settled_body_is_where_the_equilibrium_is_and_sleeps(moving: Callable)
 
 
 def test_long_steps_are_cut_into_internal_ones(moving: Callable) -> None:
-    """Make one step of 7 ms: the same to the last bit as its four internal steps."""
+    """A step of 7 ms gives the same bits as its four internal steps."""
     whole, parts = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
     result = whole.step(dt=0.007)
     assert result.substeps == 4
@@ -61,7 +61,7 @@ def test_long_steps_are_cut_into_internal_ones(moving: Callable) -> None:
 
 
 def test_a_checkpoint_goes_on_to_the_last_bit(moving: Callable) -> None:
-    """Save in the middle of a swing and go on elsewhere: same positions, velocities and energies."""
+    """A run saved in the middle of a swing continues elsewhere with the same positions, velocities and energies."""
     series = {"dynamics__prony": [{"share": 0.2, "time": 0.01}], "dynamics__scheme": "bdf2"}
     first, second = (moving(handles=HELD, loads=WEIGHT, **series) for _ in range(2))
     for _ in range(5):
@@ -75,7 +75,7 @@ def test_a_checkpoint_goes_on_to_the_last_bit(moving: Callable) -> None:
 
 
 def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
-    """Let the time pass within a long step: less is simulated and said; given its place, it ends there again."""
+    """A step cut by a deadline reports the simulated time; with the recorded ``cut_after`` it ends there again."""
     cut, again = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
     result = cut.step(dt=0.2, cut_after=7)
     assert not result.converged
@@ -88,7 +88,7 @@ def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
 
 @pytest.mark.parametrize("queries", [1, 3, 10, 40, 150])
 def test_an_interruption_is_repeated(moving: Callable, queries: int) -> None:
-    """Interrupt a long step after some queries, within internal steps too: its recorded count ends it there again."""
+    """A step interrupted after some queries, also in an internal step, is repeated by its recorded ``cut_after``."""
     ends = {"base": {"where": {"face": "x-"}}, "tip": {"where": {"face": "x+"}}}
     jerk, left = Command(handles={"tip": Pose((-0.05, 0.0, 0.02))}), iter(range(queries))
     result = moving(handles=ends).step(jerk, dt=0.2, interrupted=lambda: next(left, None) is None)
@@ -100,7 +100,7 @@ def test_an_interruption_is_repeated(moving: Callable, queries: int) -> None:
 
 
 def test_a_cut_step_goes_on_from_a_checkpoint_to_the_last_bit(moving: Callable) -> None:
-    """End a step before its end, save, and go on here and elsewhere: what its descent had learned is the same."""
+    """After a step that was cut, a run and its copy loaded from a checkpoint give the same bits."""
     first, second = (moving(handles=HELD, loads=WEIGHT, dynamics__step=0.02) for _ in range(2))
     first.step()
     assert not first.step(dt=0.08, cut_after=1).converged
@@ -110,7 +110,7 @@ def test_a_cut_step_goes_on_from_a_checkpoint_to_the_last_bit(moving: Callable) 
 
 
 def test_a_deadline_makes_no_energy(moving: Callable) -> None:
-    """Cut every step as early as can be: each makes one internal step, and all ends as without a deadline."""
+    """With a deadline that passes at once, each step makes one internal step, as without a deadline bit by bit."""
     hurried, calm = (moving(handles=HELD, loads=WEIGHT) for _ in range(2))
     for _ in range(20):
         result = hurried.step(dt=0.01, deadline=1e-9)
@@ -120,7 +120,7 @@ def test_a_deadline_makes_no_energy(moving: Callable) -> None:
 
 
 def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
-    """Jerk the tip by two body lengths in the shortest internal step: it fails, says so, and the bar goes on.
+    """A jerk of the tip by 30 body lengths in one step fails and says so, keeps a sound state, and motion continues.
 
     A third of that jerk is not enough for the test: with three of eleven roundings its first part succeeds.
     """
@@ -141,7 +141,7 @@ def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
 
 
 def test_a_stuck_body_is_tried_again_only_when_something_changes(moving: Callable) -> None:
-    """Keep jerking: one try in vain is enough, here and from a checkpoint; with more time, or let go, it is tried."""
+    """A failed step is not tried again, here or from a checkpoint, until the step is longer or the command changes."""
     ends = {"base": {"where": {"face": "x-"}}, "tip": {"where": {"face": "x+"}}}
     bar, other = moving(handles=ends), moving(handles=ends)
     bar.step()
@@ -167,7 +167,7 @@ def test_a_stuck_body_is_tried_again_only_when_something_changes(moving: Callabl
 @pytest.mark.parametrize("scheme", ["bdf2", "newmark", "generalised_alpha"])
 @pytest.mark.parametrize("shape", ["mirrored", "crumpled"])
 def test_positions_inside_out_end_finite_and_are_told(moving: Callable, scheme: str, shape: str) -> None:
-    """Start from elements inside out: what fails says why and is not tried again, a reset helps."""
+    """From inverted elements, steps end finite; a failure says why and is not tried again, and a reset helps."""
     bar = moving(handles=HELD, dynamics__scheme=scheme)
     given = bar.mesh.vertices * [1.0, -1.0, 1.0]
     if shape == "crumpled":
@@ -186,7 +186,7 @@ def test_positions_inside_out_end_finite_and_are_told(moving: Callable, scheme: 
 
 
 def test_given_positions_start_without_velocity(moving: Callable) -> None:
-    """Release a bar from a bent shape: nothing moves at first, then it swings back through its rest."""
+    """A bar released from a bent shape starts without velocity and swings back through its undeformed shape."""
     bar = moving(handles=HELD)
     bent = bar.mesh.vertices.copy()
     bent[:, 2] += 0.02 * (bent[:, 0] / 0.1) ** 2
@@ -200,7 +200,7 @@ def test_given_positions_start_without_velocity(moving: Callable) -> None:
 
 @pytest.mark.parametrize("short", [1e-17, 1e-9, 1e-6])
 def test_a_step_too_short_is_made_up_for_by_the_next(moving: Callable, short: float) -> None:
-    """Put tiny steps between those of a swing: time passes, and the body swings on as if they had not been."""
+    """Tiny steps between those of a swing pass time, and the swing continues as if there had been none."""
     plain, nudged = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
     for _ in range(20):
         for _ in range(5):
@@ -214,7 +214,7 @@ def test_a_step_too_short_is_made_up_for_by_the_next(moving: Callable, short: fl
 
 
 def test_a_snapshot_of_another_scene_is_refused(moving: Callable) -> None:
-    """Restore one of another body, one of the same body without dynamics, one of another modulus: each is refused."""
+    """A snapshot of another body, of the body without dynamics, or with another modulus is refused."""
     bar = moving(handles=HELD)
     with pytest.raises(CommandError, match="one of another scene: its vertices are"):
         bar.restore(moving(handles=HELD, mesh__bar__cells=[4, 1, 1]).snapshot())
@@ -226,7 +226,7 @@ def test_a_snapshot_of_another_scene_is_refused(moving: Callable) -> None:
 
 @pytest.mark.parametrize(("cable", "told"), [({}, True), ({"stiffness": 1e4}, False), ({"command": "tension"}, False)])
 def test_what_newmark_has_ring_is_remarked(moving: Callable, cable: dict, told: bool) -> None:
-    """Keep a length without a stiffness, with one, or none: a remark with its remedy for the first, by newmark only."""
+    """A cable that holds a length without a stiffness gives a remark with a remedy, by newmark only."""
     points = [[0.0, 0.0, 0.008], [0.05, 0.0, 0.008], [0.09, 0.0, 0.008]]
     actuators = {"pull": {"cable": {"points": points, "command": "shortening", **cable}}}
     rings = "newmark does not damp the force that holds the commanded length or volume of pull"

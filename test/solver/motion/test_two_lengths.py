@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies in motion where two things meet: steps of two lengths in turn, accounts beside an actuator that is growth."""
+"""Motion with steps of two lengths in turn, and energies beside a growth actuator."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ GROWTH = "actuators: {g: {growth: {stretch: [1.2, 1, 1]}}}\n"
 @pytest.mark.parametrize("short", [0.00006, 0.0005, 0.002])
 @pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha"])
 def test_steps_of_two_lengths_in_turn_make_no_energy(scheme: str, short: float) -> None:
-    """Let a bar swing in steps of two lengths: it has no more than it started with, or hardly, undamped."""
+    """A bar that swings in steps of two lengths in turn gains hardly any energy, without damping."""
     allowed, fastest = {"bdf2": 0.005, "generalised_alpha": 0.03}[scheme], 0.0
     simulation = Simulation(scene_from_text(BAR, overrides={"dynamics.scheme": scheme}))
     for step in range(60):
@@ -35,7 +35,7 @@ def test_steps_of_two_lengths_in_turn_make_no_energy(scheme: str, short: float) 
 
 
 def test_growth_does_not_hide_the_potential() -> None:
-    """Give the bar an actuator that is never commanded: the account is that without it."""
+    """A growth actuator that is never commanded changes no energy of the account."""
     plain, grown = (Simulation(scene_from_text(BAR + more)) for more in ("", GROWTH))
     for _ in range(10):
         expected, found = plain.step(dt=0.01).energies, grown.step(dt=0.01).energies

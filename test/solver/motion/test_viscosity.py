@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Viscosity and Prony series: derivatives, rigid motion that costs nothing, and relaxation as in the closed form."""
+"""Viscosity and Prony series: derivatives, rigid motion without dissipation, and relaxation in closed form."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def make_body() -> Body:
 
 
 def test_the_force_is_the_derivative() -> None:
-    """Compare with central differences along random directions, from strained steps before."""
+    """The viscous force equals central differences of its energy along random directions, after strained steps."""
     body, random = make_body(), np.random.default_rng(1)
     term = Viscosity(body, DYNAMICS, H)
     x = body.rest + 0.001 * random.standard_normal(body.rest.shape)
@@ -50,7 +50,7 @@ def test_the_force_is_the_derivative() -> None:
 
 
 def test_rigid_motion_is_not_resisted() -> None:
-    """Turn and shift a strained body for some steps at any rate: no force arises, nothing is lost."""
+    """Rigid motion of a strained body at any rate causes no viscous force and no dissipation."""
     body = make_body()
     term = Viscosity(body, Dynamics(viscosity=300.0), H)
     x = body.rest * [1.3, 0.9, 0.9]
@@ -71,7 +71,7 @@ def test_rigid_motion_is_not_resisted() -> None:
 
 
 def test_stress_relaxes_as_the_series_says(moving: Callable) -> None:
-    """Stretch a bar by 1 % at once and hold it: the force is that of all branches, and fades with them."""
+    """After a sudden stretch of 1 %, the force relaxes as the sum of all Prony branches."""
     branches = [{"share": 0.3, "time": 0.1}, {"share": 0.2, "time": 1.0}]
     ends = {"base": {"where": {"face": "x-"}, "free": ["y", "z"]}, "tip": {"where": {"face": "x+"}, "free": ["y", "z"]}}
     free = {"materials__rubber__poisson": 0.0, "materials__rubber__density": 1e-3}

@@ -15,9 +15,9 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.tangent.level import TangentLevel
 
 NEAR = 1e-4
-"""Of a derivative, by which it may differ from a difference."""
+"""Allowed relative difference between a derivative and a central difference."""
 NOISE = 1e-8
-"""Of a reaction, by which a solve is off."""
+"""Relative error of a solved reaction."""
 BAR = """
 name: bar
 mesh: {bar: {size: [0.1, 0.03, 0.03], cells: [8, 3, 3]}}
@@ -37,7 +37,7 @@ ROTATION = (0.1, -0.2, 0.3)
 
 
 def solved(text: str, command: Command, **overrides: Any) -> Simulation:
-    """Return the simulation of a scene after one converged step."""
+    """Return the simulation of a scene after one converged step; overrides have ``__`` for a dot."""
     simulation = Simulation(
         scene_from_text(text, overrides={key.replace("__", "."): v for key, v in overrides.items()})
     )
@@ -47,7 +47,7 @@ def solved(text: str, command: Command, **overrides: Any) -> Simulation:
 
 
 def seen(simulation: Simulation) -> np.ndarray:
-    """Return the probes and the reactions at the base, (k,)."""
+    """Return the probe positions [m] and the base's reaction [N, N m], concatenated to (k,)."""
     probes = [*simulation.probe_positions().values()]
     return np.concatenate([*probes, simulation.result.reactions["base"]])
 
@@ -55,7 +55,10 @@ def seen(simulation: Simulation) -> np.ndarray:
 def compared(
     text: str, command: Command, name: str, beside: Any, step: float, near: float = NEAR, **overrides: Any
 ) -> None:
-    """Compare a derivative with a central difference: ``beside`` makes command and overrides of a change."""
+    """Compare a derivative with a fourth-order central difference.
+
+    ``beside`` is a function from the parameter's change to the command and scene overrides.
+    """
     simulation = solved(text, command, **overrides)
     outputs = [*(f"probes.{probe}" for probe in simulation.scene.probes), "reactions.base"]
     exact = simulation.sensitivities(outputs, [name]).matrix[:, 0]
@@ -72,12 +75,12 @@ def compared(
 
 
 def with_actuator(kind: str) -> str:
-    """Return the bar with one actuator, ``a``."""
+    """Return the scene text of the bar with one actuator, ``a``."""
     return f"{BAR}actuators: {{a: {kind}}}\n"
 
 
 def varied(kind: str, value: float, step: float, **overrides: Any) -> None:
-    """Compare the derivative by the command of the bar's one actuator, at a value."""
+    """Compare the derivative with respect to the command of the bar's one actuator, at a value."""
 
     def beside(change: float) -> tuple[Command, dict[str, Any]]:
         return Command(actuators={"a": value + change}), {}
@@ -90,29 +93,29 @@ def varied(kind: str, value: float, step: float, **overrides: Any) -> None:
     [("tension", 0.4, 1e-2), ("shortening", 0.004, 1e-4), ("length", 0.095, 1e-4)],
 )
 def test_cables(mode: str, value: float, step: float) -> None:
-    """Vary what a cable is commanded."""
+    """Derivatives with respect to a cable's command equal central differences."""
     varied(f"{{cable: {{points: {CABLE}, command: {mode}}}}}", value, step)
 
 
 def test_an_elastic_cable() -> None:
-    """Vary the shortening of an elastic cable."""
+    """Derivatives with respect to the shortening of an elastic cable equal central differences."""
     varied(f"{{cable: {{points: {CABLE}, command: shortening, stiffness: 200}}}}", 0.004, 1e-4)
 
 
 @pytest.mark.parametrize(("mode", "value", "step"), [("pressure", 4000.0, 40.0), ("volume", 6.6e-6, 1e-8)])
 def test_chambers(mode: str, value: float, step: float) -> None:
-    """Vary what a chamber is commanded."""
+    """Derivatives with respect to a chamber's command equal central differences."""
     kind = f"{{chamber: {{near: [0.05, 0, 0], command: {mode}}}}}"
     varied(kind, value, step, **HOLLOW, materials__soft__poisson=0.49)
 
 
 def test_growth() -> None:
-    """Vary the fraction of a growth."""
+    """Derivatives with respect to the fraction of a growth equal central differences."""
     varied("{growth: {stretch: [1.2, 1, 0.95], where: {box: {z: [0, 0.015]}}}}", 0.5, 1e-2)
 
 
 def test_loads() -> None:
-    """Vary the factor on a load."""
+    """Derivatives with respect to a load factor equal central differences."""
     compared(BAR, Command(), "loads.push", lambda change: (Command(loads={"push": 1.0 + change}), {}), 1e-2)
 
 
@@ -122,12 +125,12 @@ TIP = {"free": {"handles__tip": {"where": {"face": "x+"}, "free": ["y"]}},
 
 
 POSES = [(kind, axis, at) for kind in TIP for axis, at in (("x", 0), ("rx", 3), ("rz", 5)) if kind != "ball" or at < 3]
-"""Kinds of handles and axes that are held: what is commanded about a free one is not read."""
+"""Kind of the tip handle, held axis, and index of the axis in the pose; a command of a free axis has no effect."""
 
 
 @pytest.mark.parametrize(("kind", "axis", "at"), POSES)
 def test_poses(kind: str, axis: str, at: int) -> None:
-    """Vary the pose of a handle that slides, is a hinge or a ball joint along other axes."""
+    """Derivatives with respect to the held axes of a sliding, hinged or ball-jointed handle equal differences."""
 
     def posed(change: float) -> tuple[Command, dict[str, Any]]:
         parts = np.array([-0.006, 0.004, 0.0, *ROTATION]) + change * np.eye(6)[at]
@@ -137,7 +140,7 @@ def test_poses(kind: str, axis: str, at: int) -> None:
 
 
 def test_the_base_carries_everything() -> None:
-    """Move and turn the only handle: all turns with it but gravity."""
+    """Derivatives with respect to the pose of the only handle, under gravity, equal central differences."""
     for axis, at in (("y", 1), ("rx", 3)):
 
         def posed(change: float, at: int = at) -> tuple[Command, dict[str, Any]]:
@@ -170,7 +173,7 @@ LAWS: Mapping[str, tuple[dict[str, Any], dict[str, float]]] = {
 
 @pytest.mark.parametrize("law", LAWS)
 def test_materials(law: str) -> None:
-    """Vary the parameters of each law under a stretch, a twist and weight: positions, and d(reaction)/d(modulus)."""
+    """Derivatives with respect to each law's parameters equal differences, for a stretched, twisted, heavy bar."""
     material, varied = LAWS[law]
     tip, command = {"where": {"face": "x+"}, "free": ["z"]}, Command(
         handles={"tip": Pose((0.02, 0.0, 0.0), (0.6, 0.0, 0.0))}
@@ -195,7 +198,7 @@ BALL = {"obstacles__ball": {"sphere": {"radius": 0.03}, "at": [0.07, 0.004, -0.0
 
 
 def test_contact_with_a_ball() -> None:
-    """Press on a ball without friction, and vary weight, the place of the ball, and a modulus."""
+    """With a pressed ball, derivatives by weight, the ball's position and a modulus equal central differences."""
     raised = Pose((0.0, 0.0, 0.004))
     compared(
         BAR,
@@ -224,7 +227,7 @@ def test_contact_with_a_ball() -> None:
 
 
 def test_slack_cables_pull_when_they_are_told_to() -> None:
-    """Ask in the undeformed state, where a cable does not pull yet: its command moves the tip as a pull does."""
+    """For a slack cable in the undeformed state, the derivative by its tension equals the one-sided difference."""
     text, step = with_actuator(f"{{cable: {{points: {CABLE}, command: tension}}}}"), 1e-3
     here = solved(text, Command())
     exact = here.sensitivities(["probes.tip"], ["actuators.a"]).matrix[:, 0]
@@ -235,7 +238,7 @@ def test_slack_cables_pull_when_they_are_told_to() -> None:
 
 
 def test_states_without_derivatives() -> None:
-    """Ask where no step has converged, for names that are none, and of the policy without forces: one clear error."""
+    """A derivative of a state that has not converged, or with an unknown name, is refused with one clear error."""
     simulation = Simulation(scene_from_text(BAR, overrides={"solver.max_iterations": 3}))
     simulation.step()
     with pytest.raises(GdfeError, match="no derivative: the state is no equilibrium"):
@@ -247,7 +250,7 @@ def test_states_without_derivatives() -> None:
 
 
 def test_asking_leaves_the_state() -> None:
-    """Ask for everything, and step on bitwise as if nothing had been asked."""
+    """Computing all derivatives leaves the next step bitwise unchanged."""
     asked, plain = solved(BAR, Command()), solved(BAR, Command())
     asked.sensitivities(["positions", "reactions.base"], asked.parameter_names)
     for simulation in (asked, plain):
@@ -267,7 +270,7 @@ def test_asking_leaves_the_state() -> None:
 def test_a_warm_column_needs_a_few_solves_and_no_factor(
     text: str, command: Command, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Count factors, solves with them, and the solver's iterations: one factor a state, none of the latter."""
+    """The derivatives of a state need one factor, a few solves with it, and no iteration of the solver."""
     simulation, counts = solved(text, command), {"take": 0, "solve": 0}
 
     def counted(name: str, own: Any) -> Any:

@@ -33,17 +33,17 @@ Case = tuple[str, Callable[[float], tuple[Command, dict[str, Any]]], float, dict
 
 
 def soft(key: str, value: float) -> Callable[[float], tuple[Command, dict[str, Any]]]:
-    """Return what varies a key of the soft material."""
+    """Return a function from a change to the pull command and the soft material's key changed by it."""
     return lambda change: (PULL, {f"materials.soft.{key}": value + change})
 
 
 def damped(**given: Any) -> dict[str, Any]:
-    """Return dynamics with steps of 5 ms."""
+    """Return dynamics settings with steps of 5 ms."""
     return {"dynamics": {"step": 0.005, **given}}
 
 
 def posed(change: float) -> tuple[Command, dict[str, Any]]:
-    """Return a base that rises and turns."""
+    """Return a command in which the base is raised and rotated, with the rotation about y changed by ``change``."""
     return Command(handles={"base": Pose((0.0, 0.0, 0.01), (0.1, -0.2 + change, 0.3))}), {}
 
 
@@ -90,7 +90,7 @@ CASES: Mapping[str, Case] = {
 
 
 def moved(command: Command, overrides: dict[str, Any], followed: str = "", dt: float | None = None) -> Simulation:
-    """Return a simulation after ten steps."""
+    """Return a simulation after ten steps, with one parameter followed if ``followed`` names it."""
     simulation = Simulation(scene_from_text(BAR, overrides=overrides))
     if followed:
         simulation.follow([followed])
@@ -105,7 +105,7 @@ def seen(simulation: Simulation) -> np.ndarray:
 
 
 def compare(case: Case, dt: float | None = None) -> None:
-    """Compare a derivative with a central difference of fourth order."""
+    """Compare a derivative along a motion with a fourth-order central difference."""
     name, beside, step, overrides = case
     simulation = moved(beside(0.0)[0], overrides, name, dt)
     exact = simulation.sensitivities(["probes.tip", "probes.edge", "reactions.base"]).matrix[:, 0]
@@ -123,19 +123,19 @@ def compare(case: Case, dt: float | None = None) -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_motions(case: str) -> None:
-    """Vary materials, damping, commands, loads and poses over ten steps of each scheme."""
+    """Derivatives by materials, damping, commands, loads and poses equal differences after ten steps of each scheme."""
     compare(CASES[case])
 
 
 def test_steps_that_are_cut() -> None:
-    """Turn the base in steps that are cut into three: commands change evenly over them."""
+    """Derivatives by the base's pose equal differences in steps that are divided into three internal steps."""
     compare(CASES["pose"], dt=0.012)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 2.0])
 @pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha"])
 def test_contact_in_motion(friction: float, scheme: str) -> None:
-    """Press a ball into the bar, which slides freely, slips or sticks, and vary the modulus."""
+    """With a ball pressed into the bar, which slides freely, slips or sticks, derivatives by modulus are exact."""
     command = Command({"ball": Pose((0.0, 0.0, 0.006))}, loads={"push": 2.0})
     overrides = {"obstacles": {"ball": {"sphere": {"radius": 0.03}, "at": [0.07, 0.004, -0.04], "friction": friction}}}
     overrides.update(damped(scheme=scheme))
@@ -145,14 +145,14 @@ def test_contact_in_motion(friction: float, scheme: str) -> None:
 
 
 def test_following_changes_no_bit() -> None:
-    """Follow one of two simulations: positions and velocities are the same to the last bit."""
+    """Following a parameter leaves positions and velocities unchanged to the last bit."""
     followed, plain = moved(PULL, {}, "materials.soft.young"), moved(PULL, {})
     np.testing.assert_array_equal(followed.positions, plain.positions)
     np.testing.assert_array_equal(followed.result.velocities, plain.result.velocities)
 
 
 def test_the_jacobian_of_the_last_step() -> None:
-    """Vary the command of the last step alone; what was followed before does not enter."""
+    """The Jacobian is with respect to the last step's command only, whatever parameter was followed before."""
     simulation = moved(PULL, {}, "actuators.a")
     exact = simulation.jacobian(["tip"])[0, :, 0]
     tips = []
@@ -166,7 +166,7 @@ def test_the_jacobian_of_the_last_step() -> None:
 
 
 def test_what_has_no_derivative() -> None:
-    """Ask before a step, and for what nobody followed: each is one clear error."""
+    """A derivative before the first step, or by a parameter that is not followed, is refused with one clear error."""
     simulation = Simulation(scene_from_text(BAR))
     with pytest.raises(GdfeError, match="no step in motion led here; remedy: step first"):
         simulation.sensitivities()

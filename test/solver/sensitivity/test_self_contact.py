@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact derivatives where soft parts touch each other, against differences of steps from there."""
+"""Exact derivatives of soft parts in contact with each other, against differences of steps from that state."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ probes: {top: {mesh: lower, at: [0.009, 0.001, 0.005]}, under: {mesh: upper, at:
 solver: {tolerance: 1.0e-10, max_iterations: 100000}
 """
 NEAR = 1e-4
-"""Of a derivative, by which it may differ from a difference."""
+"""Allowed relative difference between a derivative and a difference."""
 SLIPPING = 5e-4
-"""The same after ten steps in which pairs slip: measured 1.7e-4."""
+"""The same after ten steps in which pairs slip; the measured difference is 1.7e-4."""
 ARM = 0.01
-"""Size of the upper block [m]: moments are compared with forces at this distance."""
+"""Size of the upper block [m]: the tolerance of moments is that of forces times this length."""
 
 
 def pressed(friction: float, sideways: list[float], **overrides: Any) -> Simulation:
@@ -53,7 +53,7 @@ def seen(simulation: Simulation) -> np.ndarray:
 
 
 def agree(exact: np.ndarray, difference: np.ndarray, near: float = NEAR) -> None:
-    """Compare positions, forces and moments, each with its largest."""
+    """Compare positions, forces and moments, each relative to its largest component."""
     places, forces = (np.abs(difference[part]).max() for part in (slice(0, 6), slice(6, 9)))
     for part, size in ((slice(0, 6), places), (slice(6, 9), forces), (slice(9, 12), ARM * forces)):
         np.testing.assert_allclose(exact[part], difference[part], rtol=0, atol=near * size)
@@ -61,7 +61,7 @@ def agree(exact: np.ndarray, difference: np.ndarray, near: float = NEAR) -> None
 
 @pytest.mark.parametrize(("name", "step"), [("handles.lid.z", 1e-6), ("materials.soft.young", 30.0)])
 def test_without_friction(name: str, step: float) -> None:
-    """Press two blocks together, and vary the displacement of the lid or the modulus of one block."""
+    """Without friction, derivatives by the lid's displacement and by a modulus equal differences."""
     outputs = ["probes.top", "probes.under", "reactions.lid"]
     exact = pressed(0.0, []).sensitivities(outputs, [name]).matrix[:, 0]
     sides = []
@@ -77,7 +77,7 @@ def test_without_friction(name: str, step: float) -> None:
 
 @pytest.mark.parametrize("friction", [2.0, 0.1])
 def test_with_friction(friction: float) -> None:
-    """Push the upper block sideways by a little more, where it sticks and where it slips."""
+    """With friction, the derivative by the upper block's sideways push equals differences in stick and in slip."""
     simulation = pressed(friction, [1e-5] if friction > 1.0 else [4e-4, 8e-4, 1.0e-3])
     here, at = simulation.snapshot(), 1e-5 if friction > 1.0 else 1.0e-3
     exact = simulation.sensitivities(["probes.top", "probes.under", "reactions.lid"], ["handles.lid.x"]).matrix[:, 0]
@@ -91,7 +91,7 @@ def test_with_friction(friction: float) -> None:
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 2.0])
 def test_in_motion(friction: float) -> None:
-    """Press the blocks together and push sideways over ten steps, and vary the modulus of one."""
+    """Over ten steps in motion, the derivative by one block's modulus equals differences."""
 
     def moved(change: float, followed: bool = False) -> Simulation:
         more = {"self_contact.friction": friction, "materials.soft.young": 1e5 + change, "dynamics": {"step": 0.005}}
@@ -110,7 +110,7 @@ def test_in_motion(friction: float) -> None:
 
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 def test_asking_leaves_the_state(friction: float) -> None:
-    """Ask where the blocks touch, and step on bitwise as if nothing had been asked."""
+    """Computing derivatives in contact leaves the next step bitwise unchanged."""
     asked, plain = pressed(friction, [4e-4]), pressed(friction, [4e-4])
     asked.sensitivities(["positions", "reactions.lid"], ["handles.lid.x", "materials.soft.young"])
     for simulation in (asked, plain):

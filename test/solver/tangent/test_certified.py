@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is called converged, where a tangent that was stiffened, or a saddle, would have it so."""
+"""Convergence is not claimed at a saddle, nor far from the equilibrium because of a stiffened tangent."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ solver: {max_iterations: 5000}
 
 @pytest.mark.parametrize("name", FORKS)
 def test_a_fork_that_is_drawn_in_one_step_is_near_or_says_that_it_is_not(name: str) -> None:
-    """Draw three fingers at once, so far that tangents are stiffened: within the promise, or not converged."""
+    """Three fingers drawn far in one step, with stiffened tangents, end within the promise or not converged."""
     scene = fork(dict(zip(FINGERS, FORKS[name], strict=True)))
     simulation, fine = Simulation(scene), Simulation(scene, settings=replace(scene.solver, tolerance=1e-8))
     result = next(simulation.play(1))
@@ -43,7 +43,7 @@ def test_a_fork_that_is_drawn_in_one_step_is_near_or_says_that_it_is_not(name: s
 
 @pytest.mark.parametrize("shorter", [1e-3, 4e-3])
 def test_a_column_does_not_stay_at_its_saddle(shorter: float) -> None:
-    """Press a straight column far beyond its buckling load in one step: it ends where one goes that is not straight."""
+    """A straight column pressed far beyond its buckling load in one step has the energy of one that bends."""
     at_once, aside = Simulation(scene_from_text(COLUMN)), Simulation(scene_from_text(COLUMN))
     aside.step(Command({"tip": Pose((-shorter, 0.0, 0.02))}))
     shortened = Command({"tip": Pose((-shorter, 0.0, 0.0))})
@@ -54,10 +54,10 @@ def test_a_column_does_not_stay_at_its_saddle(shorter: float) -> None:
 
 @pytest.mark.parametrize(("name", "steps"), [("bending_tube", 75), ("tendon_finger", 250)])
 def test_errors_of_small_steps_do_not_add_up(name: str, steps: int) -> None:
-    """Play a program in steps of 10 ms: each ends within a tolerance.
+    """Each step of 10 ms in a program ends within a tolerance of the equilibrium.
 
-    1.5 tolerances added up in the tube where no Newton step was made at an estimated tenth of one, and 3.5 in the
-    finger where tangents were taken at predicted shapes.
+    Errors of 1.5 tolerances accumulated in the tube when no Newton step was made below an estimate of 0.1 tolerances,
+    and 3.5 in the finger when tangents were taken at predicted shapes.
     """
     scene = load_scene(name)
     simulation, fine = Simulation(scene), Simulation(scene, settings=replace(scene.solver, tolerance=1e-8))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The softest direction of matrices that are known."""
+"""The lowest eigenvalue of known matrices and its direction."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _symmetric(eigenvalues: NDArray[np.float64]) -> tuple[NDArray[np.float64], N
 
 @pytest.mark.parametrize("least", [-1.0, -1e-3, 0.0, 1e-3, 0.5])
 def test_the_least_eigenvalue_and_its_vector_are_found(least: float) -> None:
-    """Hide one eigenvalue below many: its sign, its size and its direction are found, in the preconditioner's norm."""
+    """One eigenvalue below many is found with its sign, value and eigenvector, in the preconditioner's norm."""
     weight, _ = _symmetric(np.linspace(1.0, 4.0, COUNT))
     root = np.linalg.cholesky(weight)
     values = np.linspace(0.6, 1.0, COUNT)
@@ -39,7 +39,7 @@ def test_the_least_eigenvalue_and_its_vector_are_found(least: float) -> None:
 
 
 def test_a_preconditioner_that_is_the_matrix_leaves_nothing_to_look_for() -> None:
-    """Let products differ from the preconditioner by noise: one is enough, and no direction curves down."""
+    """Where the preconditioner is the matrix up to noise, one product is enough, and no curvature is negative."""
     matrix, _ = _symmetric(np.linspace(1.0, 4.0, COUNT))
     noise = np.random.default_rng(2)
 
@@ -56,7 +56,7 @@ def test_a_preconditioner_that_is_the_matrix_leaves_nothing_to_look_for() -> Non
 
 
 def test_softness_is_the_least_eigenvalue() -> None:
-    """Let Lanczos steps find the least eigenvalue of a known matrix, from a start that has all."""
+    """Lanczos steps find the lowest eigenvalue of a known matrix from a random start."""
     matrix, _ = _symmetric(np.logspace(-3, 0, COUNT))
     start = np.random.default_rng(2).standard_normal(COUNT)
 
@@ -68,7 +68,7 @@ def test_softness_is_the_least_eigenvalue() -> None:
 
 
 def test_the_start_holds_every_low_motion() -> None:
-    """A smooth field is a polynomial of the third degree, and the same in every run."""
+    """The smooth start field is a cubic polynomial of the position, and the same at every call."""
     points, one = np.random.default_rng(0).standard_normal((200, 3)), np.zeros(200, np.int32)
     np.testing.assert_array_equal(smooth_field(points, one), smooth_field(points, one))
     x = points[:, 0]
@@ -76,7 +76,7 @@ def test_the_start_holds_every_low_motion() -> None:
 
 
 def test_each_piece_has_a_field_of_its_own() -> None:
-    """Put a body a thousand sizes beside another: the field of each is that which it has alone."""
+    """Each of two separate pieces has the smooth field that it has alone, even a thousand sizes apart."""
     points, one = np.random.default_rng(0).standard_normal((200, 3)), np.zeros(200, np.int32)
     alone, both = smooth_field(points, one), np.concatenate([points, points + 1000.0])
     found = smooth_field(both, np.repeat(np.arange(2, dtype=np.int32), 200))

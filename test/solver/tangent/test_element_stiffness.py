@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tangent of an element: the derivative of its corner forces, for every law and shape."""
+"""The tangent stiffness of an element is the derivative of its corner forces, for every law and shape."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gdfe_ros.solver.elements.tangent_rows import element_tangents
 from gdfe_ros.solver.tangent.element_stiffness import add_wall_tangents
 
 SPACING = 1e-6
-"""Of the element's edge of 0.1 m."""
+"""Spacing of the differences over the element's edge of 0.1 m."""
 
 
 @pytest.mark.parametrize("stretch", [1.0, 0.1], ids=["whole", "against the wall"])
 def test_it_is_the_derivative_of_the_corner_forces(make_body, element: HexMesh, law: Material, stretch: float) -> None:
-    """Compare with central differences of the forces at a random shape, under pressure."""
+    """The tangent stiffness equals central differences of the corner forces at a random shape, under pressure."""
     body = make_body(element, law)
     x = body.rest * (1.1, 0.9, stretch) + np.random.default_rng(1).uniform(-4e-3, 4e-3, body.rest.shape) * stretch
     watched = NONE if stretch == 1.0 else np.zeros(1, np.int32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors by supernodes, and the orders that keep them small."""
+"""Supernodal factors, and elimination orders that keep them small."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _bar(*cells: int) -> tuple[sparse.csr_matrix, NDArray[np.float64]]:
 
 
 def _hand(fingers: int, length: int) -> tuple[sparse.csr_matrix, NDArray[np.float64]]:
-    """Give a palm with fingers on it, two cells across."""
+    """Return the graph and the vertices of a palm with fingers of two cells across."""
     palm = bar([4.0 * fingers, 2.0, 2.0], [4 * fingers, 2, 2])
     parts, points, count = [palm.cells], [palm.vertices], len(palm.vertices)
     for number in range(fingers):
@@ -41,7 +41,7 @@ def _hand(fingers: int, length: int) -> tuple[sparse.csr_matrix, NDArray[np.floa
 
 
 def _blocks(graph: sparse.csr_matrix, *, least: float = 30.0) -> NDArray[np.float64]:
-    """Give blocks (k, 3, 3) of a symmetric matrix of a graph, positive definite unless ``least`` is small."""
+    """Return blocks (k, 3, 3) of a symmetric matrix on a graph; it is positive definite unless ``least`` is small."""
     generator = np.random.default_rng(0)
     half = sparse.bsr_matrix(
         (generator.standard_normal((len(graph.indices), 3, 3)), graph.indices, graph.indptr),
@@ -62,7 +62,7 @@ def _matrix(graph: sparse.csr_matrix, blocks: NDArray[np.float64]) -> NDArray[np
     "body", [_bar(1, 1, 1), _bar(12, 2, 2), _bar(6, 5, 5), _hand(3, 6)], ids=["cell", "bar", "block", "hand"]
 )
 def test_it_solves(body: tuple[sparse.csr_matrix, NDArray[np.float64]]) -> None:
-    """Solve for one and for three right-hand sides, as a dense solver does."""
+    """A factor gives the solution of a dense solver for one and for three right-hand sides."""
     graph, points = body
     found, blocks = Fronts(graph, points), _blocks(graph)
     assert found.factor(blocks)
@@ -74,7 +74,7 @@ def test_it_solves(body: tuple[sparse.csr_matrix, NDArray[np.float64]]) -> None:
 
 
 def test_what_is_not_definite_has_no_factor() -> None:
-    """Refuse an indefinite matrix and one of what is no number, and take the next one."""
+    """An indefinite matrix and a matrix of NaN are refused, and a positive definite one is factored afterwards."""
     graph, points = _hand(2, 3)
     found, blocks = Fronts(graph, points), _blocks(graph)
     assert not found.factor(_blocks(graph, least=-30.0))
@@ -83,7 +83,7 @@ def test_what_is_not_definite_has_no_factor() -> None:
 
 
 def test_a_factor_is_the_same_to_the_last_bit() -> None:
-    """Factor another matrix in between, and the first one by another object."""
+    """A matrix has the same factor to the last bit in another object that has factored another matrix before."""
     graph, points = _hand(2, 4)
     blocks, right = _blocks(graph), np.linspace(-1.0, 1.0, 3 * len(points))
     first, second = Fronts(graph, points), Fronts(graph, points)
@@ -96,7 +96,7 @@ def test_a_factor_is_the_same_to_the_last_bit() -> None:
 
 @pytest.mark.parametrize("slack", [0.0, 0.3])
 def test_what_is_filled_is_what_a_dense_factor_fills(slack: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compare supernodes with the entries of a dense factor: none is missing, without slack none is too many."""
+    """Supernodes contain all entries of a dense factor, and no others if slack is zero."""
     monkeypatch.setattr(elimination, "NARROW", 0)
     graph, _ = _hand(2, 3)
     found = eliminated(graph, least_degree(graph), slack=slack)
@@ -112,13 +112,13 @@ def test_what_is_filled_is_what_a_dense_factor_fills(slack: float, monkeypatch: 
 
 
 def test_the_order_with_less_work_is_taken() -> None:
-    """A hand of fingers is eliminated finger by finger: its factor is smaller than in the narrow order."""
+    """The elimination order with the smaller factor is taken: for a hand it is not the narrow order."""
     graph, points = _hand(4, 20)
     assert len(Fronts(graph, points).kept.values) < 9 * eliminated(graph, narrow_order(graph, points)).entries
 
 
 def test_a_bar_is_as_narrow_as_its_cross_section() -> None:
-    """In the order that is found, neighbours are at most a cross-section and a row and a vertex apart."""
+    """In the narrow order of a bar, neighbours are at most a cross-section, a row and a vertex apart."""
     graph, points = _bar(30, 2, 3)
     order = narrow_order(graph, points)
     rank = np.empty_like(order)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kept tangent: the gradient's derivative, its factor, and what is done where there is none."""
+"""The stored tangent: it is the gradient's derivative, its factor solves, and an unusable tangent is replaced."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Levels = tuple[TangentLevel, Tangent, TangentProducts, NDArray[np.float64]]
 
 
 def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
-    """Take the tangent of a strip that is stretched by a fraction of its length; evenly where ``power`` is 1."""
+    """Return a strip's tangent level, tangent, products and free components; ``power`` 1 is a uniform stretch."""
     simulation = Simulation(scene_from_text(SCENE.replace("TIP", tip)))
     equilibrium = simulation.stepper.equilibrium
     body = equilibrium.body
@@ -52,14 +52,14 @@ def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
 
 
 def _free_rows(unknowns: tuple) -> NDArray[np.float64]:
-    """Return 1 for each component of a rigid row that may move, 0 for the others."""
+    """Return 1 for each component of a rigid row that is free, and 0 for the others."""
     turns = [unknowns.turns[p] for p in range(len(unknowns.turns)) if unknowns.turn_row[p] >= 0]
     return np.concatenate([np.zeros(0), *unknowns.slides, *turns])
 
 
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_it_is_the_derivative_of_the_gradient(tip: str) -> None:
-    """Compare the assembled tangent with differences of the undeformed body's gradient, rigid rows included."""
+    """The assembled tangent equals differences of the undeformed body's gradient, including rigid rows."""
     level, tangent, products, free = _level(tip, 0.0)
     matrix, rng = level.assembled(tangent), np.random.default_rng(0)
     for _ in range(3):
@@ -70,7 +70,7 @@ def test_it_is_the_derivative_of_the_gradient(tip: str) -> None:
 
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_its_factor_solves(tip: str) -> None:
-    """Solve with the factor and multiply with the matrix: the right-hand side comes back."""
+    """Multiplying the factor's solution by the matrix gives the right-hand side."""
     level, tangent, _, free = _level(tip, 0.0)
     right = np.random.default_rng(1).standard_normal(len(free)) * free
     found = np.empty_like(right)
@@ -79,7 +79,7 @@ def test_its_factor_solves(tip: str) -> None:
 
 
 def test_it_follows_a_stretched_shape() -> None:
-    """Stretch the strip: the tangent there is no longer the initial one, and is still the gradient's derivative."""
+    """The tangent of the stretched strip differs from the initial one and is still the gradient's derivative."""
     level, tangent, products, free = _level("", 0.1)
     assert tangent.shift == 0.0
     direction = np.random.default_rng(2).standard_normal(len(free))
@@ -90,14 +90,14 @@ def test_it_follows_a_stretched_shape() -> None:
 
 
 def test_an_indefinite_tangent_gets_a_factor_all_the_same() -> None:
-    """Squash the strip far beyond its buckling load: what is taken is positive definite."""
+    """The stored tangent of a strip squashed far beyond its buckling load is made positive definite."""
     level, tangent, *_ = _level("", -0.3, power=1)
     matrix = level.assembled(tangent).toarray()
     assert np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0] > 0.0
 
 
 def test_a_kept_tangent_is_loaded_from_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Go on from a snapshot in another simulation: the same bits, and the tangent is factored, not taken anew."""
+    """A run continued from a snapshot gives the same bits, and factors the saved tangent instead of a new one."""
     scene = scene_from_text(SCENE.replace("TIP", ""))
     first, second = Simulation(scene), Simulation(scene)
     for share in (0.5, 0.51):
@@ -112,7 +112,7 @@ def test_a_kept_tangent_is_loaded_from_the_state(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
 def test_a_tangent_that_is_not_finite_is_replaced(value: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the elements' stiffness overflow: the search for a factor ends, with that of the constant matrix."""
+    """A tangent that overflows is replaced by the constant matrix, and its factor gives finite solutions."""
     level, tangent, *_ = _level("", 0.0)
     stiffness = np.full((40, 24, 24), value)
     monkeypatch.setattr(level._elements, "at", lambda *_: stiffness)

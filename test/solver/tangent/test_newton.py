@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Newton steps by conjugate gradients: exact, honest about what is left, and stopped where the energy curves down."""
+"""Newton steps by conjugate gradients: exact, with a true error estimate, and stopped at negative curvature."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ loads: {weight: {gravity: [0, 0, -1.0]}}
 
 @dataclass
 class Strip:
-    """A clamped strip whose tangent was taken in one shape, in another shape."""
+    """A clamped strip in a deformed shape, with a stored tangent taken in the undeformed shape."""
 
     task: Task
     level: TangentLevel
@@ -43,7 +43,7 @@ class Strip:
 
     @classmethod
     def moved(cls, stretch: float) -> Strip:
-        """Stretch it by a fraction of its length, after its undeformed tangent was taken."""
+        """Return a strip stretched by a fraction of its length after the tangent of its undeformed shape was stored."""
         simulation = Simulation(scene_from_text(STRIP))
         equilibrium = simulation.stepper.equilibrium
         body, state = equilibrium.body, equilibrium.at_rest()
@@ -65,7 +65,7 @@ class Strip:
     def solved(
         self, right: NDArray[np.float64], target: float, motion: NDArray[np.float64] | None = None
     ) -> tuple[StepKind, newton.Krylov]:
-        """Solve with the present tangent for a right-hand side, after a motion since the last equilibrium."""
+        """Solve the present tangent for a right-hand side; ``motion`` is the change since the last equilibrium."""
         work = self.task.active.workspace
         krylov, beside = newton.allocate_krylov(len(work.u) // 3), allocate(len(work.u) // 3, work.x, (40, 8), memory=0)
         krylov.course[0].least = 1.0
@@ -78,7 +78,7 @@ class Strip:
 
 @pytest.mark.parametrize("stretch", [0.01, 0.05])
 def test_what_is_left_of_a_step_is_told(stretch: float) -> None:
-    """Solve with the undeformed tangent for that of a stretched strip: the error is at most twice the reported one."""
+    """With the undeformed tangent as preconditioner, the step's error is at most twice the reported error."""
     strip = Strip.moved(stretch)
     right = np.random.default_rng(0).standard_normal(len(strip.gradient))
     solved, krylov = strip.solved(right, 0.0)
@@ -90,7 +90,7 @@ def test_what_is_left_of_a_step_is_told(stretch: float) -> None:
 
 
 def test_the_least_ritz_value_is_that_of_the_pencil() -> None:
-    """Stretch it by a twentieth: the least ratio of the tangents' stiffnesses is found from above, to a quarter."""
+    """At a stretch of 5 %, the least Ritz value is above the pencil's least eigenvalue by at most a quarter."""
     strip = Strip.moved(0.05)
     _, krylov = strip.solved(np.random.default_rng(1).standard_normal(len(strip.gradient)), 0.0)
     taken = strip.level.assembled(strip.level._loaded).toarray()
@@ -99,7 +99,7 @@ def test_the_least_ritz_value_is_that_of_the_pencil() -> None:
 
 
 def test_a_step_along_the_motion_is_found_at_once() -> None:
-    """Ask roughly for a step along the softest mode: it is exact if the body moved along that mode, else far off."""
+    """With a loose target, a step along the softest mode is exact only if the body has just moved along that mode."""
     strip = Strip.moved(0.05)
     _, vectors = np.linalg.eigh(strip.now)
     soft = 1e-3 * vectors[:, 0] / largest(vectors[:, 0])
@@ -109,7 +109,7 @@ def test_a_step_along_the_motion_is_found_at_once() -> None:
 
 
 def test_negative_curvature_is_told() -> None:
-    """Squash it far beyond its buckling load: a direction is found along which the energy curves down."""
+    """In a strip squashed far beyond its buckling load, a direction of negative curvature is found."""
     strip = Strip.moved(-0.2)
     values, vectors = np.linalg.eigh(strip.now)
     assert values[0] < 0.0
@@ -120,7 +120,7 @@ def test_negative_curvature_is_told() -> None:
 
 
 def test_ritz_values_are_those_of_a_library() -> None:
-    """Compare the bisection with LAPACK's eigenvalues of tridiagonal matrices over twelve decades."""
+    """The bisection gives LAPACK's eigenvalues of tridiagonal matrices over twelve decades."""
     random = np.random.default_rng(3)
     for count in (1, 2, 5, 40):
         root = np.diag(10.0 ** random.uniform(-6.0, 0.0, count)) + np.diag(random.uniform(0.0, 0.1, count - 1), 1)
@@ -132,7 +132,7 @@ def test_ritz_values_are_those_of_a_library() -> None:
 
 
 def test_a_factor_follows_a_rotation() -> None:
-    """Turn the strip as a whole by a radian: its undeformed tangent, turned with it, is the one that is taken there."""
+    """Under a rotation of the strip by a radian, the rotated stored tangent equals the tangent taken in that pose."""
     simulation = Simulation(scene_from_text(STRIP.replace(", fixed: true", "")))
     equilibrium = simulation.stepper.equilibrium
     body, state = equilibrium.body, equilibrium.at_rest()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A term that is added from outside: it acts, it is saved, and what does not have it stays as it is."""
+"""A term defined outside the package: it acts, it is saved, and it changes nothing where it is absent."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ LIFT = Command(handles={"tip": Pose((0.0, 0.0, 0.05))})
 
 @kernel
 def bed_energy(x, reals, integers, force, size):
-    """Return k/2 sum_v (z_v - Z_v)^2 of springs k = reals[0] from heights Z in the rest of reals [J]."""
+    """Add the energy [J] k/2 sum_v (z_v - Z_v)^2 of springs and its gradient [N]; return the energy.
+
+    k = reals[0] is the stiffness [N/m], the rest of ``reals`` the undeformed heights Z [m], ``integers`` the vertices.
+    """
     energy = 0.0
     for i in range(len(integers)):
         stretch = x[integers[i], 2] - reals[1 + i]
@@ -38,7 +41,7 @@ def _bed_entry(x, n, reals, k, integers, i, force, size):
 
 
 class Bed(Term):
-    """A bed of upright springs under all vertices that counts the solves it has seen."""
+    """A bed of vertical springs under all vertices, which counts the solves."""
 
     kernel = _bed_entry
 
@@ -48,19 +51,19 @@ class Bed(Term):
         super().__init__("bed", numbers, np.arange(len(body.rest), dtype=np.int32))
 
     def stiffness(self) -> sparse.spmatrix:
-        """Return the springs as a diagonal matrix."""
+        """Return the springs' stiffness as a diagonal matrix."""
         return sparse.diags(np.full(len(self.integers), self._stiffness / 3.0)).tocsc()
 
     def neutral(self) -> Saved:
-        """Begin to count."""
+        """Return a count of zero solves."""
         return {"solves": np.zeros(1)}
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Count on."""
+        """Return the count increased by one."""
         return {"solves": saved["solves"] + 1.0}
 
     def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
-        """Tell the force on the bed [N]."""
+        """Return the force on the bed [N]."""
         return {"force": float(self._stiffness * (positions[:, 2] - self.reals[1:]).sum())}
 
 
@@ -71,7 +74,7 @@ def _simulation(stiffness: float | None) -> Simulation:
 
 
 def test_a_term_from_outside_carries_its_share() -> None:
-    """Lift the tip of a bar on a bed of springs: the handles carry what the bed draws, and the report tells it."""
+    """The handles of a lifted bar on springs carry the force of the springs, and the step result reports that force."""
     result = _simulation(2.0).step(LIFT)
     assert result.converged, result.message
     carried = sum(wrench[2] for wrench in result.reactions.values())
@@ -80,21 +83,21 @@ def test_a_term_from_outside_carries_its_share() -> None:
 
 
 def test_a_stiff_bed_needs_no_more_iterations() -> None:
-    """Make the bed stiff: its contribution to the constant matrix keeps the solve short."""
+    """A stiff bed contributes to the constant matrix, so that its solve takes less than twice the iterations."""
     soft, stiff = (_simulation(stiffness).step(LIFT) for stiffness in (0.01, 1000.0))
     assert stiff.converged
     assert stiff.iterations < 2 * soft.iterations
 
 
 def test_without_springs_nothing_changes() -> None:
-    """Give the bed no stiffness: the equilibrium is that without a bed."""
+    """A bed without stiffness leaves the equilibrium unchanged."""
     plain, bedded = _simulation(None).step(LIFT), _simulation(0.0).step(LIFT)
     np.testing.assert_allclose(bedded.positions, plain.positions, atol=1e-4 * 0.4)
     assert plain.terms == {}
 
 
 def test_what_a_term_saves_is_part_of_the_state() -> None:
-    """Save in the middle of a motion and go on elsewhere: the same bits, the term's count included."""
+    """A run saved during a motion continues elsewhere with the same bits, including the term's saved count."""
     first, second = _simulation(2.0), _simulation(2.0)
     first.step(LIFT)
     load_state(second, save_state(first))
@@ -105,7 +108,7 @@ def test_what_a_term_saves_is_part_of_the_state() -> None:
 
 
 def test_the_force_is_the_slope_of_the_energy() -> None:
-    """Compare the packed kernel with central differences, and its numbers with the term's views of them."""
+    """The packed kernel's force equals central differences of its energy; the term's arrays are views of the table."""
     body = _simulation(None).stepper.body
     term = Bed(body, 3.0)
     table = TermTable.pack([term])

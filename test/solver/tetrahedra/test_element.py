@@ -27,7 +27,7 @@ GRADIENT = np.array([[1.2, 0.3, -0.1], [0.1, 0.9, 0.2], [-0.2, 0.1, 1.05]])
 
 @pytest.fixture(scope="module")
 def block() -> TetMesh:
-    """Mesh a cube with 48 tetrahedra whose corners are off their places; edges are straight."""
+    """Return a cube of 48 tetrahedra with displaced corners and straight edges."""
     mesh = bar([0.2, 0.2, 0.2], [2, 2, 2])
     inner = (np.abs(mesh.vertices - mesh.vertices.mean(axis=0)) < 0.09).all(axis=1)
     tets = divided(mesh)
@@ -41,20 +41,20 @@ def block() -> TetMesh:
 
 @pytest.fixture(scope="module")
 def one(block: TetMesh) -> TetMesh:
-    """Give one tetrahedron with curved edges."""
+    """Return one tetrahedron with curved edges."""
     cell = block.cells[:1]
     x = block.vertices[cell[0]] + np.random.default_rng(1).uniform(-0.004, 0.004, (10, 3))
     return TetMesh(x, np.arange(10)[None])
 
 
 def moved(mesh: TetMesh, share: float, seed: int = 0) -> NDArray[np.float64]:
-    """Return positions after a linear motion and displacements of a fraction ``share`` of the size."""
+    """Return positions after a linear deformation and random displacements of a fraction ``share`` of the size."""
     noise = np.random.default_rng(seed).uniform(-1.0, 1.0, mesh.vertices.shape)
     return mesh.vertices @ GRADIENT.T + share * mesh.size * noise
 
 
 def test_a_linear_field_is_exact(make_body: MakeBody, block: TetMesh, law: Material) -> None:
-    """Prescribe x = F X on the surface: inner vertices follow to rounding, strain and energy density are uniform."""
+    """With x = F X on the surface, inner vertices follow, and strain and energy density are uniform."""
     surface = Handle("surface", np.unique(block.surface()).astype(np.int32))
     body = make_body(block, law, [surface])
     exact = block.vertices @ GRADIENT.T
@@ -70,7 +70,7 @@ def test_a_linear_field_is_exact(make_body: MakeBody, block: TetMesh, law: Mater
 
 @pytest.mark.exact("a shift bends the edges, which a balance to rounding feels")
 def test_constant_stress_is_in_balance_to_rounding(make_body: MakeBody, block: TetMesh, law: Material) -> None:
-    """Let no force act on the inner vertices of a body in a linear field."""
+    """In a linear field the forces on inner vertices vanish to rounding."""
     body = make_body(block, law)
     x = block.vertices @ GRADIENT.T
     force, total = corner_forces(body, x, np.full(block.n_cells, 7e3))[0], np.zeros_like(x)
@@ -80,7 +80,7 @@ def test_constant_stress_is_in_balance_to_rounding(make_body: MakeBody, block: T
 
 
 def test_forces_are_the_gradient_of_the_energy(make_body: MakeBody, one: TetMesh, law: Material) -> None:
-    """Compare with central differences of the energy at a distorted shape with a pressure."""
+    """The forces equal central differences of the energy at a distorted shape with a pressure."""
     body, x, pressure = make_body(one, law), moved(one, 0.02), np.full(1, 2e3)
     force, scale = corner_forces(body, x, pressure)[0][0], 1e-6 * one.size
     for a, axis in np.ndindex(10, 3):
@@ -93,7 +93,7 @@ def test_forces_are_the_gradient_of_the_energy(make_body: MakeBody, one: TetMesh
 
 
 def test_a_uniform_strain_has_the_energy_of_the_law(make_body: MakeBody, block: TetMesh, law: Material) -> None:
-    """Store the energy density of one hexahedron under the same gradient: the parts of the volume term add up."""
+    """Under a uniform F, the energy density is that of one hexahedron, volume term included."""
     cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
     whole = strain_energies(make_body(cube, law), cube.vertices @ GRADIENT.T)[0] / 1e-3
     body = make_body(block, law)
@@ -104,14 +104,14 @@ def test_a_uniform_strain_has_the_energy_of_the_law(make_body: MakeBody, block: 
 
 
 def test_only_rigid_motions_cost_no_energy(make_body: MakeBody, one: TetMesh, law: Material) -> None:
-    """Find six zero eigenvalues of an undeformed element's tangent, and no seventh, whatever the law."""
+    """An undeformed element's tangent has exactly six zero eigenvalues, whatever the law."""
     values = np.linalg.eigvalsh(tangents(make_body(one, law))[0])
     assert np.abs(values[:6]).max() < 1e-6 * values[-1]
     assert values[6] > 1e-4 * law.shear0 * one.size
 
 
 def test_the_corner_measure_is_the_volume_ratio_there(make_body: MakeBody, one: TetMesh) -> None:
-    """Be det F in a linear field, and negative once a corner folds."""
+    """The least volume ratio is det F in a linear field, and negative once a corner folds."""
     body = make_body(one)
     assert least_volume_ratio(one.vertices @ GRADIENT.T, body.shape) == pytest.approx(np.linalg.det(GRADIENT))
     x = one.vertices.copy()
@@ -120,7 +120,7 @@ def test_the_corner_measure_is_the_volume_ratio_there(make_body: MakeBody, one: 
 
 
 def test_the_barrier_opens_folded_corners(make_body: MakeBody, one: TetMesh) -> None:
-    """Compare the barrier's tangents with their transpose, and its push with the direction that opens the corner."""
+    """The fold barrier's tangent at a pressed corner is symmetric and not zero."""
     body, x = make_body(one), one.vertices.copy()
     x[4] = x[0] + 0.27 * (x[1] - x[0])
     out, force = np.zeros((1, 30, 30)), np.zeros((1, 10, 3))

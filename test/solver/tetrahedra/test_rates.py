@@ -19,7 +19,7 @@ INNER, OUTER, PRESSURE = 0.05, 0.1, 1.0
 
 
 def ball(cells: int, *, curved: bool = True) -> TetMesh:
-    """Return an eighth of a hollow ball."""
+    """Return a mesh of an eighth of a hollow ball."""
     whole = sphere(INNER, OUTER, [cells, cells // 2])
     mesh = starred(keep_cells(whole, (whole.centroids > 0.0).all(axis=1)))
     return snapped(mesh, INNER, OUTER) if curved else mesh
@@ -38,7 +38,7 @@ def lame(points: NDArray[np.float64], law: Material) -> tuple[NDArray[np.float64
 
 
 def ball_errors(mesh: TetMesh, law: Material) -> tuple[float, float]:
-    """Return the relative errors of displacements and stresses, in the quadratic mean."""
+    """Return the relative root mean square errors of displacements and of stresses."""
     force = pushed(mesh, round_faces(mesh, 0.0, 0.5 * (INNER + OUTER)), PRESSURE)
     u = displacements(mesh, law, force, mesh.vertices < 1e-12)
     exact, _ = lame(mesh.vertices, law)
@@ -60,7 +60,7 @@ def ball_errors(mesh: TetMesh, law: Material) -> tuple[float, float]:
     ids=["0.3", "neo-hookean 0.499", "0.4999"],
 )
 def test_a_ball_under_pressure_converges(law: Material, stress_rate: float) -> None:
-    """Reach Lame's solution at order 2.6 in displacements, 0.3 % wrong with 576 cells; stresses at about 1.5."""
+    """Displacements converge to Lame's solution at order 2.6, to below 0.3 % with 576 cells; stresses at about 1.5."""
     (u_coarse, s_coarse), (u_fine, s_fine) = (ball_errors(ball(n), law) for n in (4, 6))
     assert u_coarse < 0.003
     assert np.log(u_coarse / u_fine) > 2.6 * np.log(1.5)
@@ -69,13 +69,13 @@ def test_a_ball_under_pressure_converges(law: Material, stress_rate: float) -> N
 
 
 def test_straight_edges_at_a_curved_boundary_cost_accuracy() -> None:
-    """Lose a factor of ten and an order with straight edges: why STEP files get curved ones."""
+    """Straight edges at a curved boundary give ten times the displacement error of curved ones."""
     law = Linear(young=1e5, poisson=0.3)
     assert ball_errors(ball(4, curved=False), law)[0] > 10.0 * ball_errors(ball(4), law)[0]
 
 
 def cook(cells: int) -> TetMesh:
-    """Return Cook's membrane: a tapered panel of 48 x 44 to 16, one cell thick [mm]."""
+    """Return Cook's membrane: a tapered panel, 48 mm wide and 44 to 16 mm high, one cell thick."""
     grid = bar([48.0, 1.0, 48.0 / cells], [cells, cells, 1])
     x, y, z = grid.vertices.T
     share = x / 48.0
@@ -84,7 +84,7 @@ def cook(cells: int) -> TetMesh:
 
 
 def cook_rise(cells: int, law: Material) -> float:
-    """Return the rise of the upper corner under a unit shear force per thickness, in plane strain."""
+    """Return the rise of the upper right corner under a unit shear force per thickness, in plane strain."""
     mesh = cook(cells)
     faces, right = mesh.surface(), mesh.vertices[:, 0] > 48.0 - 1e-9
     force = pushed(mesh, faces[right[faces[:, :3]].all(axis=1)], np.array([0.0, 1.0 / 16.0, 0.0]))
@@ -98,7 +98,7 @@ def cook_rise(cells: int, law: Material) -> float:
 
 @pytest.mark.parametrize("poisson", [0.3333, 0.4999])
 def test_cooks_membrane_does_not_lock(poisson: float) -> None:
-    """Rise within 2 % of the value of a finer mesh, and nearer with each refinement, whatever Poisson's ratio is."""
+    """The rise of Cook's membrane is within 2 % of a finer mesh and converges, for any Poisson's ratio."""
     law = Linear(young=1.0, poisson=poisson)
     rises = [cook_rise(cells, law) for cells in (4, 8, 16)]
     assert rises[1] == pytest.approx(rises[2], rel=0.02)

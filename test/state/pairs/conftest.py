@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Features: a small body each, and its load path; and what "the same" means of states."""
+"""Features: small bodies with their load paths, and comparisons of states to the last bit."""
 
 from __future__ import annotations
 
@@ -47,33 +47,33 @@ HEAT = "heat: {growth: {stretch: [0.9, 1, 1], where: {box: {z: [0, 1]}}}}"
 LOADS = "loads: {weight: {gravity: [0, 0, -9.81]}, push: {point: {at: [0.1, 0.003, 0.01], force: [0, 0.2, 0.1]}}}"
 LIFT, OVER = Pose((-0.002, 0.004, 0.02), (0.2, 0.1, 0.0)), Pose((-0.3, 0.0, 0.0))
 VOLUME = 3.4e-6
-"""Of the ball's undeformed chamber, about [m^3]."""
+"""Volume of the ball's undeformed chamber, about [m^3]."""
 NUMBERS = ("time", "converged", "iterations", "error_estimate", "energy", "min_det", "skipped", "substeps", "restarts")
 WORDS = ("message", "cut_after", "actuators", "policy", "factorisation")
 Way = list[tuple[Command, dict]]
 
 
 class Differences:
-    """What is not the same to the last bit, by name."""
+    """Comparisons to the last bit; each returns the names of all that differs."""
 
     def result(self, found: StepResult, expected: StepResult) -> list[str]:
-        """Compare two results; the wall time apart."""
+        """Compare two results except for the wall time; return the differing names."""
         names = [name for name in NUMBERS + WORDS if getattr(found, name) != getattr(expected, name)]
         names += [name for name, loads in expected.reactions.items() if not _equal(found.reactions[name], loads)]
         return names if _equal(found.positions, expected.positions) else ["positions", *names]
 
     def run(self, found: list[StepResult], expected: list[StepResult]) -> list[str]:
-        """Compare step by step."""
+        """Compare results step by step; return the differing names."""
         pairs = enumerate(zip(found, expected, strict=True))
         return [f"{name} of step {number}" for number, pair in pairs for name in self.result(*pair)]
 
     def fields(self, found: Any, expected: Any) -> list[str]:
-        """Compare element fields."""
+        """Compare element fields; return the differing names."""
         names = [item.name for item in fields_of(expected)]
         return [name for name in names if not _equal(getattr(found, name), getattr(expected, name))]
 
     def state(self, one: Simulation, other: Simulation) -> list[str]:
-        """Compare all that two simulations tell of their states."""
+        """Compare the public states of two simulations; return the differing names."""
         first, second = (
             {
                 "time": each.time,
@@ -98,14 +98,14 @@ class Feature:
 
     Attributes:
         scene: the body of all simulations.
-        end: last command of the path, nothing left out.
+        end: last command of the path, complete.
         away: last command of another path.
-        absurd: a command within all ranges that has no equilibrium, or hardly.
+        absurd: a command within all ranges that has no equilibrium, or hardly one.
         lever: an actuator and a small change of its command, for derivatives.
-        start: initial command of the actuators, where it is not zero.
-        parts: of the path to ``end``.
-        cuts: ``cut_after`` of the steps, in turn.
-        seen: tells from the results whether the feature was at work.
+        start: dict from actuator name to initial command, where it is not zero.
+        parts: number of steps into which the path to ``end`` is divided.
+        cuts: ``cut_after`` of the steps, repeated cyclically.
+        seen: function from the results to whether the feature was active.
     """
 
     scene: Scene
@@ -120,19 +120,19 @@ class Feature:
 
     @property
     def way(self) -> Way:
-        """The commands and options of the steps; the last one is not cut."""
+        """Commands and options of the steps to ``end``; the last step is not cut."""
         steps = [self._part(self.end, part / self.parts) for part in range(1, self.parts + 1)]
         cuts = [self.cuts[index % len(self.cuts)] for index in range(self.parts)]
         return [(step, {"dt": 0.1, "cut_after": cut}) for step, cut in zip(steps, cuts, strict=True)] + [(self.end, {})]
 
     @property
     def elsewhere(self) -> Way:
-        """Steps of another path."""
+        """Commands and options of the steps to ``away``."""
         return [(self._part(self.away, part), {"dt": 0.3}) for part in (0.5, 1.0)]
 
     @cached_property
     def results(self) -> list[StepResult]:
-        """The steps of a simulation that is alone."""
+        """Results of the path in a simulation of its own."""
         return self.run(self.simulation(), self.way)
 
     def simulation(self) -> Simulation:
@@ -140,11 +140,11 @@ class Feature:
         return Simulation(self.scene)
 
     def run(self, simulation: Simulation, way: Way) -> list[StepResult]:
-        """Make these steps."""
+        """Make these steps; return their results."""
         return [simulation.step(command, **how) for command, how in way]
 
     def finish(self, simulation: Simulation) -> StepResult:
-        """Repeat the end of the path until it is reached."""
+        """Repeat the last command until its step converges; return the result."""
         for _ in range(20):
             result = simulation.step(self.end)
             if result.converged:
@@ -162,13 +162,13 @@ class Feature:
 
 
 def bar(handles: str = "", actuators: str = PULL, more: str = "", **keys: object) -> Scene:
-    """Make a scene of the bar; keywords override its keys, dots written as double underscores."""
+    """Make a scene of the bar; keywords override scene keys, double underscores stand for dots."""
     text = BAR.format(handles=handles, actuators=actuators, more=more)
     return scene_from_text(text, overrides={key.replace("__", "."): value for key, value in keys.items()})
 
 
 def driven(scene: Scene, end: dict, away: dict, absurd: dict, lever: tuple[str, float], **how: Any) -> Feature:
-    """Make a feature of a body that only actuators drive."""
+    """Make a feature of a body that is driven by actuators only."""
     return Feature(scene, *(Command(actuators=values) for values in (end, away, absurd)), lever, **how)
 
 
@@ -185,14 +185,14 @@ def relative() -> Feature:
 
 
 def shortened(mode: str, rest: float, sign: float, **keys: object) -> Feature:
-    """Make a feature of the bar that a cable of given length bends."""
+    """Make a feature of the bar bent by a cable of commanded length or shortening."""
     string = STRING.format(mode=mode, limits=[0.001 if rest else -0.05, 0.2])
     ways = [{"pull": rest + sign * change} for change in (0.003, 0.006, 0.05)]
     return driven(bar(actuators=string, **keys), *ways, ("pull", 1e-5), start={"pull": rest})
 
 
 def blown(mode: str, end: float, away: float, absurd: float, rest: float = 0.0, **how: Any) -> Feature:
-    """Make a feature of the ball."""
+    """Make a feature of the ball with a commanded chamber."""
     limits = [-1e5, 1e7] if mode == "pressure" else [1e-9, 1e-3]
     scene = scene_from_text(BALL.format(mode=mode, limits=limits, poisson=how.pop("poisson", 0.45)))
     ways = [{"air": value} for value in (end, away, absurd)]
@@ -200,7 +200,7 @@ def blown(mode: str, end: float, away: float, absurd: float, rest: float = 0.0, 
 
 
 def moved(free: str = "", pose: Pose = LIFT, *, heat: float = 0.0, loads: float = 0.0, **keys: Any) -> Feature:
-    """Make a feature of the bar whose tip is moved, and a cable pulls it a little."""
+    """Make a feature of the bar whose tip is moved by its handle while a cable pulls it a little."""
     options = {name: keys.pop(name) for name in ("parts", "cuts", "seen") if name in keys}
     given = {"handles": f"{keys.pop('wall', '')}{TIP[:-1]}, free: [{free}]}}", "more": LOADS if loads else ""}
     factors, growth = ({"weight": loads, "push": loads} if loads else {}), ({"heat": heat} if heat else {})
@@ -211,12 +211,12 @@ def moved(free: str = "", pose: Pose = LIFT, *, heat: float = 0.0, loads: float 
 
 
 def cut(results: list[StepResult]) -> bool:
-    """Tell whether a step was cut."""
+    """Return whether a step was cut."""
     return any(result.cut_after is not None and not result.converged for result in results)
 
 
 def asleep(results: list[StepResult]) -> bool:
-    """Tell whether a part of the body was held."""
+    """Return whether elements were dormant in a step."""
     return any(result.skipped.get("dormant elements") for result in results)
 
 

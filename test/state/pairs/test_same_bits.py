@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every feature with everything that copies or repeats a state: the same to the last bit."""
+"""Every feature with every operation that copies or repeats a state: results are equal to the last bit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WRONG = Command(actuators={"nobody": 1.0}), Command(loads={"nobody": 1.0})
 
 
 def test_the_feature_is_at_work(feature: Any) -> None:
-    """Look at the path: the body moves, ends in equilibrium, and what the feature names has happened."""
+    """On its path, the body moves, ends in equilibrium, and its feature is active."""
     last, mesh = feature.results[-1], feature.scene.mesh
     assert last.converged, last.message
     assert np.abs(last.positions - mesh.vertices).max() > 1e-4 * mesh.size
@@ -33,18 +33,18 @@ def test_the_feature_is_at_work(feature: Any) -> None:
 
 
 def test_replay(feature: Any, differences: Any) -> None:
-    """Make the same steps in a fresh simulation."""
+    """The same steps in a fresh simulation give the same bits."""
     assert not differences.run(feature.run(feature.simulation(), feature.way), feature.results)
 
 
 def test_replay_of_the_scene_read_anew(feature: Any, differences: Any) -> None:
-    """Read the scene from its own text and make the same steps."""
+    """The same steps in a scene read from its own text give the same bits."""
     simulation = Simulation(scene_from_text(feature.scene.source))
     assert not differences.run(feature.run(simulation, feature.way), feature.results)
 
 
 def test_reset_and_again(feature: Any, differences: Any) -> None:
-    """Make the steps, go elsewhere, reset, and again: as in the beginning, each time."""
+    """After steps, another path and a reset, the same steps give the same bits, also a second time."""
     simulation, fresh = feature.simulation(), feature.simulation()
     for _ in range(2):
         feature.run(simulation, feature.way + feature.elsewhere)
@@ -57,7 +57,7 @@ def test_reset_and_again(feature: Any, differences: Any) -> None:
 
 
 def test_two_in_turn(feature: Any, differences: Any) -> None:
-    """Step two simulations of one scene in turn, on different load paths: each as if alone."""
+    """Two simulations of one scene, stepped in turn on different load paths, each have the bits they have alone."""
     one, other, found = feature.simulation(), feature.simulation(), []
     for index, step in enumerate(feature.way):
         feature.run(other, [feature.elsewhere[index % 2]])
@@ -66,7 +66,7 @@ def test_two_in_turn(feature: Any, differences: Any) -> None:
 
 
 def test_two_threads_at_the_same_time(feature: Any, differences: Any) -> None:
-    """Step two simulations of one scene in two threads: each as if alone."""
+    """Two simulations of one scene in two threads each have the bits they have alone."""
     simulations, found = [feature.simulation(), feature.simulation()], {}
     barrier = threading.Barrier(2)
 
@@ -88,7 +88,7 @@ def test_two_threads_at_the_same_time(feature: Any, differences: Any) -> None:
 
 @pytest.mark.parametrize("where", ["fresh", "elsewhere", "itself"])
 def test_checkpoint(feature: Any, differences: Any, where: str) -> None:
-    """Save in the middle, load where nothing or something else has happened, go on: as if never interrupted."""
+    """A state saved midway and loaded into a fresh, a used or the same simulation continues with the same bits."""
     half = len(feature.way) // 2
     first = feature.simulation()
     feature.run(first, feature.way[:half])
@@ -107,7 +107,7 @@ def test_checkpoint(feature: Any, differences: Any, where: str) -> None:
 
 
 def test_deferred_fields(feature: Any, differences: Any) -> None:
-    """Take the fields of every step at once, and evaluate them later in another thread: equal."""
+    """Fields taken at every step and evaluated later in another thread have the same bits."""
     simulation, now, later = feature.simulation(), [], []
     for step in feature.way:
         feature.run(simulation, [step])
@@ -127,7 +127,7 @@ def test_deferred_fields(feature: Any, differences: Any) -> None:
 
 
 def test_a_refused_command_changes_nothing(feature: Any, differences: Any) -> None:
-    """Refuse commands between any two steps: the steps are those of a simulation that never was asked."""
+    """Refused commands between any two steps leave the steps' bits unchanged."""
     simulation, found = feature.simulation(), []
     for step in feature.way:
         for wrong in (*WRONG, Command(actuators={feature.lever[0]: 1e12})):
@@ -138,7 +138,7 @@ def test_a_refused_command_changes_nothing(feature: Any, differences: Any) -> No
 
 
 def test_asking_changes_nothing(feature: Any, differences: Any) -> None:
-    """Ask for all that can be asked between any two steps: the steps are those of a simulation that never was."""
+    """Computing fields, states, checkpoints and a Jacobian between steps leaves the steps' bits unchanged."""
     simulation, found = feature.simulation(), []
     for index, step in enumerate(feature.way):
         simulation.fields()
@@ -155,7 +155,7 @@ def test_asking_changes_nothing(feature: Any, differences: Any) -> None:
 
 @pytest.mark.skipif("PAIRS_IN_THREADS" in os.environ, reason="this is the process that it starts")
 def test_with_threads() -> None:
-    """Make these pairs for a body whose elements two threads divide, in a process that may use two."""
+    """All tests of this file pass for a body whose elements two threads divide, in a process that may use two."""
     here = Path(__file__)
     environment = {**os.environ, "NUMBA_NUM_THREADS": "2", "PAIRS_IN_THREADS": "1"}
     options = "-q", "-p", "no:cacheprovider", f"--confcutdir={here.parents[1]}"

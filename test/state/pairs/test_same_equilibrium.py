@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every feature with everything that takes another path: the same equilibrium within tolerances, true slopes."""
+"""Every feature with operations that take another path: the same equilibrium within tolerances, exact derivatives."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy
 
 NEAR = 30.0
-"""Tolerances by which two paths to one equilibrium may differ."""
+"""Largest distance between the ends of two paths to one equilibrium, in tolerances."""
 ENERGIES = 0.01
-"""By which their energies may."""
+"""Largest relative difference between their energies."""
 
 
 def assert_near(lab: Any, simulation: Simulation, found: StepResult, expected: StepResult) -> None:
-    """Compare two equilibria of one command."""
+    """Require two equilibria of one command to agree within `NEAR` and `ENERGIES`."""
     off = lab.distance(found.positions, expected.positions, simulation.mesh)
     assert off < NEAR * simulation.settings.tolerance
     assert found.energy == pytest.approx(expected.energy, rel=ENERGIES)
 
 
 def test_positions_of_another_simulation(feature: Any, lab: Any, differences: Any) -> None:
-    """Start from the end of another simulation: the same equilibrium, and the same bits when done twice."""
+    """A start from another simulation's final positions gives the same equilibrium, and the same bits when repeated."""
     found = []
     for _ in range(2):
         simulation = feature.simulation()
@@ -40,7 +40,7 @@ def test_positions_of_another_simulation(feature: Any, lab: Any, differences: An
 
 
 def test_restart_from_mirrored_positions(feature: Any, lab: Any, differences: Any) -> None:
-    """Turn the body inside out and step: the equilibrium of a simulation that never failed, then the same bits."""
+    """From mirrored positions a step reaches the same equilibrium, and after a reset the same bits."""
     simulation, plain = feature.simulation(), feature.simulation()
     centre = simulation.mesh.vertices.mean(axis=0)
     feature.run(simulation, feature.elsewhere)
@@ -55,7 +55,7 @@ def test_restart_from_mirrored_positions(feature: Any, lab: Any, differences: An
 
 
 def test_after_a_failed_step(feature: Any, lab: Any, differences: Any) -> None:
-    """Ask for what has no equilibrium: finite, then the equilibrium as ever, and after a reset the same bits."""
+    """After a failed step, positions are finite, the equilibrium is found, and a reset gives the same bits."""
     simulation = feature.simulation()
     feature.run(simulation, feature.way[:1])
     failed = simulation.step(feature.absurd, cut_after=40)
@@ -67,7 +67,7 @@ def test_after_a_failed_step(feature: Any, lab: Any, differences: Any) -> None:
 
 
 def test_jacobian(feature: Any, lab: Any, differences: Any) -> None:
-    """Compare d(probe)/d(command) with steps of fresh simulations; asking does not change the next steps."""
+    """d(probe)/d(command) equals differences of fresh simulations, and computing it leaves later steps unchanged."""
     simulation, twin = feature.simulation(), feature.simulation()
     for each in (simulation, twin):
         feature.run(each, feature.way)
