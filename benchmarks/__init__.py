@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run time against error: the paper's scenes, reference solutions, peers and the comparison."""
+"""Benchmarks: run time against error on the paper's scenes, with reference solutions and other solvers (peers)."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``make bench``: run time against error beside FElupe, CalculiX and MuJoCo; scaling."""
+"""``make bench``: run time against error, compared with FElupe, CalculiX and MuJoCo; and scaling with size."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from gdfe_ros.solver.settings import Policy
 
 
 def main() -> int:
-    """Measure, write bench.json and the picture, print the tables; return 1 where a run failed."""
+    """Run all measurements, write bench.json and the picture, print the tables; return 1 if a run failed."""
     parser = options("benchmarks", "Run time against error beside FElupe, CalculiX and MuJoCo; scaling.", "bench")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each kind; the median counts (default: 3)")
     parser.add_argument("--quick", action="store_true", help="leave out runs of more than ten seconds, and sizes")
@@ -63,7 +63,7 @@ def main() -> int:
 
 
 def probe() -> dict[str, float]:
-    """Solve our coarsest mesh of every scene and the paper's, from rest, and the smallest size of all."""
+    """Return figures of cold solves: every scene on our coarsest and on the paper's mesh, and the smallest size."""
     found = scaling_probe(SIZES[:1])
     for name in CaseName:
         case, reference = get_case(name), load_reference(name)

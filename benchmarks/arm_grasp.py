@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene `arm_grasp`: time by phase, drift of the held box, efforts and the energy balance of the arm.
+"""The scene `arm_grasp`: time of each phase, drift of the held box, efforts of the joints, energy balance of the arm.
 
 ``python -m benchmarks.arm_grasp`` prints the tables.
 """
@@ -31,19 +31,20 @@ PHASES = {
     "opens": (13.2, 14.5),
     "leaves": (14.5, 15.6),
 }
-"""When [s]."""
+"""Dict from phase to its start and end [s]."""
 QUIET = (9.0, 12.0)
-"""Part of the hold [s] over which the drift is measured, after all vibrations."""
+"""Start and end [s] of the interval in which the drift is measured: while the box is held, after all vibrations."""
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 def measure(overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Play the program of the scene.
+    """Play the program of the scene and return what was measured.
 
     Returns:
-        ``rows`` by phase: duration [s], mean iterations, processor time over simulated time; ``factor`` of the whole;
-        ``converged``; ``drift`` of the box in the hold [m/s]; ``effort error`` at rest, over the largest effort;
-        ``balance``: the work of the motors that is not found as energy of the links or work on the hand, over it.
+        ``rows``, for each phase: name, duration [s], mean iterations, processor time over simulated time; ``factor``:
+        processor time over simulated time of the whole program; ``converged``; ``drift`` of the held box [m/s];
+        ``effort error``: result of `effort_error` while the box is held; ``balance``: error of the energy balance over
+        the work of the motors; ``work`` of the motors [J].
     """
     simulation = Simulation(load_scene("arm_grasp", overrides=overrides))
     simulation.warm_up()
@@ -71,11 +72,11 @@ def measure(overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
 
 
 def effort_error(simulation: Simulation, result: StepResult) -> float:
-    """Return the largest difference of the efforts at rest from those of the same weights, over the largest effort.
+    """Return the largest difference between computed efforts and efforts of point weights, over the largest effort.
 
-    The weights are points: each link at its centre of mass, and the hand and the box at theirs. A weight m g at p takes
-    the effort -m g . dp/dq; dp/dq is a central difference of the places of the links, so that neither Newton-Euler nor
-    the wrench of the hand enters.
+    The arm must not move. The point weights are those of each link, the hand and the box, at their centres of mass. A
+    weight m g at p needs the effort -m g . dp/dq, where dp/dq is a central difference of the positions of the links.
+    This check uses neither the Newton-Euler algorithm nor the wrench of the hand.
     """
     arm = simulation.scene.arms[0]
     states = simulation.joint_states()
@@ -85,7 +86,7 @@ def effort_error(simulation: Simulation, result: StepResult) -> float:
     local = flange.axes.T @ (carried - flange.origin)
 
     def lift(at: Vector) -> float:
-        """Return minus the potential energy of all weights [J]."""
+        """Return minus the potential energy [J] of all weights, at joint positions ``at`` (n,)."""
         frame = arm.dynamics.frames(at)[arm.flange]
         held = mass * GRAVITY @ (frame.origin + frame.axes @ local)
         return float(held - arm.dynamics.potential_energy(at, GRAVITY))
@@ -100,7 +101,7 @@ def effort_error(simulation: Simulation, result: StepResult) -> float:
 
 
 def _carried_mass(simulation: Simulation, result: StepResult) -> tuple[Vector, float]:
-    """Return the centre (3,) [m] and the mass [kg] of the hand and of the rigid bodies that it holds."""
+    """Return the centre of mass (3,) [m] and the mass [kg] of the hand together with the rigid bodies that it holds."""
     scene = simulation.scene
     masses = np.zeros(scene.mesh.n_vertices)
     densities = np.array([material.density for material in scene.materials.values()])[scene.cell_material]
@@ -120,11 +121,11 @@ def _place(simulation: Simulation) -> Vector:
 
 @dataclass
 class Account:
-    """Work of the motors, energy of the links, and work of the links on the hand.
+    """Energy balance of an arm: work of the motors, energy of the links, and work of the links on the hand.
 
     Attributes:
-        simulation: that is stepped.
-        motors: sum of the works of all motors so far, each taken positive [J].
+        simulation: simulation that is stepped.
+        motors: sum of the magnitudes of the works of all motors and steps so far [J].
         net: work of all motors [J].
         hand: work of the handle on the hand [J].
     """
@@ -139,16 +140,16 @@ class Account:
 
     @property
     def arm(self) -> Arm:
-        """The arm."""
+        """Arm of the scene."""
         return self.simulation.scene.arms[0]
 
     @property
     def error(self) -> float:
-        """Work that is not accounted for, over the work of the motors."""
+        """Error of the energy balance, divided by the work of the motors."""
         return abs(self.net - self.hand - (self._now - self._start)) / self.motors
 
     def add(self, result: StepResult) -> None:
-        """Add a step, by the trapezoidal rule."""
+        """Add the works of one step, by the trapezoidal rule."""
         states = list(self.simulation.joint_states().values())
         q, v, efforts = (
             np.array([getattr(state, name) for state in states]) for name in ("position", "velocity", "effort")
@@ -176,7 +177,7 @@ def probe() -> dict[str, float]:
 
 
 def table() -> str:
-    """Return the tables; the drift is that of a hold whose every step is solved, while other steps at rest are not."""
+    """Return the tables. Drift, effort error and balance are measured in a second run in which no solve is skipped."""
     found, solved = measure(), measure({"solver.skip": []})
     found |= {name: solved[name] for name in ("drift", "effort error", "balance", "work")}
     found["converged"] &= solved["converged"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Banded Cholesky factors by LAPACK, the peer of the solver's own."""
+"""Banded Cholesky factors by LAPACK, for comparison with the solver's factors."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 
 class Band:
-    """Factors matrices of one pattern in succession, and solves with the last factor.
+    """Banded Cholesky factor of matrices that have one common pattern.
 
     Args:
-        graph: (f, f) an entry for each block (3, 3) of the matrices, symmetric, in their order.
-        order: (f,) of the vertices, with a narrow band.
+        graph: pattern (f, f): one entry for each block (3, 3) of the matrices, symmetric, in the order of the blocks.
+        order: order of the f vertices (f,) that makes the band narrow.
 
     Attributes:
-        width: entries of a column from the diagonal on.
+        width: number of entries of a column, from the diagonal to the edge of the band.
     """
 
     def __init__(self, graph: sparse.csr_matrix, order: NDArray[np.int64]) -> None:
@@ -34,14 +34,14 @@ class Band:
         self._factor = np.zeros((self.width, 0), order="F")
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
-        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. If not, there is no factor."""
+        """Factor a matrix with blocks (k, 3, 3); return False, without a factor, if it is not positive definite."""
         band = np.zeros((self.width, self._size), order="F")
         band.ravel(order="K")[self._place] = blocks.ravel()[self._below]
         self._factor, info = dpbtrf(band, lower=1, overwrite_ab=1)
         return info == 0 and bool(np.isfinite(self._factor[0]).all())
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the solution for right-hand sides (3 f,) or (3 f, k)."""
+        """Return the solution for right-hand sides (3 f,) or (3 f, k), with the last factor."""
         found, _ = dpbtrs(self._factor, right[self._order], lower=1, overwrite_b=1)
         solution = np.empty_like(found)
         solution[self._order] = found

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many simulations at once: one after another, in threads of one process, in processes; steps a second, summed.
+"""Rate [steps/s] of a batch of simulations that run one after another, in threads of one process, or in processes.
 
 ``python -m benchmarks.batches [--out FILE]`` prints the table of docs/benchmark.md. Each method runs in a process of
-its own, in turns; medians count. Bodies with an equal matrix have one factor in a process: what the first one of them
-and each further one takes stands beside.
+its own. The methods take turns, and the table shows medians. In one process, bodies with equal matrices have one common
+factor. The table also shows the set-up times of the first body and of each further body.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from benchmarks.report import options, write_report
 SCENE = "bend5"
 MESHES = ((10, 1, 1), (20, 2, 2), (50, 5, 5))
 BATCH, STEPS, REPEATS = 8, 50, 3
-"""Simulations, steps that each makes, runs of each method."""
+"""Number of simulations, steps of each simulation, and runs of each method."""
 TIMEOUT = 600.0
 
 
 class Way(str, Enum):
-    """How a batch is played."""
+    """Method of running a batch."""
 
     ALONE = "one after another"
     THREADS = "threads"
@@ -43,7 +43,7 @@ class Way(str, Enum):
 
 
 def measure(cells: tuple[int, int, int], workers: int) -> dict[str, Any]:
-    """Play a batch with each method in turn; return steps a second by method, and set-up times [s] in one process.
+    """Run a batch with each method in turn; return the rates [steps/s] and the set-up times in one process [s].
 
     Raises:
         subprocess.CalledProcessError: a run failed.
@@ -85,7 +85,7 @@ def batch_table(report: Sequence[dict[str, Any]]) -> str:
 
 
 def _batch(way: Way, cells: list[int], workers: int) -> dict[str, float]:
-    """Play one batch in this process or in processes of its own."""
+    """Run one batch with one method, and return its rate [steps/s] and, in one process, the set-up times [s]."""
     if way is Way.PROCESSES:
         with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
             return {"rate": _rate(pool, _play_anew, [cells] * BATCH)}
@@ -102,7 +102,7 @@ def _batch(way: Way, cells: list[int], workers: int) -> dict[str, float]:
 
 
 def _rate(pool: Executor, play: Callable[[Any], None], batch: Sequence[Any]) -> float:
-    """Return the steps a second of a batch, once every worker has played one of it."""
+    """Return the rate [steps/s] of a batch, after a first run of the batch that is not timed."""
     list(pool.map(play, batch))
     begun = perf_counter()
     list(pool.map(play, batch))
@@ -129,7 +129,7 @@ def _play(simulation: Any) -> None:
 
 
 _OWN: dict[str, Any] = {}
-"""The simulations of a worker, by their cells: each is made once."""
+"""Dict from cells to the simulation of this worker process; each simulation is made once."""
 
 
 def _play_anew(cells: list[int]) -> None:
@@ -140,7 +140,7 @@ def _play_anew(cells: list[int]) -> None:
 
 
 def probe() -> dict[str, float]:
-    """Replay the first steps of every mesh."""
+    """Return the figures of the first steps on every mesh."""
     found: dict[str, float] = {}
     for cells in MESHES:
         found |= first_steps("x".join(map(str, cells)), _simulation(list(cells)), STEPS)
@@ -148,7 +148,7 @@ def probe() -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, keep, print."""
+    """Run the measurement, write the report and print the table."""
     given = options("benchmarks.batches", "Many simulations at once.", "batches").parse_args()
     report = [measure(cells, os.cpu_count() or 1) for cells in MESHES]
     write_report(given.out, report, probe())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measured silicone beam: recorded, simulated, and what linear beam theory says of both."""
+"""A silicone beam: sag, frequency and damping as recorded, as simulated, and according to linear beam theory."""
 
 from __future__ import annotations
 
@@ -18,30 +18,31 @@ from gdfe_ros.simulation import Simulation
 
 MEASURED = Path(__file__).parents[1] / "test" / "data" / "measured"
 LOADS = (0, 52, 101)
-"""Attached to the measured beam [g]."""
+"""Masses that were attached to the measured beam [g]."""
 DAMPINGS = {
     "viscosity": {"viscosity": 420.0},
     "viscosity and mass": {"viscosity": 260.0, "mass": 2.0},
     "one Prony branch": None,
 }
-"""Fits to the decay of the beam without load; the pair needs a second frequency, and takes those of all three."""
+"""Damping parameters that are fitted to the decay of the beam without load. The pair is fitted to the decay with all
+three loads, because it needs more than one frequency."""
 SHOWN = "viscosity and mass"
-"""Of these, what the picture shows."""
+"""The entry of `DAMPINGS` that the picture shows."""
 PRONY = [{"share": 0.25, "time": 0.035}]
 LASTS = 2.2
-"""Of a recording, and of a simulation [s]."""
+"""Duration of each recording and of each simulation [s]."""
 TARGETS = (0.05, 0.03, 0.20)
-"""Largest differences of sag, frequency and damping ratio that were aimed at."""
+"""Goals of the comparison: largest relative differences of sag, frequency and damping ratio."""
 LENGTH, SIDE, DENSITY, POISSON, GRAVITY = 0.10, 0.03, 1070.0, 0.49, 9.81
 SHEAR_AREA = 5.0 / 6.0
-"""Of a rectangle, over its area."""
+"""Shear area of a rectangle, divided by its area."""
 
 Curve = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Times [s] and heights [mm]."""
 
 
 def swings(times: NDArray[np.float64], height: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Return sag, frequency [Hz] and damping ratio of the first swings; the sag is the mean of the last half second."""
+    """Return sag [mm], frequency [Hz] and damping ratio; the sag is the mean of the last half second."""
     sag = -float(height[times > times[-1] - 0.5].mean())
     away = height + sag
     extremes = np.sort(np.concatenate([find_peaks(sign * away, prominence=0.2)[0] for sign in (1, -1)]))[:9]
@@ -54,7 +55,7 @@ def swings(times: NDArray[np.float64], height: NDArray[np.float64]) -> tuple[flo
 
 
 def measured_beam(load: int) -> Curve:
-    """Return the swing of a recording: the mean of its markers."""
+    """Return the recorded curve of the beam with a load [g]: the mean of its markers."""
     data = np.genfromtxt(MEASURED / f"beam_{load}g.csv", delimiter=",", names=True)
     first = data["t_s"] < LASTS
     height = np.mean([data[f"m{number}_up_mm"] for number in (1, 2, 3)], axis=0)
@@ -62,7 +63,7 @@ def measured_beam(load: int) -> Curve:
 
 
 def simulated_beam(load: int, damping: Mapping[str, float] | None) -> Curve:
-    """Return the same of the scene `silicone_beam`: the mean of its end face; None takes the Prony branch."""
+    """Return the simulated curve of the beam: the mean of its end face. ``damping`` None means the Prony branch."""
     simulation = beam_simulation(load, damping)
     end = simulation.mesh.vertices[:, 0] > 0.0999
     height, times = [], []
@@ -74,7 +75,7 @@ def simulated_beam(load: int, damping: Mapping[str, float] | None) -> Curve:
 
 
 def beam_simulation(load: int, damping: Mapping[str, float] | None) -> Simulation:
-    """Return the simulation of the beam with a load [g] and a damping; None takes the Prony branch."""
+    """Return the scene `silicone_beam` with a load [g] and a damping; None means the Prony branch."""
     given: dict[str, Any] = {"dynamics": {"step": 0.005, **({"damping": damping} if damping else {"prony": PRONY})}}
     if load:
         given["masses"] = {"load": {"mass": 1e-3 * load, "where": {"face": "x+"}}}
@@ -82,7 +83,7 @@ def beam_simulation(load: int, damping: Mapping[str, float] | None) -> Simulatio
 
 
 def measure_beam() -> dict[str, Any]:
-    """Return rows of sag [mm], frequency [Hz] and damping ratio, and the simulated swings that are shown."""
+    """Return rows with sag [mm], frequency [Hz] and damping ratio, and the curves that the picture shows."""
     rows, shown = [], {}
     for name, damping in DAMPINGS.items():
         for load in LOADS:
@@ -95,10 +96,11 @@ def measure_beam() -> dict[str, Any]:
 
 
 def beam_theory() -> list[dict[str, float]]:
-    """Return recorded sag and frequency beside linear theory, with the modulus that the sag without load asks for.
+    """Return recorded and theoretical sag [mm] and frequency [Hz]; the modulus is fitted to the sag without load.
 
-    ``lever`` [m] is how far beyond the end a load would have to hang, and ``softer`` the fraction of the modulus that
-    would have to be left, for the recorded sag; with either goes the frequency that theory then has.
+    Two hypotheses can explain the recorded sag with a load. ``lever`` [m] is the distance beyond the end of the beam at
+    which the load would have to hang. ``softer`` is the factor by which the modulus would have to be multiplied.
+    ``frequency_lever`` and ``frequency_softer`` are the theoretical frequencies under these hypotheses.
     """
     recorded = {load: swings(*measured_beam(load))[:2] for load in LOADS}
     young = brentq(lambda value: 1e3 * deflection(value, 0.0)[0][-1] - recorded[0][0], 1e4, 1e7)
@@ -117,12 +119,12 @@ def beam_theory() -> list[dict[str, float]]:
 
 
 def deflection(young: float, mass: float, lever: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return sag [m] and slope of a Timoshenko beam along its length under its weight and that of a mass [kg].
+    """Return sag [m] and slope along a Timoshenko beam under its own weight and that of a mass, (1001,) each.
 
     Args:
-        young: modulus [Pa].
-        mass: at the end [kg].
-        lever: how far beyond the end it hangs [m].
+        young: Young's modulus [Pa].
+        mass: mass at the end [kg].
+        lever: distance of the mass beyond the end [m].
     """
     x, area = np.linspace(0.0, LENGTH, 1001), SIDE * SIDE
     bend, shear = young * SIDE**4 / 12.0, SHEAR_AREA * area * young / (2.0 * (1.0 + POISSON))
@@ -136,7 +138,7 @@ def deflection(young: float, mass: float, lever: float = 0.0) -> tuple[NDArray[n
 
 
 def first_frequency(young: float, mass: float, lever: float = 0.0) -> float:
-    """Return the first frequency [Hz] of that beam by Rayleigh's quotient of its sag."""
+    """Return the first frequency [Hz] of the beam of `deflection`, by Rayleigh's quotient of its sag."""
     sag, slope = deflection(young, mass, lever)
     end, line = sag[-1] + lever * slope[-1], DENSITY * SIDE * SIDE * LENGTH / (len(sag) - 1)
     inner = np.ones(len(sag))
@@ -146,7 +148,7 @@ def first_frequency(young: float, mass: float, lever: float = 0.0) -> float:
 
 
 def draw_swings(path: Path, shown: Mapping[str, Sequence[Sequence[float]]]) -> None:
-    """Draw recorded and simulated swings, one above the other."""
+    """Draw recorded and simulated curves, one diagram per load."""
     figure = Figure(figsize=(9.0, 6.0), dpi=120, layout="constrained")
     axes = figure.subplots(len(LOADS), 1, sharex=True)
     for axis, load in zip(axes, LOADS, strict=True):

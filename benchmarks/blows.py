@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What energy a body has after a blow: ``python -m benchmarks.blows``.
+"""Energy of a body after an impact, for each time integration scheme: ``python -m benchmarks.blows``.
 
-A cube of 0.1 m, 4^3 cells, is thrown at a floor, which it reaches at several moments of a step. Soft and long steps,
-stiff and short ones: from blows of a hundred steps to such as are over in a tenth of one.
+A cube of 0.1 m with 4^3 cells is thrown at a floor. The contact starts at several moments within a time step. Modulus
+and time step are varied, so that the impact lasts from a hundred steps to a tenth of a step.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from gdfe_ros import Simulation
 from gdfe_ros.scene.loader import scene_from_text
 
 SPEED, PHASES, STEPS = 0.5, 6, 60
-"""In which it flies [m/s]; moments of a step; and steps that are made."""
+"""Speed of the cube [m/s], number of moments within a step at which the contact starts, and number of steps."""
 CUBE = """
 name: cube
 mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [4, 4, 4]}}
@@ -34,15 +34,15 @@ SCHEMES = (
 def thrown(
     text: str, scheme: Mapping[str, object], young: float, step: float, phase: float, *, lowest: float
 ) -> Simulation:
-    """Return a body that flies at a floor, which it reaches ``phase`` of a step after the first one.
+    """Return a simulation of a body that flies towards a floor and reaches it after 1 + ``phase`` steps.
 
     Args:
-        text: its scene.
-        scheme: of the dynamics.
-        young: modulus of its material ``soft`` [Pa].
-        step: [s].
-        phase: 0 to 1.
-        lowest: where it ends below [m].
+        text: YAML text of the scene.
+        scheme: keys of the scene's dynamics that select the scheme.
+        young: Young's modulus of the material ``soft`` [Pa].
+        step: time step [s].
+        phase: fraction of a step, 0 to 1.
+        lowest: height of the body's lowest point [m].
     """
     floor = {"plane": [0, 0, 1], "at": [0, 0, lowest - (1.0 + phase) * SPEED * step], "fixed": True}
     keys = {
@@ -54,7 +54,7 @@ def thrown(
 
 
 def blow(scheme: Mapping[str, object], young: float, step: float, phase: float) -> tuple[float, float]:
-    """Return the most energy that a cube has and what it has in the end, over what it was thrown with.
+    """Return the largest and the final energy of a cube, both divided by its energy after the first step.
 
     Raises:
         RuntimeError: a step has not converged.

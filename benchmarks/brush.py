@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A brush: bristles on an elastic palm, of which a few are moved. What the others do is work that can be skipped."""
+"""A brush: bristles on an elastic palm, of which a few are moved. The work for the other bristles can be skipped."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from gdfe_ros.solver.settings import SolverSettings
 CELL = 0.004
 """Edge of the cubic cells [m]."""
 THICK, PITCH = 2, 3
-"""Cells across a bristle, and from one to the next."""
+"""Number of cells across a bristle, and from one bristle to the next."""
 RUBBER = NeoHookean(young=1e5, poisson=0.45)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Brush:
-    """Bristles along x on a palm whose back is held.
+    """Bristles along x on a palm whose back is fixed.
 
     Attributes:
-        rows: bristles along y and z.
-        palm: cells of the palm along x.
-        length: cells of a bristle along x.
+        rows: number of bristles along y and z.
+        palm: number of cells of the palm along x.
+        length: number of cells of a bristle along x.
     """
 
     rows: tuple[int, int] = (20, 5)
@@ -39,11 +39,11 @@ class Brush:
 
     @property
     def bristles(self) -> int:
-        """How many there are."""
+        """Number of bristles."""
         return self.rows[0] * self.rows[1]
 
     def mesh(self) -> HexMesh:
-        """Return the mesh: a bar without the gaps between the bristles."""
+        """Return the mesh: a block of cells from which the gaps between the bristles are removed."""
         counts = (self.palm + self.length, *(PITCH * row - PITCH + THICK for row in self.rows))
         block = bar([CELL * count for count in counts], counts)
         place = np.floor((block.centroids - block.bounds[0]) / CELL).astype(int)
@@ -67,7 +67,7 @@ class Brush:
         )
 
     def bent(self, moved: Sequence[int], amount: float) -> Command:
-        """Return the command that moves some tips sideways by ``amount`` of half of a bristle's length."""
+        """Return the command that moves the tips with numbers ``moved`` sideways by 0.2 ``amount`` bristle lengths."""
         reach = 0.5 * CELL * self.length
         pose = Pose(translation=(-0.05 * reach * amount**2, 0.0, 0.4 * reach * amount))
         return Command(handles={f"tip_{i}": pose for i in moved})

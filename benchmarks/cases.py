@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark scenes as plain data: bars of segments, one clamped face, one moved face.
+"""The benchmark scenes as plain data: bars of segments, with one clamped face and one moved face.
 
 These definitions repeat those of ``config/scenes`` on purpose. The peers and the reference
-solutions read only this module, so that a mistake in our scene loader or in our materials cannot
-make a peer agree with us.
+solutions read only this module. Therefore a mistake in our scene loader or in our materials cannot
+change their results.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class CaseName(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class LogNeoHooke:
-    """Compressible neo-Hookean law in its log form.
+    """Compressible neo-Hookean law in its logarithmic form.
 
     ``W = mu/2 (tr F^T F - 3) - mu ln J + lame/2 (ln J)^2`` [J/m^3].
 
@@ -67,7 +67,7 @@ class OgdenSeries:
     Attributes:
         mu: moduli ``mu_i`` [Pa]; their sum is the initial shear modulus.
         alpha: exponents ``alpha_i`` [-].
-        poisson: initial Poisson's ratio [-]; it sets the bulk modulus.
+        poisson: initial Poisson's ratio [-]; it determines the bulk modulus.
     """
 
     mu: tuple[float, ...]
@@ -88,17 +88,17 @@ class Case:
     """One scene: a bar along x from 0, centred on 0 in y and z, clamped at ``x = 0``.
 
     Attributes:
-        name: which scene.
-        section: where it stands in the paper, or what it is for.
+        name: name of the scene.
+        section: section of the paper, or purpose of the scene.
         size: lengths of the bar along x, y, z [m].
         cells: hexahedra along x, y, z of the paper's own mesh.
         laws: one law for each segment; the segments divide the length equally, from the left.
         translation: displacement of the right face at full load [m].
         rotation: rotation vector of the right face about its rest centre at full load [rad].
-        slides: whether the right face, kept plane and parallel, may slide along x unloaded.
-        slide: x displacement [m] to prescribe where a solver cannot leave the handle free
-            (the reference's own value); zero unless ``slides``.
-        reaction_index: the entry of (force, moment) that the scene is judged by: 0 to 5.
+        slides: whether the right face, which stays plane and parallel, may slide along x without force.
+        slide: x displacement [m] that is prescribed if a solver cannot leave the handle free: the
+            value of the reference solution; zero unless ``slides``.
+        reaction_index: entry of (force, moment) that is compared, 0 to 5.
     """
 
     name: CaseName
@@ -113,10 +113,10 @@ class Case:
     reaction_index: int = 0
 
     def grid(self, cells: tuple[int, int, int] | None = None, *, order: int = 1) -> Grid:
-        """Return the bar's grid, by default that of the paper; see `Grid`.
+        """Return the grid of the bar, by default the paper's; see `Grid`.
 
         Raises:
-            ValueError: if the cells along x do not fall on the borders of the segments.
+            ValueError: if a border between segments is not a border between cells along x.
         """
         cells = cells or self.cells
         if cells[0] % len(self.laws):
@@ -136,11 +136,12 @@ class Case:
 
         Args:
             points: rest positions on the right face, shape (k, 3), float64 [m].
-            load: part of the motion, 0 to 1; a sliding handle foreshortens with its square.
+            load: fraction of the motion, 0 to 1; the x displacement of a sliding handle is
+                proportional to its square.
 
         Returns:
-            Displacement, shape (k, 3), float64 [m]. The x column holds `slide` where the handle
-            slides; a solver that can leave it free ignores that column.
+            Displacement, shape (k, 3), float64 [m]. If the handle slides, its x column contains
+            `slide` times ``load``^2; a solver that can leave x free ignores this column.
         """
         centre = np.array([self.size[0], 0.0, 0.0])
         arms = points - centre

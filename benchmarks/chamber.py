@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A chamber robot beside FElupe on the same mesh, over its whole program.
+"""A robot with a pressure chamber, compared with FElupe on the same mesh, over the robot's whole program.
 
 ``python -m benchmarks.chamber [--out FILE]`` runs both (a few minutes), writes ``bending_tube_felupe.npz`` into
 runs/chamber, and prints the table of docs/benchmark.md.
@@ -25,16 +25,16 @@ from gdfe_ros.simulation import Command, Simulation
 SCENE, ACTUATOR, PROBE = "bending_tube", "air", "tip"
 REFERENCE = Path("runs", "chamber", f"{SCENE}_felupe.npz")
 PRESSURES = np.arange(1, 12) * 1e3
-"""Up to the largest pressure of the program [Pa]."""
+"""Compared pressures, up to the largest pressure of the program [Pa]."""
 PACE = 27
-"""Steps from one pressure to the next: about the pace of the program at 100 steps a second."""
+"""Number of steps from one pressure to the next: about the rate of the program with 100 steps per second."""
 ACROSS = ("tip", "tip_top")
-"""Probes whose line tells the angle."""
+"""Two probes; the angle is measured from the line between them."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Followed:
-    """Tip (k, 3) [m] and angle (k,) [degrees] at ascending pressures, iterations and time [s] that all took."""
+    """Tip positions (k, 3) [m] and angles (k,) [degrees] at k pressures; total iterations and processor time [s]."""
 
     tip: NDArray[np.float64]
     angle: NDArray[np.float64]
@@ -43,7 +43,7 @@ class Followed:
 
 
 def follow(scene: Scene, pressures: Sequence[float], *, tolerance: float | None = None, pace: int = PACE) -> Followed:
-    """Solve a stream of ascending pressures [Pa] in our solver, at the scene's tolerance or another one."""
+    """Solve for ascending pressures [Pa] with our solver, in ``pace`` steps each; ``tolerance`` None is the scene's."""
     tolerance = scene.solver.tolerance if tolerance is None else tolerance
     simulation = Simulation(scene, settings=dataclasses.replace(scene.solver, tolerance=tolerance))
     simulation.warm_up()
@@ -63,7 +63,7 @@ def follow(scene: Scene, pressures: Sequence[float], *, tolerance: float | None 
 
 
 def deviation(scene: Scene, tip: NDArray[np.float64], exact: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distance of tips (k, 3) to the exact ones over the exact displacement, (k,)."""
+    """Return the distances (k,) of tips from the exact tips (k, 3) [m], divided by the exact tip displacements."""
     rest = scene.probes[PROBE].at(scene.mesh.vertices)[0]
     return np.linalg.norm(tip - exact, axis=1) / np.linalg.norm(exact - rest, axis=1)
 
@@ -82,13 +82,13 @@ def chamber_table(report: dict[str, Any]) -> str:
 
 
 def probe() -> dict[str, float]:
-    """Follow to the first pressure."""
+    """Return angle and iterations at the first pressure."""
     found = follow(load_scene(SCENE), PRESSURES[:1])
     return {"angle [degrees]": float(found.angle[0]), "iterations": found.iterations}
 
 
 def main() -> None:
-    """Run both, keep what they found and print the table."""
+    """Run both solvers, write the report and print the table."""
     given = options("benchmarks.chamber", "A chamber robot beside FElupe.", "chamber").parse_args()
     from pypardiso import spsolve
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A chamber robot in FElupe: the scene's own mesh with quadratic (20-node) hexahedra, pressure step by step.
+"""A robot with a pressure chamber in FElupe: the scene's mesh with quadratic (20-node) hexahedra.
 
-FElupe (GPL-3) is imported inside the function: this package only needs it to run its benchmark. Trilinear hexahedra
-would lock in walls that are one cell thick. Millimetres, newtons and megapascals, as in `peers.felupe_model`.
+FElupe (GPL-3) is imported inside the function, because this package needs it only for its benchmark. Trilinear
+hexahedra would lock in walls that are one cell thick. The units are mm, N and MPa, as in `peers.felupe_model`.
 """
 
 from __future__ import annotations
@@ -19,22 +19,23 @@ from gdfe_ros.scene import Scene
 
 MILLIMETRES, MEGAPASCALS = 1e3, 1e-6
 LONGEST_INCREMENT, SHORTEST_INCREMENT = 1e3, 0.1
-"""Increment of the pressure [Pa] to begin with, and at which Newton's method is given up."""
+"""First increment of the pressure [Pa], and the increment below which the solution fails."""
 SAME = 1e-4
-"""Distance [mm] up to which two points are one."""
+"""Distance [mm] below which two points are the same point."""
 
 
 def solve_chamber(
     scene: Scene, chamber: Chamber, probe: str, pressures: NDArray[np.float64], *, solver: Any = spsolve
 ) -> NDArray[np.float64]:
-    """Return where a probe of the scene is (k, 3) [m] at pressures (k,) [Pa] rising from rest.
+    """Return the positions (k, 3) [m] of a probe at pressures (k,) [Pa], which increase from zero.
 
     Args:
-        scene: neo-Hookean materials, one fixed handle; loads are left out.
-        chamber: the chamber to fill; all others stay at zero pressure.
+        scene: scene with neo-Hookean materials and one fixed handle; its loads are left out.
+        chamber: chamber with the pressures; all other chambers have no pressure.
         probe: name of the probe.
-        pressures: ascending, in steps small enough for Newton's method.
-        solver: of the linear systems, as ``scipy.sparse.linalg.spsolve``; ``pypardiso.spsolve`` is far faster.
+        pressures: ascending.
+        solver: solver of the linear systems, such as ``scipy.sparse.linalg.spsolve``; ``pypardiso.spsolve`` is far
+            faster.
     """
     import felupe
 
@@ -56,7 +57,7 @@ def solve_chamber(
 
 
 class _Walk:
-    """Pressures of the load path [MPa]: Newton's method from extrapolated starts; increments are halved if it fails."""
+    """Load path over the pressure [MPa]: Newton's method from extrapolated positions; a failed increment is halved."""
 
     def __init__(self, felupe: Any, solid: Any, pressure: Any, field: Any, boundaries: Any, solver: Any) -> None:
         self._felupe, self._items, self._pressure, self._field = felupe, [solid, pressure], pressure, field
@@ -67,7 +68,7 @@ class _Walk:
         self._rate = np.zeros_like(self._last)
 
     def reach(self, goal: float) -> None:
-        """Solve at ``goal``."""
+        """Increase the pressure to ``goal`` [MPa]."""
         while self._at < goal:
             step = min(self._reach, goal - self._at)
             values = self._field[0].values
@@ -106,7 +107,7 @@ def _law(scene: Scene, felupe: Any) -> Any:
 
 
 def _on_walls(scene: Scene, chamber: Chamber, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mark the corners and edge midpoints of the chamber's faces."""
+    """Return whether each of the ``points`` (n, 3) [mm] is a corner or edge midpoint of the chamber's faces, (n,)."""
     corners = scene.mesh.vertices[chamber.quads] * MILLIMETRES
     middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
     walls = cKDTree(np.concatenate([corners.reshape(-1, 3), middles.reshape(-1, 3)]))
@@ -114,7 +115,7 @@ def _on_walls(scene: Scene, chamber: Chamber, points: NDArray[np.float64]) -> ND
 
 
 def _held(scene: Scene, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mark the points of the fixed handle; it is a plane across an axis."""
+    """Return whether each of the ``points`` (n, 3) [mm] is in the fixed handle, (n,); it is normal to an axis."""
     held = scene.mesh.vertices[scene.handles[0].vertices] * MILLIMETRES
     axis = int(np.ptp(held, axis=0).argmin())
     return np.abs(points[:, axis] - held[0, axis]) < SAME

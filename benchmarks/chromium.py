@@ -10,7 +10,7 @@ from selenium import webdriver
 from gdfe_ros.errors import GdfeError
 
 PATIENCE = 300.0
-"""Longest wait for the browser [s]: without a graphics card it draws with the processor."""
+"""Longest wait for the browser [s]. It is long because the processor draws if there is no graphics card."""
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _OPTIONS = (
     "--headless=new",
@@ -22,11 +22,11 @@ _OPTIONS = (
 
 
 def start(size: tuple[int, int], *, reachable: str = "") -> webdriver.Chrome:
-    """Start one that keeps what its console says; no name resolves, and of addresses only the ``reachable`` one.
+    """Return the driver of a new browser that records its console and reaches no address except ``reachable``.
 
     Args:
-        size: of the window [px].
-        reachable: an address, or empty for none.
+        size: size of the window [px].
+        reachable: reachable address; empty for none.
 
     Raises:
         GdfeError: Chromium or its driver is not installed.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""First part of the benchmark: every solver on its own meshes, in one step or in streams of small steps."""
+"""First part of the benchmark: every solver on its meshes, with one step or a stream of small steps."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from benchmarks.cases import Case, CaseName, get_case
 from benchmarks.peers.peer import PeerError, PeerResult, Solver, Variant, load_peer, run_peer
 
 ALL_THREADS = (CaseName.BEND5, CaseName.TWIST90)
-"""Scenes whose paper's mesh is solved once more with all threads."""
+"""Scenes that are solved on the paper's mesh a second time, with all threads."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One run to make: which solver, scene and variant, with how many threads."""
+    """One run of the benchmark: solver, scene, variant and number of threads."""
 
     solver: Solver
     case: Case
@@ -24,12 +24,12 @@ class Job:
 
 
 def jobs(*, slow: bool, threads: int, streams: bool = False) -> list[Job]:
-    """List the runs of all solvers that are installed.
+    """Return the runs of all installed solvers.
 
     Args:
-        slow: adds those of more than ten seconds.
-        threads: of the machine.
-        streams: those of small steps instead of the cold ones.
+        slow: whether runs of more than ten seconds are included.
+        threads: number of threads of the machine.
+        streams: whether streams of small steps are returned instead of cold solves.
     """
     wanted = []
     for solver in Solver:
@@ -51,7 +51,7 @@ def jobs(*, slow: bool, threads: int, streams: bool = False) -> list[Job]:
 
 
 def missing() -> dict[str, str]:
-    """Return the solvers that cannot run here with the reason and the remedy."""
+    """Return dict from solver that cannot run here to the reason and remedy."""
     reasons = {solver.value: load_peer(solver).available() for solver in Solver}
     return {name: reason for name, reason in reasons.items() if reason is not None}
 
@@ -59,7 +59,7 @@ def missing() -> dict[str, str]:
 def run_jobs(
     wanted: Iterable[Job], *, repeats: int, done: Callable[[Job, PeerResult | PeerError], None]
 ) -> list[PeerResult]:
-    """Run the jobs one after the other; a run that fails is handed to ``done`` and left out."""
+    """Run the jobs in order, pass each result or error to ``done``, and return the results without failed runs."""
     results = []
     for job in wanted:
         try:

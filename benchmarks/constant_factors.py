@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors of constant matrices, ours and those of libraries, in turn: ``python -m benchmarks.constant_factors``.
+"""Factors of constant matrices: ours compared with libraries, in turn: ``python -m benchmarks.constant_factors``.
 
-Processor time of one thread; scipy's SuperLU always, CHOLMOD where cholespy is installed (the extra `bench`).
+Times are processor times of one thread. The libraries are scipy's SuperLU and, if cholespy is installed (the extra
+`bench`), CHOLMOD.
 """
 
 from __future__ import annotations
@@ -27,18 +28,18 @@ from gdfe_ros.solver.matrix.inverse import apply_free
 
 REPEATS = 9
 LARGEST = {"SuperLU": 40_000, "CHOLMOD": 200_000}
-"""Vertices up to which each library is waited for."""
+"""Dict from library to the largest number of vertices for which it is measured."""
 HEADINGS = ("vertices", "numbers in the factor [10^6]", "precision", "factorisation [s]", "solve [ms]")
 Solve = Callable[[], object]
 
 
 def rows() -> list[dict[str, Any]]:
-    """Measure every size of the benchmark's bars, held at one end."""
+    """Return the measurements of every size of the benchmark's bars, which are fixed at one end."""
     return [measured(cells) for cells in SIZES]
 
 
 def probe() -> dict[str, float]:
-    """Return the numbers in the factors of the two smallest bars."""
+    """Return the number of entries in the factors of the two smallest bars."""
     found = {}
     for cells in SIZES[:2]:
         factor = Factor(*held_bar(cells), Factorisation.SUPERNODES)
@@ -47,7 +48,7 @@ def probe() -> dict[str, float]:
 
 
 def measured(cells: tuple[int, int, int]) -> dict[str, Any]:
-    """Return sizes and times [s] of each kind for one mesh."""
+    """Return sizes and times [s] of each kind of factor for one mesh."""
     matrix, points = held_bar(cells)
     right = np.random.default_rng(0).standard_normal((len(points), 3))
     out, flat = np.empty_like(right), right.reshape(-1)
@@ -72,7 +73,7 @@ def measured(cells: tuple[int, int, int]) -> dict[str, Any]:
 
 
 def held_bar(cells: Sequence[int]) -> tuple[sparse.csc_matrix, NDArray[np.float64]]:
-    """Return the constant matrix of a bar's free vertices, and where these are [m]."""
+    """Return the constant matrix of a bar's free vertices, and their positions (f, 3) [m]."""
     mesh = bar([0.1 * count for count in cells], cells)
     shape = shape_operators(mesh.vertices, mesh.cells)
     free = np.flatnonzero(mesh.vertices[:, 0] > 1e-9)
@@ -111,7 +112,7 @@ def _cholmod(matrix: sparse.csc_matrix, right: NDArray[np.float64], out: NDArray
 
 
 def main() -> None:
-    """Measure, keep, print."""
+    """Run the measurement, write the report and print the table."""
     words = "Factors of constant matrices, ours and those of libraries."
     given = options("benchmarks.constant_factors", words, "constant_factors").parse_args()
     held = held_bar(SIZES[0])

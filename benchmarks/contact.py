@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact beside others and theory: a cube on a ball, a ball between plates, a slab on a slope, grips.
+"""Contact compared with other solvers and theory: a cube on a ball, a ball between plates, a slab on a slope, grips.
 
 ``make bench-contact`` writes a report into runs/bench and prints the tables of docs/theory/contact.md.
 """
@@ -32,15 +32,16 @@ dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
 SLOPE, GRAVITY = math.radians(30.0), 9.81
 FRICTIONS = (0.1, 0.3, 0.57, 0.7, 1.0)
 SLID = 20
-"""Steps of a slab in the probe."""
+"""Number of steps of the slab in the probe."""
 SETTLED, STUCK = 5.0, 60.0
-"""Between which times [s] what sticks is watched."""
+"""Start and end [s] of the interval in which the drift of a sticking slab is measured."""
 
 
 def slide(friction: float) -> dict[str, Any]:
-    """Let a slab go on a slope; return how it accelerates [m/s^2] once it has settled and, where it sticks, its drift.
+    """Release a slab on a slope; return its acceleration [m/s^2] in the second half and, if it sticks, its drift [m/s].
 
-    The drift [m/s] is that of the vertex that moves most, from `SETTLED` to `STUCK`; every step is solved.
+    The drift is the largest displacement of a vertex from `SETTLED` to `STUCK`, divided by this time. No solve is
+    skipped.
     """
     simulation, path, iterations = _slab(friction), [], 0
     for _ in range(400):
@@ -69,7 +70,7 @@ def _slab(friction: float) -> Simulation:
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the tables of a report by name."""
+    """Return dict from name to table of a report."""
     slopes = [
         [f"{row['friction']:g}", f"{row['wanted']:.4f}", f"{row['acceleration']:.4f}", f"{row['iterations']:.1f}",
          "slides" if row["drift"] is None else f"{1e9 * row['drift']:.2g}"]
@@ -101,7 +102,7 @@ MEASURES: dict[str, Callable[[], dict[str, Any]]] = {
 
 
 def probe() -> dict[str, float]:
-    """Press blocks on each other, let slabs go, press the coarse cube a little, and begin the scene `grasp`."""
+    """Return the figures of pressed blocks, released slabs, first steps of the coarse cube and of the scene `grasp`."""
     found: dict[str, float] = {}
     for cells in self_contact.CELLS[:1]:
         row = self_contact.press_blocks(*cells)
@@ -118,7 +119,7 @@ def probe() -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, keep, print."""
+    """Run the measurement, write the report and print the tables."""
     parser = options("benchmarks.contact", "Contact beside others and theory.", "contact")
     parser.add_argument("part", nargs="*", help=f"only print these, as they are: {', '.join(MEASURES)}")
     given = parser.parse_args()

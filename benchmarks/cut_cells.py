@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cylinder cut from voxels: its bending stiffness over E I, with whole cubes and with cut ones.
+"""Bending stiffness of a voxel cylinder, divided by E I: with whole cubes and with cut cells.
 
 ``python -m benchmarks.cut_cells [--out FILE]`` prints the table of docs/theory/cut_cells.md.
 """
@@ -24,37 +24,37 @@ from gdfe_ros.simulation import Simulation
 
 RADIUS, LENGTH, YOUNG, POISSON = 0.01, 0.06, 1e5, 0.3
 SECTIONS = 360
-"""Sides of the prism that stands for the cylinder; its second moment is 2e-4 below that of the circle."""
+"""Number of sides of the prism that replaces the cylinder; its second moment is 2e-4 below that of the circle."""
 ANGLE = 1e-3
-"""By which each end is turned [rad]: small, so that linear theory holds."""
+"""Rotation of each end [rad]; it is small, so that linear theory is valid."""
 MIDDLE = 0.25
-"""Fraction of the length, about its middle, over which the curvature is measured, away from the clamped ends."""
+"""Middle fraction of the length over which the curvature is measured, away from the clamped ends."""
 HELD = 0.95
-"""Beyond this fraction of half the length, vertices belong to the ends that are turned."""
+"""Fraction of half the length beyond which vertices belong to the rotated ends."""
 FINENESS = (4, 6, 8, 12)
-"""Cells over the diameter."""
+"""Numbers of cells over the diameter."""
 KINDS = ("whole", "cut")
 DIRECTIONS = (0.0, 30.0)
-"""Of the cylinder's axis in the grid, from x to y [degrees]."""
+"""Angles of the cylinder's axis in the grid, from x towards y [degrees]."""
 
 
 def cylinder(direction: float) -> trimesh.Trimesh:
-    """Return the cylinder, its middle at the origin, with its axis in the plane of x and y."""
+    """Return the surface of the cylinder with its centre at the origin and its axis in the x-y plane."""
     body = trimesh.creation.cylinder(RADIUS, LENGTH, sections=SECTIONS)
     body.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
     return body.apply_transform(trimesh.transformations.rotation_matrix(np.radians(direction), [0, 0, 1]))
 
 
 def bending_stiffness(fineness: int, cells: str, direction: float) -> dict[str, float]:
-    """Turn the ends of the cylinder towards each other, so that it bends without shear.
+    """Rotate both ends of the cylinder so that it bends without shear, and return its bending stiffness.
 
     Args:
-        fineness: cells over the diameter.
-        cells: what becomes of the cubes that the surface cuts.
-        direction: of the axis in the grid [degrees].
+        fineness: number of cells over the diameter.
+        cells: treatment of the cubes that the surface cuts, one of `KINDS`.
+        direction: angle of the axis in the grid [degrees].
 
     Returns:
-        ``stiffness``: moment over curvature in the middle, over E I of the circle; ``count`` of cells; ``iterations``.
+        ``stiffness``: moment / (curvature in the middle * E I of the circle); ``count`` of cells; ``iterations``.
     """
     cell, angle = 2.0 * RADIUS / fineness, np.radians(direction)
     axis, across = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
@@ -89,7 +89,7 @@ def bending_stiffness(fineness: int, cells: str, direction: float) -> dict[str, 
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the table of a report by name; an order is that of two rows of one direction."""
+    """Return dict from name to table of a report; a convergence order is that between two rows of one direction."""
     rows = []
     for direction in DIRECTIONS:
         whole, cut = (report[f"{kind} {direction:g}"] for kind in KINDS)
@@ -105,7 +105,7 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
 
 
 def probe() -> dict[str, float]:
-    """Bend the coarsest cylinder of each kind across the grid."""
+    """Return the figures of the coarsest cylinder of each kind whose axis is oblique to the grid."""
     found: dict[str, float] = {}
     for kind in KINDS:
         row = bending_stiffness(FINENESS[0], kind, DIRECTIONS[-1])
@@ -115,7 +115,7 @@ def probe() -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, keep, print."""
+    """Run the measurement, write the report and print the table."""
     words = "Bending stiffness of a cylinder cut from voxels."
     given = options("benchmarks.cut_cells", words, "cut_cells").parse_args()
     report = {

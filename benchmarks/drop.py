@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error of the tip's path against processor time on the scene `drop`: ours, MuJoCo's and CalculiX's."""
+"""Error of the tip's path against processor time on the scene `drop`, for our solver, MuJoCo and CalculiX."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ OURS = (
     ((40, 4, 4), "generalised_alpha", 0.005),
     ((40, 4, 4), "generalised_alpha", 0.002),
 )
-"""Cells, scheme and step [s]."""
+"""Our runs: cells, scheme and step [s]."""
 MUJOCO = (
     (1, (20, 1, 1), 0.01),
     (1, (20, 1, 1), 0.001),
@@ -46,7 +46,7 @@ MUJOCO = (
     (2, (10, 1, 1), 0.001),
     (2, (20, 1, 1), 0.001),
 )
-"""Order, cells and step [s]."""
+"""MuJoCo's runs: order of the flex, cells and step [s]."""
 CALCULIX = (
     (CcxElement.C3D8I, (10, 1, 1), 0.01),
     (CcxElement.C3D8I, (20, 1, 1), 0.01),
@@ -54,16 +54,16 @@ CALCULIX = (
     (CcxElement.C3D8I, (20, 1, 1), 0.002),
     (CcxElement.C3D8I, (20, 2, 2), 0.01),
 )
-"""Element, cells and step [s]; C3D20R diverged in fixed steps of 2, 5 and 10 ms, and is left out."""
+"""CalculiX' runs: element, cells and step [s]. C3D20R diverged in fixed steps of 2, 5 and 10 ms and is left out."""
 LONGEST = 600.0
-"""Of a peer's run on a busy machine [s]; on a quiet one the longest takes ten."""
+"""Time limit of a peer's run [s], for a busy machine; on a quiet machine the longest run takes ten seconds."""
 SHORT = 1.0
-"""Processor time below which a run is made three times [s]."""
+"""Processor time [s] below which a run is made three times."""
 _FLEX = {1: "trilinear", 2: "quadratic"}
 
 
 def path_error(times: NDArray[np.float64], path: NDArray[np.float64]) -> float:
-    """Return the rms distance of the tip (n, 3) [m] to the reference's path, over the largest displacement there."""
+    """Return the rms distance of a tip path (n, 3) [m] from the reference, over the reference's largest motion."""
     reference = np.load(REFERENCE)
     tip = reference["tip_centre"]
     away = path - CubicSpline(reference["t"], tip)(times)
@@ -71,7 +71,7 @@ def path_error(times: NDArray[np.float64], path: NDArray[np.float64]) -> float:
 
 
 def repeated(run: Callable[[], DropPath]) -> DropPath:
-    """Return a run; of a short one, that of the median time of three."""
+    """Return the result of ``run``; a short run is repeated, and the one with the median time of three is returned."""
     found = [run()]
     if found[0].seconds < SHORT:
         found += [run(), run()]
@@ -84,7 +84,7 @@ def drop_settings(cells: tuple[int, int, int], scheme: str, h: float) -> dict[st
 
 
 def measure_ours(cells: tuple[int, int, int], scheme: str, h: float) -> dict[str, Any]:
-    """Return error, processor time and iterations of one of our runs."""
+    """Return error, processor time [s] and iterations of one of our runs."""
     simulation = Simulation(load_scene("drop", overrides=drop_settings(cells, scheme, h)))
     simulation.warm_up()
     iterations: list[int] = []
@@ -104,7 +104,7 @@ def measure_ours(cells: tuple[int, int, int], scheme: str, h: float) -> dict[str
 
 
 def measure_peers() -> tuple[list[dict[str, Any]], list[str]]:
-    """Return the rows of all peers that are there, and what is missing or failed."""
+    """Return the rows of all installed peers, and messages about missing peers and failed runs."""
     rows, missing = [], []
     for name, module, runs in (("MuJoCo", mujoco_drop, _mujoco), ("CalculiX", ccx_drop, _calculix)):
         reason = module.available()
@@ -121,7 +121,7 @@ def measure_peers() -> tuple[list[dict[str, Any]], list[str]]:
 
 
 def front(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the runs that no other run of the list beats in both time and error, by ascending error."""
+    """Return the Pareto-optimal runs, by ascending error: no other run is better in both time and error."""
     best: list[dict[str, Any]] = []
     for row in sorted(rows, key=lambda item: (item["error"], item["seconds"])):
         if not best or row["seconds"] < best[-1]["seconds"]:

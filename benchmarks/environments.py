@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps a second of environments of Gymnasium under random actions: one, two in threads, two in processes.
+"""Rate [steps/s] of Gymnasium environments under random actions: one environment, two in threads, two in processes.
 
 ``python -m benchmarks.environments [--out FILE]`` prints the table of docs/benchmark.md. Each run is in a process of
-its own with one thread for each environment. Two environments step together, as `make_vector_env` has them do: each
-step waits for the slower one.
+its own with one thread for each environment. Two environments step together, as with `make_vector_env`: each step
+waits for the slower environment.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ SCENES = (
     "arm_pneunet", "bending_tube", "crawler", "finger_press", "gripper", "pneunet", "shape_memory_strip", "soft_pinch",
     "swinging_arm", "tendon_finger", "three_chamber_arm",
 )  # fmt: skip
-"""Shipped scenes that have actuators with ranges, and probes."""
+"""Shipped scenes that have probes, and actuators with ranges."""
 STEPS, LONGEST = 100, 6.0
-"""Steps of a run, and the time [s] after which it makes no further one."""
+"""Number of steps of a run, and time [s] after which a run ends earlier."""
 RESETS = 5
-"""Resets after the steps, of which the median counts."""
+"""Number of resets after the steps; the table shows their median time."""
 PROBED = 5
 SEED = 0
 TIMEOUT = 600.0
@@ -43,7 +43,7 @@ _ENDLESS = 10**9
 
 
 class Way(str, Enum):
-    """How environments are stepped."""
+    """Method of stepping environments."""
 
     ALONE = "1"
     THREADS = "2 in threads"
@@ -51,7 +51,7 @@ class Way(str, Enum):
 
 
 def measure(scene: str) -> dict[str, Any]:
-    """Run a scene with each method.
+    """Run a scene with each method, and return the rates.
 
     Raises:
         subprocess.CalledProcessError: a run failed.
@@ -83,7 +83,7 @@ def environment_table(report: Sequence[dict[str, Any]]) -> str:
 
 
 def _run(scene: str, way: Way) -> dict[str, float]:
-    """Make steps with one method in this process."""
+    """Make steps with one method, and return the rate [steps/s] of all environments together."""
     if way is Way.PROCESSES:
         vector = make_vector_env(scene, 2, steps=_ENDLESS)
         try:
@@ -108,7 +108,7 @@ def _run(scene: str, way: Way) -> dict[str, float]:
 
 
 def _rate(step: Callable[[], object], count: int) -> dict[str, float]:
-    """Return the steps made a second by ``count`` environments together, after one step to warm up."""
+    """Return rate [steps/s] and number of steps of ``count`` environments together, after one step to warm up."""
     step()
     steps, begun = 1, perf_counter()
     while steps < STEPS and perf_counter() < begun + LONGEST:
@@ -124,7 +124,7 @@ def _seconds(work: Callable[[], object]) -> float:
 
 
 def probe() -> dict[str, float]:
-    """Make the first random steps of every scene."""
+    """Return the figures of the first random steps of every scene."""
     found: dict[str, float] = {}
     for scene in SCENES:
         env = make_env(scene)
@@ -141,7 +141,7 @@ def _result(env: Any) -> Any:
 
 
 def main() -> None:
-    """Measure, keep, print."""
+    """Run the measurement, write the report and print the table."""
     given = options("benchmarks.environments", "Environments of Gymnasium.", "environments").parse_args()
     report = [measure(scene) for scene in SCENES]
     write_report(given.out, report, probe())

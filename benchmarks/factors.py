@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors of the robots' tangents, in LAPACK's band and in fronts, in turn: ``python -m benchmarks.factors``.
+"""Factors of the robots' tangents: LAPACK's band compared with our fronts, in turn: ``python -m benchmarks.factors``.
 
-Medians of the processor time of one thread.
+Times are medians of the processor time of one thread.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ HEADINGS = (
 
 
 PROBED = ("tendon_finger", "gripper", "shape_memory_strip")
-"""Robots of the probe."""
+"""Robots that the probe measures."""
 
 
 def rows(repeats: int = REPEATS, names: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
-    """Measure every robot that has a kept tangent, or those of them that are named."""
+    """Return the measurements of every robot with a kept tangent; if ``names`` are given, only of these robots."""
     for robot in ROBOTS:
         if names and robot.scene not in names:
             continue
@@ -55,7 +55,7 @@ def rows(repeats: int = REPEATS, names: Sequence[str] = ()) -> Iterator[dict[str
 
 
 def probe() -> dict[str, float]:
-    """Return the sizes of three robots' factors."""
+    """Return the sizes of the factors of three robots."""
     found: dict[str, float] = {}
     for row in rows(1, PROBED):
         sizes = dict(zip(("in the band", "in fronts"), row["entries"], strict=True))
@@ -64,7 +64,7 @@ def probe() -> dict[str, float]:
 
 
 def compared(level: TangentLevel, mesh: HexMesh, free: np.ndarray, repeats: int) -> dict[str, Any]:
-    """Return sizes and times [s] of both kinds for the tangent that a simulation has taken."""
+    """Return sizes and times [s] of both kinds of factor, for the tangent stiffness that a simulation has assembled."""
     count, graph = level._assembly.free, level._assembly.graph()[: level._assembly.free, : level._assembly.free].tocsr()
     blocks = level._loaded.blocks[level._among_free]
     points = mesh.vertices[free]
@@ -99,7 +99,7 @@ def table(report: Sequence[Mapping[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Measure, keep, print."""
+    """Run the measurement, write the report and print the table."""
     given = options("benchmarks.factors", "Factors of the robots' tangents.", "factors").parse_args()
     report = list(rows())
     write_report(given.out, report, probe())

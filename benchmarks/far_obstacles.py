@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an obstacle costs that is never touched: ``python -m benchmarks.far_obstacles``.
+"""Cost of an obstacle that is never touched: ``python -m benchmarks.far_obstacles``.
 
-Scenes play without and with it in one process, step by step in turn, so that a busy machine slows down both; times are
-those of the processor. The percentages are of the medians of a step, and of the sums over all steps.
+Each scene runs without and with the obstacle in one process. The two simulations take turns step by step, so that a
+busy machine slows down both. Times are processor times. The percentages are those of the median time of a step, and of
+the sums over all steps.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
 FLOOR = {"floor": {"plane": [0.0, 0.0, 1.0], "at": [0.0, 0.0, -20.0], "friction": 0.5, "fixed": True}}
-"""So far below that no body of these scenes comes near it while its program lasts."""
+"""An obstacle so far below that the body of no scene approaches it during its program."""
 SCENES = {"drop": {}, "swinging_arm": {}, "tendon_finger": {"solver.steps": 40}, "pneunet": {"solver.steps": 20}}
-"""Two in motion and two in equilibrium, small and larger, with what of them is overridden."""
+"""Dict from scene to its overrides: two scenes with dynamics and two without, one small and one larger of each kind."""
 PLAYS, STEPS = 3, 100
-"""Of each scene, and at most of a play."""
+"""Number of runs of each scene, and largest number of steps of a run."""
 
 
 def play(name: str) -> tuple[list[float], list[float]]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The finite elements of the fine references in FElupe: Q2/P1 with condensed cell fields.
 
-Triquadratic hexahedra with pressure and volume ratio linear and discontinuous in each cell are
-stable near incompressibility. The two cell fields are condensed, so that a solve has
-displacements only.
+Triquadratic hexahedra are stable near incompressibility if pressure and volume ratio are linear in
+each cell and discontinuous between cells. These two cell fields are condensed, so that the linear
+systems have only displacements as unknowns.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ Array = npt.NDArray[np.float64]
 TIE = 1e4
 """Penalty of the tied handle [N/mm]."""
 _MODES = 4
-"""Unknowns of a linear field in a cell: the value and three slopes."""
+"""Number of unknowns of a linear field in a cell: the value and three slopes."""
 
 
 class CellwiseOgden:
-    """The isochoric Ogden laws of a bar, each evaluated on its own cells (a FElupe material)."""
+    """The isochoric Ogden laws of a bar's segments, each evaluated on the cells of its segment (a FElupe material)."""
 
     def __init__(self, case: Case, grid: Grid) -> None:
         self._cell_law = case.cell_law(grid)
@@ -37,11 +37,11 @@ class CellwiseOgden:
         self.x = self._materials[0].x
 
     def gradient(self, x: list[Array]) -> list[Array]:
-        """Return the first Piola-Kirchhoff stress, shape (3, 3, q, m) [MPa], and the unused state."""
+        """Return the first Piola-Kirchhoff stress, shape (3, 3, q, m) [MPa], and the state, which is unused."""
         return [self._evaluate(x, "gradient", np.empty_like(x[0])), x[1]]
 
     def hessian(self, x: list[Array]) -> list[Array]:
-        """Return the tangent, shape (3, 3, 3, 3, q, m) [MPa]."""
+        """Return the derivative of this stress with respect to F, shape (3, 3, 3, 3, q, m) [MPa]."""
         return [self._evaluate(x, "hessian", np.empty((3, 3, *x[0].shape)))]
 
     def _evaluate(self, x: list[Array], method: str, out: Array) -> Array:
@@ -78,7 +78,7 @@ def _linear_cell_region(felupe: ModuleType, region: Any, n_cells: int) -> Any:
     """Return a region whose fields are 1, r, s, t in each cell, discontinuous between cells."""
 
     class Linear(felupe.Element):
-        """The polynomials 1, r, s, t."""
+        """A FElupe element with the shape functions 1, r, s, t."""
 
         def __init__(self) -> None:
             self.points = np.zeros((_MODES, 3))
@@ -98,15 +98,15 @@ def _linear_cell_region(felupe: ModuleType, region: Any, n_cells: int) -> Any:
 
 
 def condensed_solve(grid: Grid, factor: Callable[[Any, Array], Array]) -> Callable[..., Array]:
-    """Return FElupe's ``solve`` with the cell fields p and J eliminated.
+    """Return a replacement for FElupe's ``solve`` that eliminates the cell fields p and J.
 
     With blocks ``K_pJ = M`` (invertible cell by cell), ``K_JJ = H`` and ``K_pp = K_uJ = 0``:
     ``dJ = -M^-1 (r_p + K_pu du)``, ``dp = -M^-T (r_J + H dJ)`` and
     ``(K_uu + K_up M^-T H M^-1 K_pu) du = -r_u + K_up M^-T (r_J - H M^-1 r_p)``.
 
     Args:
-        grid: the lattice of displacement nodes.
-        factor: solves a symmetric sparse system ``(A, b) -> x``.
+        grid: lattice of the displacement nodes.
+        factor: function ``(A, b) -> x`` that solves a symmetric sparse system.
     """
     n_u, n_p = 3 * len(grid.points()), _MODES * grid.n_cells
     cut = [n_u, n_u + n_p]
@@ -131,7 +131,7 @@ def condensed_solve(grid: Grid, factor: Callable[[Any, Array], Array]) -> Callab
 
 
 def invert_blocks(matrix: Any) -> Any:
-    """Return the inverse of a sparse matrix of 4x4 blocks on the diagonal, as CSR."""
+    """Return the inverse of a sparse block-diagonal matrix with 4x4 blocks, as CSR."""
     blocks = np.array([[matrix[i::_MODES, j::_MODES].diagonal() for j in range(_MODES)] for i in range(_MODES)])
     inverse = np.linalg.inv(blocks.transpose(2, 0, 1))
     count = len(inverse)
@@ -139,7 +139,7 @@ def invert_blocks(matrix: Any) -> Any:
 
 
 def strain_energy(case: Case, grid: Grid, result: Any) -> float:
-    """Return the strain energy [J] of a Newton result: the laws' own W at the quadrature points."""
+    """Return the strain energy [J] of a Newton result: the integral of the laws' W over the quadrature points."""
     field = result.x
     gradient, _, ratio = field.extract()
     stretches = np.linalg.eigvalsh(np.einsum("ki...,kj...->...ij", gradient, gradient)) ** 0.5

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mesh-converged solutions with FElupe: ``python -m benchmarks.fine_reference SCENE``.
 
-The elements are those of `benchmarks.fine_model`, the mesh is the paper's or, where nearly
-incompressible rubber asks for it, one twice as fine. Seven seconds to a few minutes, one thread.
+The elements are those of `benchmarks.fine_model`. The mesh is the paper's or, for nearly
+incompressible rubber, one that is twice as fine. A solution takes seven seconds to a few minutes
+in one thread.
 """
 
 from __future__ import annotations
@@ -30,21 +31,21 @@ from benchmarks.references import (
 )
 
 TOLERANCE = 1e-7
-"""Newton's tolerance on residual over reactions."""
+"""Tolerance of Newton's method: norm of the residual divided by that of the reactions."""
 REFINEMENT = {CaseName.BEND5: 1, CaseName.TWIST90: 2, CaseName.TENSILE: 2, CaseName.TWIST90_UNIFORM: 1}
-"""Cells along each edge of a cell of the paper's mesh."""
+"""Number of cells along each edge of a cell of the paper's mesh."""
 STEPS = {CaseName.BEND5: 2, CaseName.TWIST90: 3, CaseName.TENSILE: 3, CaseName.TWIST90_UNIFORM: 3}
-"""Load steps."""
+"""Number of load steps."""
 
 
 def make_reference(case: Case, *, refinement: int, steps: int, command: str) -> Reference:
     """Solve a scene on its refined mesh and sample it at the vertices of the paper's mesh.
 
     Args:
-        case: the scene.
-        refinement: cells along each edge of a cell of the paper's mesh.
-        steps: load steps.
-        command: what the user typed, for the record.
+        case: scene to solve.
+        refinement: number of cells along each edge of a cell of the paper's mesh.
+        steps: number of load steps.
+        command: command line that the user typed; it is stored with the reference.
     """
     from pypardiso import PyPardisoSolver
 
@@ -79,7 +80,7 @@ def make_reference(case: Case, *, refinement: int, steps: int, command: str) -> 
 
 
 def main() -> int:
-    """Make the reference of a scene, keep it and print how far it is from the common one."""
+    """Compute the reference of a scene, write it, and print its distance from the common reference."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fine_reference", description=__doc__)
     parser.add_argument("scene", choices=[name.value for name in CaseName])
     parser.add_argument("--refinement", type=int, help="cells along each edge of a cell of the paper's mesh")

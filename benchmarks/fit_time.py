@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time of a fit: modulus and viscosity of the measured beam, 430 samples of its swing without load, on two processes.
+"""Time of a fit of modulus and viscosity to 430 samples of the measured beam without load, in two processes.
 
 ``python -m benchmarks.fit_time`` prints wall time, processor time of all processes, and the number of simulations.
 """

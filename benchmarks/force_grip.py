@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A box of 50 g between two soft pads that are pressed on it by 3 N each; Drake beside it.
+"""A box of 50 g between two soft pads that are pressed onto it with 3 N each, compared with Drake.
 
-``python -m benchmarks.force_grip`` prints the table. Times are those of the processor, so that other work on the
-machine counts little; Drake works with the threads that it chooses itself.
+``python -m benchmarks.force_grip`` prints the table. Times are processor times, so that other work on the machine has
+little influence. Drake chooses its number of threads.
 """
 
 from __future__ import annotations
@@ -38,17 +38,18 @@ bodies: {part: {box: {size: [0.04, 0.04, 0.04]}, density: 781.25, friction: 0.5}
 dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 200}}
 solver: {skip: []}
 """
-"""Every step is solved: what rests is not left out. Forces and weight act at once, as for the peer."""
+"""Scene of the grip. No solve is skipped. Forces and weight act from the first step, as in Drake."""
 FRICTIONS = (0.5, 0.15)
 HELD, PROBED = 2.0, 0.1
-"""For how long each box is held [s], and in the probe."""
+"""Duration for which each box is held [s], in the measurement and in the probe."""
 
 
 def grip(friction: float, *, seconds: float) -> dict[str, float]:
-    """Press and hold the box.
+    """Press and hold the box for some ``seconds``.
 
     Returns:
-        ``sunk`` [m] at the end, ``drift`` [m/s] over the second half, processor time of a ``step`` [s].
+        ``sunk``: final descent of the box [m]; ``drift``: its speed in the second half [m/s]; ``step``: processor time
+        of a step [s].
 
     Raises:
         AssertionError: a step did not converge.
@@ -66,7 +67,7 @@ def grip(friction: float, *, seconds: float) -> dict[str, float]:
 
 
 def measure() -> dict[str, Any]:
-    """Return what the table needs; a peer that is missing says so there."""
+    """Return the rows of the table, and a message if Drake is missing."""
     rows = [{"solver": "gdfe_ros", "friction": each, **grip(each, seconds=HELD)} for each in FRICTIONS]
     reason = drake_grip.available()
     if not reason:
@@ -75,7 +76,7 @@ def measure() -> dict[str, Any]:
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the table of a report."""
+    """Return dict from name to the table of a report."""
     rows = [
         [row["solver"], f"{row['friction']:g}", f"{1e6 * row['sunk']:.1f}", f"{1e6 * row['drift']:.2g}",
          f"{1e3 * row['step']:.1f}"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run time against error: one picture, one front a solver."""
+"""Picture of run time against error, with the Pareto front of each solver."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COLOURS = {Solver.GDFE: "#1b6ca8", Solver.FELUPE: "#d1495b", Solver.CALCULIX: "#
 
 
 def draw_front(path: Path, results: Sequence[PeerResult]) -> None:
-    """Draw solve time against mean nodal error of every cold single-thread run; lines join each solver's best."""
+    """Draw solve time against mean nodal error of every cold single-thread run; a line is the front of a solver."""
     cold = [result for result in results if result.settings["threads"] == 1]
     figure = Figure(figsize=(11.0, 6.4), dpi=150, layout="constrained")
     axes = figure.subplots(2, 2).ravel()
@@ -53,7 +53,7 @@ def draw_front(path: Path, results: Sequence[PeerResult]) -> None:
 
 
 def front(results: Sequence[PeerResult]) -> list[PeerResult]:
-    """Return the runs that no other run of the list beats in both time and error, by ascending error."""
+    """Return the Pareto-optimal runs, by ascending error: no other run is better in both time and error."""
     best: list[PeerResult] = []
     for result in sorted(results, key=lambda item: (item.mean_error, item.time_solve)):
         if not best or result.time_solve < best[-1].time_solve:

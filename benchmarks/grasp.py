@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far from real time the scene `grasp` is in each of its phases, and where the time goes."""
+"""Processor time over simulated time in each phase of the scene `grasp`, and the times of the solver's parts."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ PHASES = {
     "puts down": (12.4, 13.4),
     "opens": (13.4, 15.0),
 }
-"""When [s]."""
+"""Dict from phase to its start and end [s]."""
 PARTS = {
     "energies and forces": (Task, "advance"),
     "solves with the kept tangent": (TangentLevel, "solve"),
     "tangents": (TangentLevel, "take"),
     "points that may touch": (Contact, "begin"),
 }
-"""Where time is spent: class and method; what is left is everything else."""
+"""Dict from part of the solver to the timed class and method. The rest of the time is that of everything else."""
 
 
 def measure() -> dict[str, Any]:
-    """Play the program; return iterations and processor time by phase."""
+    """Play the program; return iterations and processor time of each phase."""
     simulation, rows = Simulation(load_scene("grasp")), []
     simulation.warm_up()
     spent: dict[str, float] = defaultdict(float)
@@ -66,7 +66,7 @@ def measure() -> dict[str, Any]:
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the table of a report."""
+    """Return dict from name to the table of a report."""
     heads = (
         "phase", "duration [s]", "iterations per step: mean (largest)", "processor time / simulated time", *PARTS,
         "everything else",
@@ -90,7 +90,7 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
 
 @contextmanager
 def _clocked(spent: dict[str, float]) -> Iterator[None]:
-    """Add the time [s] of every part to ``spent`` while it lasts; none of them calls another."""
+    """Add the time [s] of each part to ``spent`` inside the ``with`` block. No part calls another part."""
     kept = {part: getattr(*place) for part, place in PARTS.items()}
     for part, (owner, name) in PARTS.items():
         setattr(owner, name, _clock(kept[part], part, spent))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Structured hexahedral grids of a bar and the evaluation of a solution at any point of them."""
+"""Structured hexahedral grids of a bar, and evaluation of a solution at any point of the bar."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Grid:
     Attributes:
         size: lengths along x, y, z [m].
         cells: number of hexahedra along x, y, z.
-        order: 1 for linear, 2 for quadratic hexahedra (mid-side, mid-face and centre nodes).
+        order: 1 for linear hexahedra, 2 for quadratic ones (with mid-side, mid-face and centre nodes).
     """
 
     size: tuple[float, float, float]
@@ -39,7 +39,7 @@ class Grid:
 
     @property
     def steps(self) -> tuple[int, int, int]:
-        """Lattice steps along x, y, z."""
+        """Number of lattice steps along x, y, z."""
         nx, ny, nz = (self.order * count for count in self.cells)
         return nx, ny, nz
 
@@ -50,11 +50,11 @@ class Grid:
 
     @property
     def label(self) -> str:
-        """The cells as text, such as ``50x5x5``."""
+        """Numbers of cells as text, such as ``50x5x5``."""
         return "x".join(str(count) for count in self.cells)
 
     def points(self) -> Array:
-        """Return the rest positions of the lattice, shape (n, 3), float64 [m]."""
+        """Return the undeformed positions of the lattice nodes, shape (n, 3), float64 [m]."""
         lo = (0.0, -self.size[1] / 2, -self.size[2] / 2)
         axes = [
             low + length * np.arange(count + 1) / count
@@ -85,7 +85,7 @@ class Grid:
         return ((nx if right else 0) + (nx + 1) * np.arange((ny + 1) * (nz + 1))).astype(np.int32)
 
     def evaluate(self, values: Array, points: Array) -> Array:
-        """Interpolate nodal values at points of the bar with the element's own polynomial.
+        """Interpolate nodal values at points of the bar with the element's shape functions.
 
         Trilinear for order 1, triquadratic Lagrange for order 2.
 
@@ -97,7 +97,7 @@ class Grid:
             Interpolated values, shape (k, c), float64.
 
         Raises:
-            ValueError: if the values do not match the lattice or a point lies outside the bar.
+            ValueError: if the values do not match the lattice or a point is outside the bar.
         """
         expected = int(np.prod([count + 1 for count in self.steps]))
         if values.ndim != 2 or len(values) != expected:
@@ -116,13 +116,13 @@ class Grid:
         return result
 
     def complete_serendipity(self, values: Array) -> Array:
-        """Fill face-centre and body-centre nodes from the 20 nodes of a serendipity hexahedron.
+        """Compute the values of face-centre and body-centre nodes from those of 20-node serendipity hexahedra.
 
-        The serendipity polynomials lie within the triquadratic ones, so `evaluate` of the filled
-        lattice is the interpolation of the 20-node element itself.
+        The serendipity polynomials are a subset of the triquadratic ones. Therefore `evaluate` of the
+        completed lattice is exactly the interpolation of the 20-node element.
 
         Args:
-            values: nodal values, shape (n, c); the entries of the 20 nodes of each cell count.
+            values: nodal values, shape (n, c); only the values at the 20 nodes of each cell are used.
 
         Returns:
             A completed copy, shape (n, c), float64.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rigid box that two soft pads hold by friction, at little more and little less than it takes; MuJoCo beside it."""
+"""A rigid box that two soft pads hold with just enough and with slightly too little friction, compared with MuJoCo."""
 
 from __future__ import annotations
 
@@ -28,18 +28,20 @@ bodies: {part: {box: {size: [0.02, 0.05, 0.05]}, density: 640, at: [0.05, 0, 0]}
 dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 300}}
 solver: {skip: []}
 """
-"""Every step is solved: what rests is not left out."""
+"""Scene of the grip. No solve is skipped."""
 HELD = {1.02: 60.0, 0.98: 1.0}
-"""For how long [s], by friction over the least that holds it."""
+"""Dict from friction, divided by the least friction that holds the box, to the duration of the hold [s]."""
 PEER_DEMANDS, PEER_HELD = (1.02, 2.0, 10.0, 46.0), 1.0
-"""The same for MuJoCo: it lets go of the box at 1.02, and creeps beyond."""
+"""Frictions, divided by the least one, and duration of the hold [s] for MuJoCo. It drops the box at 1.02, and the box
+creeps at larger values."""
 
 
 def grip(friction: float, *, seconds: float) -> dict[str, float]:
-    """Squeeze a box between two soft pads, let it weigh, and hold it for so long.
+    """Squeeze a box between two soft pads, apply its weight, and hold it for some ``seconds``.
 
     Returns:
-        ``press`` [N] of a pad, ``sunk`` [m] once it is held, ``drift`` [m] from then on.
+        ``press``: normal force of a pad [N]; ``sunk``: descent of the box until the hold starts [m]; ``drift``: descent
+        during the hold [m].
     """
     simulation = Simulation(scene_from_text(GRIP, overrides={"bodies.part.friction": friction}))
     simulation.step(Command(loads={"weight": 0.0}))
@@ -55,7 +57,7 @@ def grip(friction: float, *, seconds: float) -> dict[str, float]:
 
 
 def measure() -> dict[str, Any]:
-    """Return what the table needs; a peer that is missing or fails says so there."""
+    """Return the rows of the table, and messages if MuJoCo is missing or a run of it fails."""
     least = WEIGHT / (2.0 * grip(0.02, seconds=0.0)["press"])
     rows = [
         {"solver": "gdfe_ros", "demand": demand, "held": held, **grip(demand * least, seconds=held)}
@@ -76,7 +78,7 @@ def measure() -> dict[str, Any]:
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the table of a report."""
+    """Return dict from name to the table of a report."""
     rows = [
         [row["solver"], f"{row['demand']:g}", _length(row["sunk"]), f"{row['held']:g}", _length(row["drift"])]
         for row in report["grip"]
@@ -92,5 +94,5 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _length(metres: float) -> str:
-    """Return a length in micrometres; what is farther than a pad is broad has fallen."""
+    """Return a length in micrometres as text, or ``falls`` for a length of at least the width of a pad."""
     return f"{1e6 * metres:.3g}" if abs(metres) < 0.03 else "falls"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Landings that press corners of elements flat: ``python -m benchmarks.landings [--only WORD] [--out FILE]``.
 
-A cube falls onto its corner, its edge, or askew; it is soft or hard, and steps are short or long. Further bodies are
-thrown faster. Each run tells how far time went, which steps converged, and what became of the energy.
+A cube falls onto its corner, its edge, or in an oblique pose. Modulus and time step are varied. Further bodies are
+thrown faster. The table shows incomplete steps, steps that did not converge, and the energy of each run.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ CUBE = "{bar: {size: [0.04, 0.04, 0.04], cells: [4, 4, 4]}}"
 BAR = "{bar: {size: [0.2, 0.02, 0.02], cells: [20, 2, 2]}}"
 BALL = "{sphere: {inner: 0.03, outer: 0.04, cells: [6, 2]}}"
 WAYS = {"corner": (1.0, 1.0, 1.0), "edge": (0.0, 1.0, 1.0), "askew": (0.3, 0.5, 0.81), "face": (0.0, 0.0, 1.0)}
-"""Upward direction, from the body."""
+"""Dict from landing pose to the upward direction, in the frame of the body."""
 SCHEMES = ("bdf2", "newmark", "generalised_alpha")
 GRAVITY = 9.81
-"""[m/s^2]."""
+"""Acceleration of gravity [m/s^2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Landing:
-    """A body that comes down on a floor.
+    """A body that falls onto a floor.
 
     Attributes:
-        mesh: YAML of it.
-        up: a key of `WAYS`.
+        mesh: YAML text of the mesh.
+        up: landing pose, a key of `WAYS`.
         young: Young's modulus [Pa].
-        scheme: of the dynamics.
-        step: [s].
-        speed: with which it is thrown down [m/s].
-        height: of its lowest vertex at the start [m].
-        lasts: time that is simulated [s].
+        scheme: time integration scheme.
+        step: time step [s].
+        speed: initial downward speed [m/s].
+        height: initial height of the lowest vertex above the floor [m].
+        lasts: simulated time [s].
     """
 
     mesh: str = CUBE
@@ -62,7 +62,7 @@ class Landing:
     lasts: float = 0.1
 
     def simulation(self, **more: object) -> Simulation:
-        """Return the simulation at its start, with ``more`` keys of the scene, ``__`` for a dot."""
+        """Return the simulation in its initial state; ``more`` are further scene keys, with ``__`` for a dot."""
         up = np.array(WAYS[self.up]) / np.linalg.norm(WAYS[self.up])
         keys: dict[str, object] = {
             "materials.soft.young": self.young,
@@ -78,17 +78,17 @@ class Landing:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a landing.
+    """Result of a landing.
 
     Attributes:
-        steps: that were asked for.
-        stopped: steps in which less time went by than was asked for.
-        unconverged: steps that did not converge, these included.
-        most, least: largest and least energy, kinetic + elastic + potential above the floor, over that of the start.
+        steps: number of steps.
+        stopped: number of steps that simulated less than their duration.
+        unconverged: number of steps that did not converge, stopped steps included.
+        most, least: largest and least energy (kinetic + elastic + potential above the floor) over the initial energy.
         min_det: least volume ratio of a corner.
-        iterations: a step, on average.
+        iterations: mean number of iterations of a step.
         seconds: processor time of all steps [s].
-        message: the first that was reported.
+        message: first message of a step; empty if there is none.
     """
 
     steps: int
@@ -103,7 +103,7 @@ class Outcome:
 
 
 def landed(landing: Landing) -> Outcome:
-    """Make a landing."""
+    """Simulate a landing and return its result."""
     simulation, steps = landing.simulation(), round(landing.lasts / landing.step)
     mass = float(simulation.stepper.mass.sum())
     fallen = 0.5 * mass * landing.speed**2 + mass * GRAVITY * landing.height
@@ -129,7 +129,7 @@ def landed(landing: Landing) -> Outcome:
 
 
 def cases() -> Iterator[tuple[str, Landing]]:
-    """Return all landings by name: 72 of the cube at 2 m/s, and further ones."""
+    """Yield name and landing: 72 landings of the cube at 2 m/s, and further landings."""
     for up in ("corner", "edge", "askew"):
         for young in (1e4, 1e5, 1e6, 1e8):
             for scheme in SCHEMES:
@@ -146,7 +146,7 @@ def cases() -> Iterator[tuple[str, Landing]]:
 
 
 def table(found: Sequence[tuple[str, Landing, Outcome]]) -> str:
-    """Return the outcomes as a table, the steps and schemes of a body in one row."""
+    """Return the results as a table; the steps and schemes of a body are in one row."""
     rows: dict[tuple[str, float, float], list[Outcome]] = {}
     for name, landing, outcome in found:
         rows.setdefault((name, landing.young, landing.speed), []).append(outcome)
@@ -175,14 +175,14 @@ def table(found: Sequence[tuple[str, Landing, Outcome]]) -> str:
 
 
 def as_json(name: str, landing: Landing, outcome: Outcome) -> Mapping[str, object]:
-    """Return a run as JSON writes it."""
+    """Return a landing and its result as plain JSON data."""
     numbers = {key: None if isinstance(value, float) and not math.isfinite(value) else value
                for key, value in asdict(outcome).items()}  # fmt: skip
     return {"name": name, **asdict(landing), **numbers}
 
 
 def main() -> None:
-    """Make all landings, print the table, and write the figures."""
+    """Simulate all landings, print the table, and write the figures."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", default="", help="a word in the names of the landings that are made")
     parser.add_argument("--out", type=Path, help="where to write the figures as JSON")

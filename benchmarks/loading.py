@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time to load a body with a skin, made and recalled: ``python -m benchmarks.loading``."""
+"""Time to load a body with a skin, the first time and from the cache: ``python -m benchmarks.loading``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ regions: [{{material: silicone}}]
 handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
 """
 CELLS = {"notched": 0.0029, "bellows": 0.0033}
-"""Edge of the cells [m] of each finger."""
+"""Dict from finger to the edge length of its cells [m]."""
 _TIMED = """
 import sys, time
 from gdfe_ros import load_scene
@@ -35,13 +35,13 @@ print(scene.mesh.n_cells, time.process_time() - start)
 
 
 def notched() -> trimesh.Trimesh:
-    """Return the surface of a finger with five notches, of a few large triangles."""
+    """Return the surface of a finger with five notches; it has few large triangles."""
     mesh = finger((0.12, 0.02, 0.018), joints=5, gap=0.004, web=0.005, cell=0.02, taper=0.8)
     return trimesh.Trimesh(mesh.vertices, mesh.surface()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3))
 
 
 def bellows() -> trimesh.Trimesh:
-    """Return the surface of a wavy finger with a round tip, of many small triangles."""
+    """Return the surface of a wavy finger with a round tip; it has many small triangles."""
     z = np.linspace(0.0, 0.1, 121)
     radius = 0.011 + 0.0012 * np.cos(2.0 * np.pi * z / 0.0125)
     radius *= np.sqrt(np.maximum(1.0 - np.square(np.maximum(z - 0.09, 0.0) / 0.01), 0.0))
@@ -51,7 +51,7 @@ def bellows() -> trimesh.Trimesh:
 
 
 def measure(name: str, surface: trimesh.Trimesh, folder: Path) -> tuple[int, float, float]:
-    """Return the number of cells, and the processor time [s] to load the scene the first and the second time."""
+    """Return the number of cells, and the processor times [s] of loading the scene the first and the second time."""
     surface.export(folder / f"{name}.stl")
     scene = folder / f"{name}.yaml"
     scene.write_text(SCENE.format(name=name, cell=CELLS[name]))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of manners: ``python -m benchmarks.manners [--out FILE]`` asks a node from outside, and keeps the answers.
+"""The table of manners: ``python -m benchmarks.manners [--out FILE]`` checks a node from outside, and writes results.
 
-The questions are those of ``test/manners``, which knows nothing of this package but its messages.
+The checks are those of ``test/manners``, which uses nothing of this package except its messages.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ SCRIPT = ROOT / "test" / "manners"
 
 
 def probe() -> dict[str, float | str]:
-    """Return the mark of the questions; the script itself knows it."""
+    """Return the digest of the checks, which the script computes."""
     code = "import runpy, sys; print(runpy.run_path(sys.argv[1])['questions']())"
     command = [sys.executable, "-c", code, str(SCRIPT / "__main__.py")]
     return {"questions": subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()}
 
 
 def main() -> int:
-    """Ask everything; return 1 where anything was found that was not expected."""
+    """Make all checks; return 1 if a result is not the expected one."""
     given = options("benchmarks.manners", "Ask a node from outside.", "manners").parse_args()
     answers = ROOT / "runs" / "manners.json"
     answers.unlink(missing_ok=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of the benchmarks as Markdown, and the marks between which they stand in a document."""
+"""Tables of the benchmarks as Markdown, and the marks in a document between which they are printed."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ MARK = "<!-- {name}: printed by make docs -->"
 
 
 def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table; every row has as many cells as there are ``heads``."""
+    """Return a Markdown table; every row has as many cells as there are ``heads``."""
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
 def left_out(missing: Mapping[str, str]) -> str:
-    """Return the sentences below a table about solvers that were not installed, by name with the reason."""
+    """Return the sentences for below a table about missing solvers; ``missing`` is a dict from solver to reason."""
     return "".join(f"\n\nNot measured: {name}: {reason}." for name, reason in missing.items())
 
 
 def replace_tables(document: str, tables: Mapping[str, str]) -> str:
-    """Return a document with every marked text replaced by that of its name.
+    """Return a document in which the text between each pair of marks is replaced by the text with the mark's name.
 
     Raises:
-        ValueError: a mark without an end, or nothing is printed under its name.
+        ValueError: a mark has no end, or there is no text with its name.
     """
     pieces, rest = [], document
     while found := re.search(MARK.format(name="([^:>]+)"), rest):

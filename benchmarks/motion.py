@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion: error against time on `drop` beside other solvers, long runs, a measured beam, robots beside real time.
+"""Motion: error against time on `drop` with several solvers, long runs, a measured beam, speed of robots.
 
 ``make bench-motion`` writes a report and two pictures into runs/bench, and prints the tables of docs/theory/motion.md.
 """
@@ -34,13 +34,13 @@ ROBOTS = (
 )
 STEPS = (0.002, 0.005, 0.010)
 FINE = 4
-"""Cells across from which on a mesh is too fine for a probe."""
+"""Number of cells across a bar from which a mesh is too fine for the probe."""
 LASTS = 0.5
-"""Simulated time of a robot [s]."""
+"""Simulated time of each robot [s]."""
 LONG, LONG_STEP = 10.0, 0.005
-"""Time for which `drop` swings, and step [s]."""
+"""Simulated time and time step of the long run of `drop` [s]."""
 TURNS, SPIN, SPIN_STEP = 100, 20.0, 0.002
-"""Of a body that nothing holds, its angular velocity [rad/s], and step [s]."""
+"""A free spinning body: number of revolutions, angular velocity [rad/s], and time step [s]."""
 SPINNING = {
     "mesh.bar": {"size": [0.10, 0.02, 0.02], "cells": [5, 1, 1]},
     "materials.rubber.young": 1e6,
@@ -54,7 +54,7 @@ COLOURS = {"gdfe_ros": "#1b6ca8", "MuJoCo": "#edae49", "CalculiX": "#66a182"}
 
 
 def measure_energy() -> dict[str, float]:
-    """Return by how much the total energy of `drop` strays with the scheme that keeps it, over the kinetic energy."""
+    """Return the largest change of the total energy of `drop` over the largest kinetic energy, with `newmark`."""
     simulation = Simulation(load_scene("drop", overrides={"dynamics.scheme": "newmark", "dynamics.step": LONG_STEP}))
     total, kinetic = [], []
     while simulation.time < LONG - 1e-9:
@@ -65,7 +65,7 @@ def measure_energy() -> dict[str, float]:
 
 
 def measure_spin() -> dict[str, float]:
-    """Return by how much the momenta of a spinning body change, over the angular one and that of its rim."""
+    """Return the largest changes of a spinning body's momenta, over its angular momentum and mass * rim speed."""
     simulation = Simulation(load_scene("drop", overrides=SPINNING))
     mass, rest = simulation.stepper.mass, simulation.mesh.vertices
     centre, weights = rest.mean(axis=0), np.asarray(mass.sum(axis=0)).ravel()
@@ -83,7 +83,7 @@ def measure_spin() -> dict[str, float]:
 
 
 def measure_robot(name: str, step: float) -> dict[str, Any]:
-    """Return the simulated time over that of the processor in a robot's first half second, and iterations."""
+    """Return simulated time over processor time, and mean iterations, in the first half second of a robot's program."""
     simulation = _moving(name, step)
     simulation.warm_up()
     started, results = time.process_time(), []
@@ -103,7 +103,7 @@ def _moving(name: str, step: float) -> Simulation:
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the tables of a report by name."""
+    """Return dict from name to table of a report."""
     drops = [
         [row["solver"], row["kind"], "x".join(map(str, row["cells"])), f"{1e3 * row['step']:g}",
          f"{100 * row['error']:.2f}", f"{row['seconds']:.2f}",
@@ -172,7 +172,7 @@ def _theory_table(rows: list[dict[str, float]]) -> str:
 
 
 def draw_front(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Draw processor time against the error of the tip's path; lines join each solver's best."""
+    """Draw processor time against the error of the tip's path; a line is the Pareto front of a solver."""
     figure = Figure(figsize=(7.5, 4.6), dpi=130, layout="constrained")
     axis = figure.subplots()
     for solver, colour in COLOURS.items():
@@ -191,7 +191,7 @@ def draw_front(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def probe() -> dict[str, float]:
-    """Replay the first steps of `drop` on the coarser meshes, of the loaded beam, and of every robot."""
+    """Return the figures of the first steps of `drop` on the coarser meshes, of the loaded beam, and of every robot."""
     found: dict[str, float] = {}
     for cells, scheme, h in OURS:
         if cells[1] < FINE:
@@ -206,7 +206,7 @@ def probe() -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, keep, draw, print."""
+    """Run the measurement, write report and pictures, and print the tables."""
     parser = options("benchmarks.motion", "Motion: error against time, long runs, a measured beam, robots.", "motion")
     parser.add_argument("--quick", action="store_true", help="coarse meshes, no peers, one step of each robot")
     given = parser.parse_args()

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays scenes on demand, with whichever commit's package it is started: the other half of `benchmarks.since`.
+"""Process that plays scenes on request with the package of some commit, for `benchmarks.since`.
 
-Reads lines ``scene steps overrides`` of JSON; plays the scene's program from rest in so many steps (null: as its
-settings say) and answers with the processor time [s], the iterations, and a digest of where the body is in the end.
-Nothing but the standard library and what the package has always had is imported: old commits must run it, too.
+It reads JSON lines ``scene steps overrides``, plays the scene's program from the initial state in this number of steps
+(null: the number in the scene's settings), and prints the processor time [s], the iterations, and a digest of the
+final positions. It imports only the standard library and modules that exist in all commits, so that old commits can
+run it, too.
 """
 
 import hashlib
@@ -16,7 +17,7 @@ from gdfe_ros.simulation import Simulation
 
 
 def play(simulation: Simulation, steps: "int | None") -> "dict[str, object]":
-    """Play a program once, from rest."""
+    """Play a program once from the initial state; return processor time [s], iterations and digest."""
     simulation.reset()
     started = time.process_time()
     results = list(simulation.play(steps))
@@ -29,7 +30,7 @@ def play(simulation: Simulation, steps: "int | None") -> "dict[str, object]":
 
 
 def main() -> None:
-    """Answer every line that is read; a scene is loaded and its kernels are compiled when it is first named."""
+    """Answer every line. At its first request, a scene is loaded and its kernels are compiled."""
     simulations = {}
     for line in sys.stdin:
         scene, steps, overrides = json.loads(line)

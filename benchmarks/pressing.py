@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pressing without friction, beside others: a cube on a rigid ball, a ball between rigid plates."""
+"""Frictionless contact compared with other solvers: a cube on a rigid ball, a ball between rigid plates."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ from gdfe_ros.simulation import Simulation
 
 REFERENCE = Path(__file__).parents[1] / "test" / "data" / "reference" / "contact_block_on_ball.npz"
 QUADRATIC = {0.006: 30.3, 0.008: 45.1, 0.01: 64.4, 0.012: 84.8, 0.014: 106.7, 0.016: 128.9, 0.018: 153.0, 0.02: 178.8}
-"""Force [N] on the cube over the ball's move [m], quadratic elements on 16^3 cells, by the makers of the reference."""
+"""Dict from displacement of the ball [m] to the force on the cube [N], with quadratic elements on 16^3 cells, by the
+authors of the reference."""
 CUBE = """
 name: cube
 mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [16, 16, 16]}}
@@ -51,20 +52,21 @@ obstacles:
   bottom: {plane: [0, 0, 1], at: [0, 0, -0.05]}
 """
 RADIUS, YOUNG, POISSON = 0.05, 1.0e5, 0.3
-"""Of the ball [m], [Pa]."""
+"""Radius [m], Young's modulus [Pa] and Poisson's ratio of the ball."""
 APPROACHES = tuple(share * RADIUS for share in (0.02, 0.04, 0.06, 0.08, 0.1))
-"""Of each plate to the ball's centre [m]."""
+"""Displacements of each plate towards the ball's centre [m]."""
 QUADRATIC_CELLS, AROUND = 12, 16
-"""Of CalculiX: along the cube's edges, along an eighth of the ball's circumference."""
+"""Numbers of CalculiX' cells along the cube's edges, and along an eighth of the ball's circumference."""
 _MOVES = (0.002, 0.004, *QUADRATIC)
 GRADING = 1.3
-"""Its cells are smaller about the poles: those in the middle of a face have a width as their distance to this power."""
+"""Exponent of the grading of the ball's mesh: lattice coordinates are raised to it, so that cells near the poles are
+smaller."""
 
 
 def press_cube(cells: int, gaps: str, *, moves: int | None = None) -> list[dict[str, Any]]:
-    """Press a cube of ``cells``^3 cells onto a ball; return move [m], force [N], work and time of each step.
+    """Press a cube of ``cells``^3 cells onto a ball; return displacement [m], force [N], work and time of each step.
 
-    ``moves`` is how many of the steps are made, by default all.
+    ``moves`` is the number of steps; None means all steps.
     """
     overrides = {"mesh.bar.cells": [cells] * 3, "obstacles.ball.gaps": gaps}
     simulation, rows = Simulation(scene_from_text(CUBE, overrides=overrides)), []
@@ -88,10 +90,10 @@ def press_cube(cells: int, gaps: str, *, moves: int | None = None) -> list[dict[
 
 
 def ball_between_plates(*, cells: int, approaches: Sequence[float], law: str = "linear") -> dict[float, float]:
-    """Return the force [N] of each of two plates that approach a ball's centre by so much [m].
+    """Return dict from approach of each of two plates towards a ball's centre [m] to their force [N].
 
-    The centre is held, and two points of the equator stay in its plane, as symmetry has it: a ball of facets that is
-    held at its centre alone turns until it lies on a flatter part.
+    The centre is fixed, and two points of the equator stay in the plane of the equator. Without these two points the
+    ball, whose surface has facets, would rotate until a flatter part is in contact.
     """
     scene = scene_from_text(BALL, overrides={"materials.soft.law": law})
     cube = bar([2.0, 2.0, 2.0], [cells] * 3)
@@ -116,17 +118,17 @@ def ball_between_plates(*, cells: int, approaches: Sequence[float], law: str = "
 
 
 def _vertex_at(mesh: HexMesh, place: tuple[float, float, float]) -> NDArray[np.int32]:
-    """Return the vertex (1,) at a place [m]."""
+    """Return the vertex (1,) at the position ``place`` [m]."""
     return np.flatnonzero(np.linalg.norm(mesh.vertices - place, axis=1) < 1e-9).astype(np.int32)
 
 
 def hertz(approach: float) -> float:
-    """Return the force [N] at which a half space of the ball's curvature is indented by so much [m]."""
+    """Return Hertz's force [N] for a half space with the ball's curvature that is indented by ``approach`` [m]."""
     return 4.0 / 3.0 * YOUNG / (1.0 - POISSON**2) * math.sqrt(RADIUS) * approach**1.5
 
 
 def tatara(approach: float) -> float:
-    """Return the same of a ball, whose other side is pressed, too (Tatara 1991, first order)."""
+    """Return the force [N] on a ball that is compressed by ``approach`` [m] from both sides (Tatara 1991, order 1)."""
 
     def too_far(force: float) -> float:
         contact = (0.75 * (1.0 - POISSON**2) * force * RADIUS / YOUNG) ** (1.0 / 3.0)
@@ -139,13 +141,13 @@ def tatara(approach: float) -> float:
 
 
 def press_cubes() -> dict[str, Any]:
-    """Press the cube with other cells and gaps."""
+    """Return the results for the cube with several numbers of cells and kinds of gaps."""
     kinds = ((16, "vertices"), (16, "faces"), (8, "faces"))
     return {"cube": {f"{cells} {gaps}": press_cube(cells, gaps) for cells, gaps in kinds}}
 
 
 def press_balls() -> dict[str, Any]:
-    """Press the ball by two laws, with what theory says beside it."""
+    """Return the forces on the ball for two material laws, and the forces according to Hertz and Tatara [N]."""
     found, rubber = (ball_between_plates(cells=20, approaches=APPROACHES, law=law) for law in ("linear", "neo_hookean"))
     return {
         "ball": [
@@ -156,7 +158,7 @@ def press_balls() -> dict[str, Any]:
 
 
 def press_by_calculix() -> dict[str, Any]:
-    """Have CalculiX press both, where it is installed; forces [N]."""
+    """Return CalculiX' forces [N] for cube and ball, or the reason why it cannot be run."""
     reason = ccx_contact.available()
     if reason is not None:
         return {"calculix": {"missing": f"CalculiX: {reason}"}}
@@ -167,7 +169,7 @@ def press_by_calculix() -> dict[str, Any]:
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the tables of a report by name."""
+    """Return dict from name to table of a report."""
     with np.load(REFERENCE) as reference:
         same = dict(zip(np.round(reference["moves"], 6).tolist(), reference["force_16"].tolist(), strict=True))
     peer, below = report["calculix"], [report["calculix"]["missing"]] if "missing" in report["calculix"] else []

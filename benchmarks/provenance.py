@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which solver made a table, when, and on which machine."""
+"""Provenance of a table: version of the solver, date and machine."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ import numba
 
 ROOT = Path(__file__).resolve().parents[1]
 SOLVER = ("gdfe_ros", "config")
-"""Folders whose last commit names the solver: the package, and the scenes that it plays."""
+"""Folders whose last commit identifies the solver: the package and its scenes."""
 LOOKS = "gdfe_ros/analysis"
-"""Folder in them that no figure of a table depends on: pictures, reports, replays."""
+"""Folder of the package without influence on any figure of a table: pictures, reports, replays."""
 UNKNOWN = "unknown"
 DIRTY = "+"
-"""Follows the commit of a tree with changes in `SOLVER` that are not committed."""
+"""Suffix of the commit if `SOLVER` has changes that are not committed."""
 
 
 class ProvenanceError(RuntimeError):
-    """Git cannot tell which solver this is."""
+    """The version of the solver cannot be found with git."""
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a table is from.
+    """Provenance of a table.
 
     Attributes:
-        commit: the last one that changed `SOLVER`, abbreviated; `DIRTY` follows it where files were changed since.
+        commit: last commit that changed `SOLVER`, abbreviated, with the suffix `DIRTY` if files were changed since.
         date: day of the measurement, ISO 8601.
         machine: processor, cores, versions of Python and numba.
     """
@@ -47,14 +47,14 @@ class Provenance:
 
     @property
     def line(self) -> str:
-        """Return the line of Markdown that stands below a table."""
+        """Line of Markdown that is printed below a table."""
         if self.commit == UNKNOWN:
             return "*Measured with an older solver.*"
         return f"*Measured {self.date} at {self.commit} on {self.machine}.*"
 
     @property
     def is_current(self) -> bool:
-        """Whether this code made the table, apart from docstrings and comments; a changed tree is like no other."""
+        """Whether the present code, without docstrings and comments, made the table; False for uncommitted changes."""
         now = solver_commit()
         if DIRTY in (self.commit[-1], now[-1]) or self.commit == UNKNOWN:
             return False
@@ -62,7 +62,7 @@ class Provenance:
 
 
 def stamp() -> Provenance:
-    """Return the provenance of what is measured now.
+    """Return the provenance of a measurement that is made now.
 
     Raises:
         ProvenanceError: git is missing, or this is no checkout.
@@ -72,7 +72,7 @@ def stamp() -> Provenance:
 
 @cache
 def solver_commit() -> str:
-    """Return the commit of the solver as `Provenance.commit` names it; asked once in a process.
+    """Return the commit of the solver in the form of `Provenance.commit`; git is called once per process.
 
     Raises:
         ProvenanceError: git is missing, or this is no checkout.
@@ -102,7 +102,7 @@ def code_digest(commit: str) -> str:
 
 
 class _WithoutConstants(ast.NodeTransformer):
-    """Removes statements that are constants: docstrings."""
+    """Removes statements that are constants, i.e. docstrings."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
         return None if isinstance(node.value, ast.Constant) else node

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reference solutions of the benchmark scenes and the error of a solution against them."""
+"""Reference solutions of the benchmark scenes, and the error of a solution relative to them."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from benchmarks.cases import CaseName
 Array = npt.NDArray[np.float64]
 
 DEFAULT_DIRECTORY = Path(__file__).resolve().parents[1] / "test" / "data" / "reference"
-"""Where a source checkout keeps the reference solutions."""
+"""Folder of the reference solutions in a source checkout."""
 
 
 class ReferenceKind(Enum):
-    """Which solution of a scene."""
+    """Kind of a reference solution."""
 
     FINE = "fine"
-    """Mesh-converged, quadratic elements: what errors are measured against."""
+    """Mesh-converged solution with quadratic elements; errors are measured relative to it."""
     SAME_MESH = "same_mesh"
-    """Linear hexahedra with mean dilatation on the paper's mesh: what a good standard FEM gives."""
+    """Linear hexahedra with mean dilatation on the paper's mesh: the solution of a good standard FEM."""
     REFINED = "refined"
-    """Our own check of FINE, made by ``python -m benchmarks.fine_reference``."""
+    """Our check of FINE, computed by ``python -m benchmarks.fine_reference``."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,12 +36,12 @@ class Reference:
     """A reference solution sampled at the vertices of the paper's mesh.
 
     Attributes:
-        vertices: rest positions, shape (n, 3), float64 [m].
+        vertices: undeformed positions, shape (n, 3), float64 [m].
         displacement: displacements, shape (n, 3), float64 [m].
-        reaction: what the right face exerts on the body, shape (6,): force [N], then moment
+        reaction: wrench of the right face on the body, shape (6,): force [N], then moment
             about the face's deformed centre [N m].
         energy: strain energy [J].
-        meta: how it was made.
+        meta: settings with which it was computed.
     """
 
     vertices: Array
@@ -53,7 +53,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Error:
-    """Error of a solution, both as fractions (0.01 is one per cent).
+    """Error of a solution; both values are fractions (0.01 is one per cent).
 
     Attributes:
         mean: mean over vertices of ``|x - x_ref|`` over the mean of ``|u_ref|``.
@@ -65,7 +65,7 @@ class Error:
 
 
 def reference_path(name: CaseName, kind: ReferenceKind = ReferenceKind.FINE, *, directory: Path | None = None) -> Path:
-    """Return where the reference of a scene is kept; the file need not exist."""
+    """Return the path of a scene's reference; the file need not exist."""
     return (directory or DEFAULT_DIRECTORY) / f"{name.value}_{kind.value}.npz"
 
 
@@ -75,7 +75,7 @@ def load_reference(
     """Read a reference solution.
 
     Raises:
-        FileNotFoundError: if the file is missing, naming the file and the remedy.
+        FileNotFoundError: if the file is missing; the message names the file and the remedy.
         ValueError: if an array has a wrong shape or is not finite.
     """
     path = reference_path(name, kind, directory=directory)

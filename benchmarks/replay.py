@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of a few steps for a probe: sums over steps, which rounding does not move by a tenth."""
+"""Figures of a few steps for a probe: sums over steps, which rounding changes by less than a tenth."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.result import StepResult
 
 ITERATIONS = ": iterations"
-"""Ends the name of a count of iterations."""
+"""Suffix of the name of a number of iterations."""
 STEPS = 5
-"""Of a program that are replayed."""
+"""Number of steps of a program that are repeated."""
 
 
 def figures(name: str, results: Iterable[StepResult], simulation: Simulation) -> dict[str, float]:
-    """Make steps; return the sum of their iterations and the mean displacement [m] at their end.
+    """Make steps; return the sum of their iterations and the final mean displacement [m].
 
     Args:
-        name: begins the figures' names.
-        results: makes the steps as it is iterated over.
-        simulation: makes them.
+        name: first part of the figures' names.
+        results: iterator whose iteration makes the steps.
+        simulation: simulation that makes the steps.
     """
     iterations = sum(result.iterations for result in results)
     moved = np.linalg.norm(simulation.positions - simulation.mesh.vertices, axis=1).mean()
@@ -31,11 +31,11 @@ def figures(name: str, results: Iterable[StepResult], simulation: Simulation) ->
 
 
 def first_steps(name: str, simulation: Simulation, steps: int | None, *, count: int = STEPS) -> dict[str, float]:
-    """Play the first ``count`` of so many steps of a program; return `figures`."""
+    """Play the first ``count`` steps of a program that has ``steps`` steps; return `figures`."""
     return figures(name, islice(simulation.play(steps), count), simulation)
 
 
 def summed(found: Mapping[str, float]) -> dict[str, float]:
-    """Return figures with one sum of all iterations; those of a few steps of one body hinge on rounding."""
+    """Return figures with the sum of all iterations instead of those of each body, which depend on rounding."""
     kept = {name: value for name, value in found.items() if not name.endswith(ITERATIONS)}
     return kept | {"iterations of all": sum(value for name, value in found.items() if name not in kept)}

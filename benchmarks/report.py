@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The file of a measurement: where it is from, the probe that tells whether it is stale, and the data."""
+"""The file of a measurement: its provenance, its data, and a probe for a check whether it is outdated."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from typing import Any
 from benchmarks.provenance import ROOT, Provenance, stamp
 
 KEPT = ROOT / "test" / "data"
-"""Folder of the files that the pages are printed from."""
+"""Folder of the files from which the pages are printed."""
 IMAGES = ROOT / "docs" / "images"
 SHARE = 0.1
-"""By which a figure of a probe may differ from that of its table."""
+"""Largest relative difference between a figure of a new probe and of the table's probe."""
 
 Probe = Mapping[str, float | str]
-"""Figures of a small, deterministic part of a table, by name; a text must not change at all."""
+"""Dict from name to figure of a small, deterministic part of a table; a figure that is a text must not change."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a file of measurements holds.
+    """Content of a file of measurements.
 
     Attributes:
-        data: what the tables are printed from.
-        made: by which solver, when and on what.
-        probe: figures of the same run that a test replays; empty for files from before there were probes.
+        data: data from which the tables are printed.
+        made: provenance: solver, date and machine.
+        probe: figures of the same run that a test repeats; empty for old files without a probe.
     """
 
     data: Any
@@ -39,7 +39,7 @@ class Report:
     probe: Probe = field(default_factory=dict)
 
     def stale(self, now: Probe) -> list[str]:
-        """Return what differs from the probe of today by more than `SHARE`, in words; empty if nothing does."""
+        """Return a message for each figure that differs from the present probe ``now`` by more than `SHARE`."""
         if not self.probe:
             return ["measured before probes were kept"]
         names = [*self.probe, *(name for name in now if name not in self.probe)]
@@ -69,16 +69,16 @@ def read_report(path: Path) -> Report:
 
 
 def write_report(path: Path, data: Any, probe: Probe) -> None:
-    """Write data and probe with the stamp of now; the file is replaced as a whole, or not at all.
+    """Write data and probe with the present provenance; the file is replaced completely or not at all.
 
     Raises:
-        ProvenanceError: git cannot tell the commit.
+        ProvenanceError: the commit cannot be found with git.
     """
     keep(path, Report(data, stamp(), probe))
 
 
 def keep(path: Path, report: Report) -> None:
-    """Write a report as it is; the file is replaced as a whole, or not at all."""
+    """Write a report without changes; the file is replaced completely or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     beside.write_text(json.dumps(asdict(report), indent=1, default=_plain) + "\n", encoding="utf-8")
@@ -86,10 +86,10 @@ def keep(path: Path, report: Report) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """Return a number of numpy as one of Python.
+    """Return a numpy number as a Python number.
 
     Raises:
-        TypeError: the value is none.
+        TypeError: the value is not a numpy number.
     """
     if hasattr(value, "item"):
         return value.item()
@@ -97,12 +97,12 @@ def _plain(value: Any) -> Any:
 
 
 def options(module: str, words: str, name: str) -> argparse.ArgumentParser:
-    """Return a parser with the options of every script that measures.
+    """Return a parser with the options that all measuring scripts have.
 
     Args:
-        module: as it is called with ``python -m``.
-        words: what it does.
-        name: of the file, without its ending.
+        module: name of the module for ``python -m``.
+        words: description of the script.
+        name: name of the output file, without its ending.
     """
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=words)
     default = Path("runs", "bench", f"{name}.json")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One picture of all robots, each at its most telling moment, from the simulation, coloured by equivalent strain."""
+"""One picture of all robots in simulation, each at its most characteristic moment, coloured by equivalent strain."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
 COLUMNS = 4
 STEPS = 50
-"""Steps a second of simulation time."""
+"""Number of steps per second of simulation time."""
 VIEWS = {"gripper": (24.0, -50.0), "three_chamber_arm": (16.0, -52.0), "two_material_bar": (20.0, -64.0)}
 VIEW = (14.0, -68.0)
 MOST = 98.0
-"""Percentile of the strains at which the colours of a panel end."""
+"""Percentile of the strains at the upper end of a panel's colour range."""
 COLOURS = "viridis"
 SLENDER = 0.3
-"""Second largest extent over the largest below which a body needs the whole width of its panel."""
+"""Ratio of second largest to largest extent below which a body uses the whole width of its panel."""
 
 
 def draw_robots(path: Path, robots: Sequence[Robot]) -> None:
-    """Play each robot's program to its moment and draw them side by side into a PNG file."""
+    """Play each robot's program to its moment, and draw all robots side by side into a PNG file."""
     rows = -(-(len(robots) + 1) // COLUMNS)
     figure = Figure(figsize=(3.6 * COLUMNS, 3.3 * rows), dpi=110)
     for place, robot in enumerate(robots):
@@ -89,7 +89,7 @@ def _draw(
 
 
 def _legend(figure: Figure, column: int, rows: int) -> None:
-    """Put the colours' meaning into the last, empty panel."""
+    """Draw the legend of the colours in the last, empty panel."""
     left, width = column / COLUMNS, 1.0 / COLUMNS
     bar = figure.add_axes((left + 0.15 * width, 0.45 / rows, 0.7 * width, 0.05 / rows))
     mappable = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(0.0, 1.0), matplotlib.colormaps[COLOURS])

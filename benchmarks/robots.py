@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shipped robots: how fast each steps, how far it deforms, and a picture of all.
+"""The shipped robots: rate of their steps, their deformation, and a picture of all robots.
 
-``python -m benchmarks.robots [--out FILE] [--pictures FOLDER]`` plays every program at 100 steps a second of simulation
-time on one core, writes the report and ``robots.png``, and prints the table of docs/benchmark.md.
+``python -m benchmarks.robots [--out FILE] [--pictures FOLDER]`` plays every program with 100 steps per second of
+simulation time on one core, writes the report and ``robots.png``, and prints the table of docs/benchmark.md.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
 RATE = 100
-"""Steps a second of simulation time."""
+"""Number of steps per second of simulation time."""
 
 
 class Robot(NamedTuple):
-    """A scene, what it does in a few words, and its most telling moment [s] for the picture."""
+    """A scene, a short description of its motion, and its most characteristic moment [s] for the picture."""
 
     scene: str
     line: str
@@ -42,8 +42,8 @@ ROBOTS = (
 def measure(robot: Robot) -> dict[str, Any]:
     """Play a robot's program in small steps; return rates [1/s], least det F and whether all steps converged.
 
-    ``rate`` is the number of steps over the processor time of the whole program, every thread and everything between
-    the steps included; building and compiling are not. ``p99`` [s] is wall time of a step.
+    ``rate`` is the number of steps divided by the processor time of the whole program, including all threads and the
+    work between steps, but without building and compiling. ``p99`` is the 99th percentile of a step's wall time [s].
     """
     simulation = Simulation(load_scene(robot.scene))
     simulation.warm_up()
@@ -77,7 +77,7 @@ def robot_table(report: list[dict[str, Any]]) -> str:
 
 
 def probe() -> dict[str, float]:
-    """Replay the first steps of every program."""
+    """Return the figures of the first steps of every program."""
     found: dict[str, float] = {}
     for robot in ROBOTS:
         simulation = Simulation(load_scene(robot.scene))
@@ -86,7 +86,7 @@ def probe() -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, keep, draw, print."""
+    """Run the measurement, write report and picture, and print the table."""
     from benchmarks.robot_picture import draw_robots
 
     given = options("benchmarks.robots", "The shipped robots: how fast each streams.", "robots").parse_args()

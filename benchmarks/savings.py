@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What skipped work saves: ``python -m benchmarks.savings [--out FILE]`` (``make bench-skip``).
+"""Time that skipped work saves: ``python -m benchmarks.savings [--out FILE]`` (``make bench-skip``).
 
-Each row is one scene driven twice in the same small steps, with a skip and without it. Times are those of the
-processor, medians over the steps; the error is the mean distance of the two final states over the largest displacement.
+Each row is a scene that is simulated twice with the same small steps, with a skip and without it. Times are processor
+times, medians over the steps. The error is the mean distance between the two final states, divided by the largest
+displacement.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from gdfe_ros.solver.settings import Skip
 
 BRUSH = Brush()
 STEPS, SETTLING, PROBED = 60, 10, 10
-"""Steps of a motion, those at its start that do not count (factors are made there), and those of the probe."""
+"""Number of steps of a motion, number of first steps that are not counted because they make factors, and number of
+steps of the probe."""
 LINEAR = Linear(young=1e5, poisson=0.45)
 HYPERELASTIC: dict[str, Material] = {
     "neo-Hookean": RUBBER,
@@ -36,12 +38,12 @@ HYPERELASTIC: dict[str, Material] = {
     "curve": preset("ninjaflex", law=Law.CURVE, poisson=0.45),
 }
 Motion = Callable[[float], Command]
-"""The command at a fraction 0 to 1 of a motion."""
+"""Function from a fraction of the motion, 0 to 1, to the command."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A motion: positions (n, 3) [m] undeformed and at its end, times [s] and idle elements of the steps that count."""
+    """Result of a motion: undeformed and final positions (n, 3) [m], times [s] and idle elements of counted steps."""
 
     rest: NDArray[np.float64]
     positions: NDArray[np.float64]
@@ -51,15 +53,15 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class Saving:
-    """What one skip saves in one scene.
+    """Effect of one skip in one scene.
 
     Attributes:
-        scene, skip: what was measured.
-        elements: of the body.
-        left: of these, what the skip left out of the median step.
+        scene, skip: names of scene and skip.
+        elements: number of elements of the body.
+        left: number of elements that the skip leaves out in the median step.
         time_without, time_with: median processor time of a step [s].
-        mean_without, mean_with: mean times [s], steps that wake included.
-        error: mean distance of the two final states over the largest displacement; None between two materials.
+        mean_without, mean_with: mean processor time of a step [s], including steps that make frozen elements active.
+        error: mean distance between the two final states over the largest displacement; None for two materials.
     """
 
     scene: str
@@ -74,7 +76,7 @@ class Saving:
 
     @property
     def row(self) -> tuple[str, ...]:
-        """The saving as words of a table."""
+        """Texts of the row in the table."""
         error = "" if self.error is None else f"{100 * self.error:.4f} %"
         times = [f"{1e3 * value:.3g}" for value in (self.time_without, self.time_with)]
         ratio = [f"{100 * value:.3g} %" for value in self.ratios]
@@ -82,7 +84,7 @@ class Saving:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Time with the skip over that without: of the median step, and of the mean one."""
+        """Time with the skip over time without it, for the median and for the mean time of a step."""
         return self.time_with / self.time_without, self.mean_with / self.mean_without
 
 
@@ -90,7 +92,7 @@ HEAD = ("scene", "skip", "elements", "left out", "without [ms]", "with [ms]", "m
 
 
 def play(scene: Scene, motion: Motion, counted: Skip) -> Run:
-    """Drive a scene in small steps.
+    """Simulate a motion in small steps, and return its result.
 
     Raises:
         RuntimeError: a step did not converge.
@@ -109,7 +111,7 @@ def play(scene: Scene, motion: Motion, counted: Skip) -> Run:
 
 
 def saving(name: str, skip: Skip, scene: Scene, motion: Motion) -> Saving:
-    """Measure a scene without and with a skip."""
+    """Simulate a motion without and with a skip, and return the comparison."""
     busy = replace(scene.solver, skip=tuple(set(Skip) - {skip}))
     without = play(replace(scene, solver=busy), motion, skip)
     found = play(scene, motion, skip)
@@ -119,12 +121,12 @@ def saving(name: str, skip: Skip, scene: Scene, motion: Motion) -> Saving:
 
 
 def savings() -> list[Saving]:
-    """Measure everything."""
+    """Return the savings of all skips."""
     return [*dormant_savings(), *small_savings(), *linear_savings()]
 
 
 def dormant_savings() -> list[Saving]:
-    """Move 100, 50, 10 and 1 of a hundred bristles; then repeat one command."""
+    """Return the savings if 100, 50, 10 or 1 of a hundred bristles move, and if one command is repeated."""
     found = []
     for moved in (BRUSH.bristles, BRUSH.bristles // 2, BRUSH.bristles // 10, 1):
         name = f"brush, {moved} of {BRUSH.bristles} bristles move"
@@ -140,7 +142,7 @@ def dormant_savings() -> list[Saving]:
 
 
 def small_savings() -> list[Saving]:
-    """Hold half of a bar in a handle; give it laws without pressures and without shape factors that change."""
+    """Return the savings of a bar with half of it in a handle, without pressures, and with constant shape factors."""
     return [
         saving("bar, half of it in a handle", Skip.HANDLES, _bar(RUBBER, held=0.5), _lift),
         saving("bar, nu 0.3", Skip.PRESSURES, _bar(NeoHookean(young=1e5, poisson=0.3)), _lift),
@@ -149,7 +151,7 @@ def small_savings() -> list[Saving]:
 
 
 def linear_savings() -> list[Saving]:
-    """Bend a bar of one linear material, and of each hyperelastic one in its place."""
+    """Return the savings if a bar has a linear material instead of each hyperelastic material."""
     scene = _bar(LINEAR)
     linear, found = play(scene, _lift, Skip.SHAPE_FACTORS), []
     for name, material in HYPERELASTIC.items():
@@ -173,7 +175,7 @@ def _compared(name: str, skip: str, scene: Scene, without: Run, found: Run, erro
 
 
 def _bar(material: Material, *, held: float = 0.0) -> Scene:
-    """Return bend5's bar, 1250 elements, of one material; the last part of it may lie inside of the tip's handle."""
+    """Return bend5's bar with 1250 elements of one material; its last fraction ``held`` is in the tip's handle."""
     mesh = bar([0.4, 0.04, 0.04], [50, 5, 5])
     x = mesh.vertices[:, 0]
     base = Handle("base", np.flatnonzero(x < 1e-9).astype(np.int32), fixed=True)
@@ -192,12 +194,12 @@ def _lift(amount: float) -> Command:
 
 
 def saving_table(rows: Iterable[Saving]) -> str:
-    """Return the savings as Markdown."""
+    """Return the savings as a Markdown table."""
     return markdown_table(HEAD, (row.row for row in rows))
 
 
 def probe() -> dict[str, float]:
-    """Replay the first steps of the bars, and count what is left out of the last of them."""
+    """Return the figures of the first steps of the bars, and the elements left out in the last of these steps."""
     found: dict[str, float] = {}
     bars = {
         Skip.HANDLES: _bar(RUBBER, held=0.5),
@@ -213,7 +215,7 @@ def probe() -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, print the table and write it down."""
+    """Run the measurement, print the table and write the report."""
     path = options("benchmarks.savings", "What skipped work saves.", "skip").parse_args().out
     rows = savings()
     write_report(path, {"savings": [asdict(row) for row in rows]}, probe())

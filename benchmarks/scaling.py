@@ -29,17 +29,17 @@ _TIMEOUT = 900.0
 
 
 def measure_scaling(sizes: Iterable[tuple[int, int, int]] = SIZES) -> list[dict[str, Any]]:
-    """Measure sizes at nu = 0.45, one thread, one fresh process each."""
+    """Return the measurements of several sizes at nu = 0.45, with one thread and a new process for each."""
     return [measure_size(cells) for cells in sizes]
 
 
 def measure_ratios() -> list[dict[str, Any]]:
-    """Measure 4000 elements over Poisson's ratio."""
+    """Return the measurements of 4000 elements for several Poisson's ratios."""
     return [measure_size((40, 10, 10), poisson=ratio) for ratio in RATIOS]
 
 
 def measure_size(cells: tuple[int, int, int], *, poisson: float = 0.45, threads: int = 1) -> dict[str, Any]:
-    """Measure a size in a fresh process: times [s], iterations, memory [B], and a digest of the positions.
+    """Measure a size in a new process; return times [s], iterations, memory [B], and a digest of the positions.
 
     Raises:
         PeerError: the process failed.

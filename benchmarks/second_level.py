@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the second level saves at equal true error: ``python -m benchmarks.second_level [--robots] [NAME ...]``.
+"""Time that the second level saves at equal true error: ``python -m benchmarks.second_level [--robots] [NAME ...]``.
 
-Streams of the torture test's group *honesty*, or the robots' programs in 100 steps, with the kept tangent at a
-tolerance of 1e-4, and with the constant matrix alone at the first of ever tighter tolerances whose true error is not
-larger than that. The truth is the same stream at 1e-9, with the kept tangent; where it does not get there, a step is
-not judged. Times are those of the processor.
+The streams are those of the torture test's group *honesty*, or the robots' programs in 100 steps. Each stream runs with
+the kept tangent at a tolerance of 1e-4. Then it runs with the constant matrix alone, at decreasing tolerances, until
+its true error is not larger. The true error is the distance from the same stream at a tolerance of 1e-9 with the kept
+tangent. Steps that do not converge at 1e-9 are not compared. Times are processor times.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ TOLERANCE, TRUTH = 1e-4, 1e-9
 TIGHTER = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 NAMES = ("bar 1:10", "bar 1:50", "bar 1:100", "ring", "helix", "shell", "truss", "block with hairs", "hinged chain")
 ROBOT_STREAMS = {robot.scene: Stream(partial(load_scene, robot.scene), 100, 25) for robot in ROBOTS}
-"""The first quarter of the robots' programs; their own tolerance is 1e-4, too."""
+"""Streams of the first quarter of the robots' programs; the tolerance of their scenes is 1e-4, too."""
 LIMIT = 5000
-"""Iterations that a step may take; a stream that meets it is not asked for a tighter tolerance."""
+"""Largest number of iterations of a step; a stream with such a step is not repeated at a smaller tolerance."""
 HEADINGS = (
     "stream",
     "with the kept tangent: error",
@@ -47,14 +47,15 @@ HEADINGS = (
 
 @dataclass(frozen=True)
 class Run:
-    """A stream that was played.
+    """Result of playing a stream.
 
     Attributes:
-        tolerance: that was asked for.
-        results: of its steps.
-        seconds: of the processor.
-        size: of the body [m].
-        error: largest distance of a vertex from the truth in any step, over the body's size; NaN for the truth.
+        tolerance: requested tolerance.
+        results: results of the steps.
+        seconds: processor time [s].
+        size: size of the body [m].
+        error: true error: largest distance of a vertex from its true position in any step, over the body's size; NaN
+            for the stream that defines the true positions.
     """
 
     tolerance: float
@@ -65,13 +66,13 @@ class Run:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """Iterations and milliseconds a step, as text."""
+        """Mean iterations and mean processor time [ms] of a step, as text."""
         count = len(self.results)
         return f"{sum(result.iterations for result in self.results) / count:.1f}", f"{1e3 * self.seconds / count:.3g}"
 
 
 def main() -> None:
-    """Print a row for each stream, and keep the rows."""
+    """Print a row for each stream, and write the report."""
     words = "Streams with the kept tangent and without it, at equal true error."
     parser = options("benchmarks.second_level", words, "second_level")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(STREAMS)}")
@@ -85,12 +86,12 @@ def main() -> None:
 
 
 def probe() -> dict[str, float]:
-    """Replay the streams of the bar and of the truss with the kept tangent."""
+    """Return the figures of the streams of the bar and of the truss with the kept tangent."""
     return _probe(STREAMS, ("bar 1:10", "truss"))
 
 
 def robot_probe() -> dict[str, float]:
-    """Replay the first steps of every robot."""
+    """Return the figures of the first steps of every robot."""
     return _probe({name: replace(stream, played=3) for name, stream in ROBOT_STREAMS.items()}, tuple(ROBOT_STREAMS))
 
 
@@ -103,7 +104,7 @@ def _probe(streams: Mapping[str, Stream], names: Sequence[str]) -> dict[str, flo
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
-    """Return the rows as Markdown, and how many of them are faster with the kept tangent."""
+    """Return the rows as Markdown, and the number of rows that are faster with the kept tangent."""
     ratios = [float(row[-1]) for row in rows if row[-1] != "-"]
     fast = sum(ratio > 1.0 for ratio in ratios)
     said = f"{len(ratios)} streams reach this error without the kept tangent; {fast} of them are faster with it."

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of a body with itself: blocks of unlike cells on each other, a finger whose notches close."""
+"""Contact of a body with itself: stacked blocks with different cells, and a finger whose notches close."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ self_contact: {}
 solver: {tolerance: 1.0e-5}
 """
 GAP, PRESSED = 2e-4, 0.0052
-"""Between the blocks of a stack initially, and by how much the upper one comes down [m]."""
+"""Initial gap between the blocks of a stack, and downward displacement of the upper block [m]."""
 TENSIONS = (3.0, 6.0, 9.0, 12.0, 15.0, 20.0)
-"""Of the finger's flexor [N]."""
+"""Tensions of the finger's flexor [N]."""
 CELLS = ((4, 4), (4, 3), (2, 5))
-"""Along the edges of the lower block and of the upper one."""
+"""Pairs of numbers of cells along the edges of the lower and of the upper block."""
 
 
 def stack(low: int, high: int, *, friction: float = 0.0) -> Simulation:
-    """Return a cube of 50 mm held above another, with so many cells along their edges."""
+    """Return a simulation of two stacked cubes of 50 mm, with ``low`` and ``high`` cells along their edges."""
     scene = scene_from_text(STACK)
     below, above = bar([0.05] * 3, [low] * 3), bar([0.05] * 3, [high] * 3)
     lift = np.array([0.0, 0.0, 0.025 + 0.5 * GAP])
@@ -55,7 +55,7 @@ def stack(low: int, high: int, *, friction: float = 0.0) -> Simulation:
 
 
 def pressures(simulation: Simulation, result: StepResult) -> list[np.ndarray]:
-    """Return the pressures [Pa] at the vertices of the lower block's top and of the upper one's bottom."""
+    """Return the pressures [Pa] at the vertices of the lower block's top and of the upper block's bottom."""
     rest, quads, touch = simulation.mesh.vertices, simulation.mesh.surface(), result.contacts[NAME]
     forces, found = np.zeros_like(rest), []
     forces[touch.vertices] = touch.forces
@@ -67,7 +67,7 @@ def pressures(simulation: Simulation, result: StepResult) -> list[np.ndarray]:
 
 
 def press_blocks(low: int, high: int) -> dict[str, Any]:
-    """Press a block on another; return the force [N] and by how much pressures differ from their mean, at most."""
+    """Press one block onto another; return the force [N] and the largest relative deviation from the mean pressure."""
     simulation = stack(low, high)
     result = simulation.step(Command(handles={"high": Pose((0.0, 0.0, -PRESSED))}))
     assert result.converged, result.message
@@ -82,7 +82,7 @@ def press_blocks(low: int, high: int) -> dict[str, Any]:
 
 
 def close_notches(tensions: Sequence[float] = TENSIONS) -> list[dict[str, float]]:
-    """Pull the shipped finger's tendon; return tip, press, depth and work of each step."""
+    """Pull the shipped finger's tendon; return tip position, normal force, penetration depth and work of each step."""
     simulation, rows = Simulation(load_scene("tendon_finger", overrides={"self_contact": {}})), []
     simulation.warm_up()
     for tension in tensions:
@@ -104,12 +104,12 @@ def close_notches(tensions: Sequence[float] = TENSIONS) -> list[dict[str, float]
 
 
 def measure() -> dict[str, Any]:
-    """Return what the tables need."""
+    """Return the data of the tables."""
     return {"blocks": [press_blocks(*cells) for cells in CELLS], "notches": close_notches()}
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the tables of a report by name."""
+    """Return dict from name to table of a report."""
     blocks = [
         [
             f"{row['cells'][0]}^3 / {row['cells'][1]}^3",

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact sensitivities, measured: processor time of a column beside that of a cold solve, and solves with the factor.
+"""Cost of exact sensitivities: processor time of a column compared with a cold solve, and solves with the factor.
 
-``python -m benchmarks.sensitivities`` prints a table. The first columns of a state need its factor; warm ones do not.
+``python -m benchmarks.sensitivities`` prints a table. The first columns of a state need a new factor; warm columns use
+an existing factor.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ CASES: Mapping[str, Command] = {
     "bend5": Command(handles={"tip": Pose((0.0, 0.0, 0.02))}),
 }
 COLUMNS = 6
-"""Of each scene: its first parameters."""
+"""Number of columns of each scene: those of its first parameters."""
 
 
 def measured(scene: str, command: Command) -> list[float]:
-    """Return [ms] of a cold solve, of the factor, of a warm column, its ratio to a cold solve, and its solves."""
+    """Return times [ms] of a cold solve, the factor and a warm column, its ratio to the first [%], and its solves."""
     simulation = Simulation(load_scene(scene))
     simulation.step(command)  # compiles
     simulation.sensitivities(["positions"], simulation.parameter_names[:1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tensile test of Sec. 5.3 as two springs in series: the exact solution in one dimension, and our two policies."""
+"""The tensile test of the paper's Sec. 5.3 as two springs in series: exact 1-D solution, and our two policies."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ELONGATION = 1.0
 
 @dataclass(frozen=True)
 class Joint:
-    """Where the joint of the two halves is, over the deformed length, and the mean strain of each half."""
+    """Position of the joint between the two halves, over the deformed length, and the mean strain of each half."""
 
     label: str
     position: float
@@ -32,11 +32,11 @@ PAPER: Sequence[Joint] = (
     Joint("paper's method (paper)", 0.311, 0.239, 1.748),
     Joint("Abaqus, Ogden (paper)", 0.347, 0.388, 1.612),
 )
-"""Table 2 of the paper."""
+"""Results in Table 2 of the paper."""
 
 
 def exact_joint(law: Law) -> Joint:
-    """Solve sigma_cheetah(e) = sigma_ninjaflex(2 - e) for equal lengths stretched by 100 % together."""
+    """Solve sigma_cheetah(e) = sigma_ninjaflex(2 - e) for two equal lengths that are together stretched by 100 %."""
     cheetah, ninjaflex = (preset(name, law=law, poisson=0.495) for name in ("cheetah", "ninjaflex"))
 
     def imbalance(strain: float) -> float:
@@ -47,7 +47,7 @@ def exact_joint(law: Law) -> Joint:
 
 
 def simulated_joint(scene: str, policy: Policy) -> Joint:
-    """Solve a tensile scene and read the mean plane of the joint."""
+    """Solve a tensile scene, and return the mean position of the joint's plane."""
     simulation = Simulation(load_scene(scene), settings=SolverSettings(policy=policy))
     result = list(simulation.play())[-1]
     rest = simulation.mesh.vertices[:, 0]

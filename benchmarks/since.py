@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """``make bench-since COMMIT=...``: run times of this tree over those of another commit, both played in turn.
 
-Each plays with its own package in a process of its own, one thread, on one core that they share: whatever else the
-machine does meets both alike, and the median of the ratios of pairs says more than any pair of times. The commit is
-checked out and installed beside the build, once.
+Each tree plays with its own package in a separate process with one thread. Both processes run on the same core in turn,
+so that other work on the machine slows down both. The median of the ratios of pairs is more reliable than a pair of
+times. The commit is checked out and installed once.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from gdfe_ros.workers import THREAD_COUNTS
 ROOT = Path(__file__).resolve().parent.parent
 PLAYER = Path(__file__).with_name("player.py")
 TURNS = 7
-"""Pairs of runs of each play, after one of each that is not timed."""
+"""Number of pairs of runs of each play, after one pair that is not timed."""
 
 
 @dataclass(frozen=True)
 class Play:
-    """What is played.
+    """A scene's program with a number of steps.
 
     Attributes:
-        scene: a shipped scene.
-        steps: equal steps of its program; None as its settings say, which is a cold solve for most.
-        overrides: of the scene's keys.
+        scene: name of a shipped scene.
+        steps: number of equal steps of the program; None for the number in its settings, for most scenes a cold solve.
+        overrides: dict from scene key to value.
     """
 
     scene: str
@@ -65,20 +65,20 @@ PLAYS: dict[str, Play] = {
     "pneunet, 10 ms": Play("pneunet", 400),
     "shape_memory_strip, 10 ms": Play("shape_memory_strip", 400),
 }
-"""By name: streams of small steps, cold solves, the robots' programs in coarse steps, and at 100 steps a second."""
+"""Dict from name to play: streams of small steps, cold solves, robots' programs in coarse steps and in 10 ms steps."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One play in both trees.
+    """Comparison of one play in both trees.
 
     Attributes:
-        name: of the play.
-        steps: made in a run.
-        before, after: median processor time of a run [s].
-        ratio: median over the pairs of after over before.
-        iterations: in a run, before and after.
-        same: the body ends in the same place, bit by bit.
+        name: name of the play.
+        steps: number of steps of a run.
+        before, after: median processor time of a run [s], in the commit's tree and in this tree.
+        ratio: median over the pairs of after / before.
+        iterations: numbers of iterations of a run, before and after.
+        same: whether the final positions are bit-identical.
     """
 
     name: str
@@ -91,11 +91,11 @@ class Comparison:
 
 
 class Player:
-    """A process that plays with the package of one tree.
+    """A process that plays scenes with the package of one tree.
 
     Args:
-        tree: a checkout with its own ``.venv``.
-        core: that it runs on.
+        tree: checkout with its own ``.venv``.
+        core: processor core of the process.
     """
 
     def __init__(self, tree: Path, core: int) -> None:
@@ -112,10 +112,10 @@ class Player:
         os.sched_setaffinity(self._process.pid, {core})
 
     def play(self, play: Play) -> dict[str, Any]:
-        """Play once; return what the player answers.
+        """Play once, and return the answer of the process.
 
         Raises:
-            RuntimeError: it ended instead.
+            RuntimeError: the process ended without an answer.
         """
         self._process.stdin.write(json.dumps([play.scene, play.steps, dict(play.overrides)]) + "\n")
         self._process.stdin.flush()
@@ -131,7 +131,7 @@ class Player:
 
 
 def checkout(commit: str) -> Path:
-    """Return a tree of a commit with its package installed; made where it is not there yet."""
+    """Return the tree of a commit with its package installed; it is created if it does not exist."""
     command = ["git", "rev-parse", "--short", f"{commit}^{{commit}}"]
     short = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
     tree = ROOT / "build" / "since" / short
@@ -142,7 +142,7 @@ def checkout(commit: str) -> Path:
 
 
 def compare(name: str, before: Player, after: Player, turns: int) -> Comparison:
-    """Play in turn; whoever began the last pair is second in the next."""
+    """Play in both trees in turn; the order within a pair alternates."""
     play, pairs = PLAYS[name], []
     before.play(play), after.play(play)
     for turn in range(turns):
@@ -173,7 +173,7 @@ def since_table(found: Sequence[Comparison]) -> str:
 
 
 def main() -> None:
-    """Compare, print as it goes, and print the table."""
+    """Compare all plays, print each comparison, and print the table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.since", description=__doc__)
     parser.add_argument("commit", help="any name of a commit, or the path of a checkout with its .venv")
     parser.add_argument("plays", nargs="*", metavar="PLAY", help=f"default: all of {', '.join(PLAYS)}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ball of cubes between plates, by its skin and by its staircase: ``python -m benchmarks.skin_contact``."""
+"""A voxel ball between plates, with contact of its skin or its cells' faces: ``python -m benchmarks.skin_contact``."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ obstacles:
   bottom: {{plane: [0, 0, 1], at: [0, 0, -{radius}]}}
 """
 CALCULIX = {0.06: 6.027, 0.1: 13.586}
-"""Force [N] over the approach of each plate over the radius, neo-Hookean (docs/theory/contact.md)."""
+"""Dict from approach of each plate over the radius to CalculiX' force [N], neo-Hookean (docs/theory/contact.md)."""
 KINDS = {"skin": ("cut", "skin: {file: ball.stl}"), "staircase": ("whole", "")}
 COUNTS = (8, 12, 16)
 
 
 def press_ball(cells_across: int, kind: str, detail: int = 5) -> dict[float, float]:
-    """Return the force [N] on the lower plate at each approach of both plates over the radius."""
+    """Return dict from approach of each plate over the radius to the force on the lower plate [N]."""
     cells, skin = KINDS[kind]
     cell = 2.0 * RADIUS / cells_across
     text = BALL.format(cell=cell, cells=cells, skin=skin, radius=RADIUS, near=0.9 * cell)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Streams of small steps: how many a second, and how far from the reference where they end.
+"""Streams of small steps: rate of the steps, and error of the final state.
 
-``python -m benchmarks.streams [--out FILE]`` plays every solver that can on several meshes, and prints the tables of
-docs/benchmark.md: every stream, and each solver's fastest one within a limit of error, whatever its mesh. A peer that
-lags behind its handle ends off the reference.
+``python -m benchmarks.streams [--out FILE]`` runs every solver that can make such steps on several meshes, and prints
+the tables of docs/benchmark.md: all streams, and each solver's fastest stream within a limit of error, on any mesh. A
+peer whose body lags behind its handle has a large final error.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from gdfe_ros.simulation import Simulation
 
 REPEATS = 3
 SOLVERS = (Solver.GDFE, Solver.MUJOCO)
-"""Those that make steps of their own."""
+"""Solvers that can run a stream of steps."""
 LIMITS = (2.0, 1.0, 0.75, 0.5, 0.35)
-"""Errors at the end [%]."""
+"""Limits of the final error [%]."""
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return both tables of a streams.json by name."""
+    """Return dict from name to table, for the data of a streams.json."""
     results = [PeerResult.from_json(item) for item in report["results"]]
     below = left_out(report.get("missing", {}))
     return {"streaming": stream_table(results) + below, "stream front": front_table(results) + below}
@@ -42,7 +42,7 @@ def steps_a_second(result: PeerResult) -> float:
 
 
 def stream_table(results: Sequence[PeerResult]) -> str:
-    """Return steps a second, times of a step and errors of every stream."""
+    """Return the table with rate, times of a step and errors of every stream."""
     rows = []
     for result in sorted(results, key=lambda item: (item.scene, -steps_a_second(item))):
         p50, p99 = result.settings["step_time_p50"], result.settings["step_time_p99"]
@@ -66,14 +66,14 @@ def stream_table(results: Sequence[PeerResult]) -> str:
 
 
 def front_table(results: Sequence[PeerResult]) -> str:
-    """Return each solver's fastest stream, of as many steps each, on any mesh within a limit of error at its end."""
+    """Return the table with each solver's fastest stream on any mesh, for several limits of the final error."""
     rows = front_rows(results, SOLVERS, LIMITS, lambda item: f"{steps_a_second(item):.0f}")
     heads = ("scene", "allowed error at the end [%]", *(f"{NAMES[solver]}, steps/s" for solver in SOLVERS))
     return markdown_table(heads, rows)
 
 
 def probe() -> dict[str, float]:
-    """Replay the first steps of our stream on the coarsest mesh of every scene and on the paper's."""
+    """Return the figures of the first steps of our stream, on every scene's coarsest mesh and on the paper's mesh."""
     found: dict[str, float] = {}
     for name in CaseName:
         case = get_case(name)
@@ -86,7 +86,7 @@ def probe() -> dict[str, float]:
 
 
 def main() -> int:
-    """Measure, write and print; return 1 where a run failed."""
+    """Run the measurement, write the report and print the tables; return 1 if a run failed."""
     parser = options("benchmarks.streams", "Streams of small steps: how many a second, and how far off.", "streams")
     parser.add_argument("--quick", action="store_true", help="only the coarsest mesh of each scene, once")
     given = parser.parse_args()

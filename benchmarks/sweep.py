@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a sweep gains from workers: ``python -m benchmarks.sweep``.
+"""Speed-up of a sweep by several workers: ``python -m benchmarks.sweep``.
 
-The same cases are run with one worker and with several, from the start of the cluster to its end. On a machine that
-does other things, too, the wall times say little; the CPU times still tell what the sweep costs beside its cases:
-``all CPU`` is that of this process, of the scheduler in it, and of the workers with their start and imports.
+The same cases are run with one worker and with several workers, from the start of the cluster to its end. On a busy
+machine the wall times are not reliable, but the CPU times still show the cost of the sweep in addition to its cases.
+``all CPU`` is the CPU time of this process with its scheduler, and of the workers with their start and imports.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from gdfe_ros.scene import load_scene
 
 SCENE = "bend5"
 STEPS = 20
-"""Load steps of a case: about 0.3 s."""
+"""Number of load steps of a case, which takes about 0.3 s."""
 MODULI = (1e4, 4e4)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepTiming:
-    """What a sweep took.
+    """Times of a sweep.
 
     Attributes:
-        workers: processes.
-        cases: done and converged.
-        start: until the cluster was there [s].
-        wall: all in all [s].
-        cpu: of the cases [s].
-        all_cpu: of everything [s].
+        workers: number of processes.
+        cases: number of cases that converged.
+        start: wall time of starting the cluster [s].
+        wall: total wall time [s].
+        cpu: CPU time of the cases [s].
+        all_cpu: total CPU time [s].
     """
 
     workers: int
@@ -51,17 +51,17 @@ class SweepTiming:
 
     @property
     def cores(self) -> float:
-        """Cores that were at work on cases, on average, once the cluster was there."""
+        """Mean number of cores that computed cases after the start of the cluster."""
         return self.cpu / (self.wall - self.start)
 
 
 def time_sweep(scene: str, cases: Sequence[Case], workers: int) -> SweepTiming:
-    """Run cases with so many workers.
+    """Run cases with a number of workers, and return the times.
 
     Args:
         scene: YAML text that needs no other file.
-        cases: of the sweep.
-        workers: processes of one thread each.
+        cases: cases of the sweep.
+        workers: number of processes, with one thread each.
     """
     begun, used = time.perf_counter(), _cpu_time()
     with connect(None, workers) as client:
@@ -78,7 +78,7 @@ def time_sweep(scene: str, cases: Sequence[Case], workers: int) -> SweepTiming:
 
 
 def _cpu_time() -> float:
-    """Give the CPU time of this process and of the children that have ended [s]."""
+    """Return the CPU time of this process and of its ended child processes [s]."""
     usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the benchmark as Markdown, printed from bench.json; the same text stands in README and docs/.
+"""The tables of the benchmark as Markdown, printed from bench.json; README and docs/ contain the same text.
 
-``python -m benchmarks.tables [bench.json]`` prints them; it takes a torture.json or a skip.json as well.
+``python -m benchmarks.tables [bench.json]`` prints them; it also accepts a torture.json or a skip.json.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from benchmarks.savings import Saving, saving_table
 from benchmarks.torture.score import torture_tables
 
 PAPER_TIMES = {"bend5": (11.3, 71.4), "twist90": (4.19, 19.35), "tensile": (18.3, 27.2)}
-"""Seconds of the paper's method and of Abaqus as the paper reports them, on another machine."""
+"""Times of the paper's method and of Abaqus [s] that the paper reports, on another machine."""
 NAMES = {Solver.GDFE: "gdfe_ros", Solver.FELUPE: "FElupe", Solver.CALCULIX: "CalculiX", Solver.MUJOCO: "MuJoCo"}
 LIMITS = (1.0, 0.5, 0.35)
-"""Errors of the front [%]."""
+"""Limits of the error for the table of fastest runs [%]."""
 SUMMARY = (
     (Solver.GDFE, "energy"),
     (Solver.GDFE, "relative"),
@@ -31,11 +31,11 @@ SUMMARY = (
     (Solver.CALCULIX, "C3D8I"),
     (Solver.MUJOCO, "trilinear"),
 )
-"""Solvers and elements of the table in README."""
+"""Solvers and elements in the table of README."""
 
 
 def all_tables(report: dict[str, Any]) -> dict[str, str]:
-    """Return every table of a report by name, be it a bench.json, a torture.json or a skip.json."""
+    """Return dict from name to table, for the data of a bench.json, a torture.json or a skip.json."""
     if "cases" in report:
         return torture_tables(report)
     if "savings" in report:
@@ -54,7 +54,7 @@ def all_tables(report: dict[str, Any]) -> dict[str, str]:
 
 
 def reaction_error(result: PeerResult) -> float:
-    """Return the error of the scene's leading reaction component, a fraction."""
+    """Return the relative error of the reaction component that is compared for the scene (`Case.reaction_index`)."""
     name = CaseName(result.scene)
     index = get_case(name).reaction_index
     reference = load_reference(name).reaction[index]
@@ -62,7 +62,7 @@ def reaction_error(result: PeerResult) -> float:
 
 
 def paper_table(results: Sequence[PeerResult]) -> str:
-    """Return time and error of every solver on the paper's own meshes."""
+    """Return the table with time and error of every solver on the paper's meshes."""
     rows = []
     for name in CaseName:
         case = get_case(name)
@@ -85,7 +85,7 @@ def paper_table(results: Sequence[PeerResult]) -> str:
 
 
 def summary_table(results: Sequence[PeerResult]) -> str:
-    """Return time and error of each solver with one element on the paper's own meshes: the table of README."""
+    """Return the table of README: time and error of each solver with one element on the paper's meshes."""
     rows = []
     for name in CaseName:
         mesh = "x".join(map(str, get_case(name).cells))
@@ -99,7 +99,7 @@ def summary_table(results: Sequence[PeerResult]) -> str:
 
 
 def joint_table(joints: Iterable[dict[str, Any]]) -> str:
-    """Return the tensile test of Sec. 5.3 beside the paper's Table 2 and the exact series solutions."""
+    """Return the table that compares the tensile test of Sec. 5.3 with the paper's Table 2 and the exact solutions."""
     rows = [
         (
             joint["label"],
@@ -115,7 +115,7 @@ def joint_table(joints: Iterable[dict[str, Any]]) -> str:
 
 
 def front_table(results: Sequence[PeerResult]) -> str:
-    """Return each solver's fastest run on any mesh within a limit of error."""
+    """Return the table with each solver's fastest run on any mesh, for several limits of the error."""
     rows = front_rows(results, tuple(Solver), LIMITS, lambda item: f"{1e3 * item.time_solve:.2f}")
     return markdown_table(("scene", "allowed error [%]", *(f"{NAMES[solver]} [ms]" for solver in Solver)), rows)
 
@@ -126,7 +126,7 @@ def front_rows(
     limits: Sequence[float],
     figure: Callable[[PeerResult], str],
 ) -> list[tuple[str, ...]]:
-    """Return, by scene and limit of error [%], the figure and the mesh of each solver's fastest run within it."""
+    """Return a row for each scene and error limit [%]: figure and mesh of each solver's fastest run within it."""
     rows = []
     for name in (CaseName.BEND5, CaseName.TWIST90_UNIFORM):
         for limit in limits:
@@ -143,7 +143,7 @@ def front_rows(
 
 
 def scaling_table(sizes: Iterable[dict[str, Any]]) -> str:
-    """Return set-up, iterations and memory over the number of elements."""
+    """Return the table with set-up time, iterations and memory for each number of elements."""
     rows = [
         (str(size["elements"]), f"{size['time_setup']:.2f}", f"{size['time_solve']:.2f}", str(size["iterations"]),
          f"{1e3 * size['time_iteration']:.2f}", f"{size['peak_memory'] / 1e6:.0f}")
@@ -154,13 +154,13 @@ def scaling_table(sizes: Iterable[dict[str, Any]]) -> str:
 
 
 def ratio_table(ratios: Iterable[dict[str, Any]]) -> str:
-    """Return iterations and time over Poisson's ratio."""
+    """Return the table with iterations and time for each Poisson's ratio."""
     rows = [(f"{item['poisson']:g}", str(item["iterations"]), f"{item['time_solve']:.2f}") for item in ratios]
     return markdown_table(("Poisson's ratio", "iterations", "solve [s]"), rows)
 
 
 def _best_tolerance(results: Sequence[PeerResult]) -> list[PeerResult]:
-    """Keep of our runs the loosest tolerance within the error that is asked for, of the others all."""
+    """Return all runs of other solvers and, of our runs, those at the largest tolerance with the required error."""
     from benchmarks.peers.gdfe_peer import PAPER_TOLERANCE
 
     kept = []
@@ -177,7 +177,7 @@ def _label(result: PeerResult) -> str:
 
 
 def main() -> None:
-    """Print the tables of a report and of what lies beside it."""
+    """Print the tables of a report."""
     report = Path(sys.argv[1] if len(sys.argv) > 1 else "bench.json")
     for name, text in all_tables(read_report(report).data).items():
         print(f"\n{name}\n\n{text}")

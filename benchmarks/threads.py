@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What threads save: twist90_uniform from 500 to 32 000 elements with one thread and with all.
+"""Speed-up by threads: twist90_uniform from 500 to 32 000 elements with one thread and with all threads.
 
 ``python -m benchmarks.threads [--out FILE]`` prints the table of docs/benchmark.md. Every number is the median of three
-fresh processes.
+new processes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ REPEATS = 3
 
 
 def measure(cells: tuple[int, int, int], threads: int) -> dict[str, Any]:
-    """Solve in one thread and in several, in turns; return times of an iteration [s] and whether the bits are equal."""
+    """Solve with one thread and with several, in turn; return times of an iteration [s] and whether bits are equal."""
     runs = [(measure_size(cells), measure_size(cells, threads=threads)) for _ in range(REPEATS)]
     one, several = zip(*runs, strict=True)
     return {
@@ -50,12 +50,12 @@ def thread_table(report: Sequence[dict[str, Any]]) -> str:
 
 
 def probe() -> dict[str, float]:
-    """Solve the two smallest meshes in this process, in one thread and in two."""
+    """Return the figures of the two smallest meshes, solved in this process with one thread and with two."""
     return scaling_probe(SIZES[:2], threads=2)
 
 
 def main() -> None:
-    """Measure, keep, print."""
+    """Run the measurement, write the report and print the table."""
     given = options("benchmarks.threads", "What threads save.", "threads").parse_args()
     report = [measure(cells, os.cpu_count() or 1) for cells in SIZES[:3]]
     write_report(given.out, report, probe())

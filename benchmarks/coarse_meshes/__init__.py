@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a few cells across cost: torsion, bending, a confined pad and a thick tube, beside other codes' hexahedra."""
+"""Errors of meshes with few cells across, compared with other codes: torsion, bending, a confined pad, a thick tube."""

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a few cells across cost, beside FElupe and CalculiX on the same cells: ``python -m benchmarks.coarse_meshes``.
+"""Errors of coarse meshes in this solver, FElupe and CalculiX, on equal cells: ``python -m benchmarks.coarse_meshes``.
 
-Errors against Saint-Venant, Euler and Bernoulli, Lame, and FElupe's triquadratic hexahedra. FElupe comes with the extra
-``bench``, CalculiX with ``apt-get install calculix-ccx``; what is missing is left out.
+The exact solutions are those of Saint-Venant, of Euler and Bernoulli, of Lame, and of FElupe's triquadratic hexahedra.
+The extra ``bench`` installs FElupe, ``apt-get install calculix-ccx`` installs CalculiX. A solver that is not installed
+is left out.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from gdfe_ros.solver.settings import Torsion
 
 ACROSS = (1, 2, 4, 8)
 FINENESS = (2, 4, 8)
-"""Cells over half of the pad's height, of its reference."""
+"""Numbers of cells over half of the pad's height, for which the pad's reference is computed."""
 
 
 def solvers() -> tuple[dict[str, Callable[[Problem], Found]], dict[str, str]]:
-    """Return who can solve here, by the name in the table, and why others cannot."""
+    """Return dict from name in the table to available solver, and dict from missing solver to the reason."""
     found: dict[str, Callable[[Problem], Found]] = {
         "gdfe_ros": own.solve,
         "gdfe_ros, torsion: section": partial(own.solve, torsion=Torsion.SECTION),
@@ -41,7 +42,7 @@ def solvers() -> tuple[dict[str, Callable[[Problem], Found]], dict[str, str]]:
 
 
 def main() -> None:
-    """Measure, keep, print; or print how the reference of the pad converges."""
+    """Run the measurement, write the report and print the tables; or print how the reference of the pad converges."""
     parser = options("benchmarks.coarse_meshes", "What a few cells across cost.", "coarse_meshes")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(PROBLEMS)}; all if left out")
     parser.add_argument("--reference", action="store_true", help="print the pad's reference on finer cells instead")
@@ -66,7 +67,7 @@ def main() -> None:
 
 
 def probe() -> dict[str, float]:
-    """Solve every problem, and each of the benchmark's bars, with two cells across."""
+    """Return the errors of every problem and of each of the benchmark's bars, with two cells across."""
     found = {f"{name}: error": error(name, ACROSS[1], own.solve) for name in PROBLEMS}
     for name in CaseName:
         errors = bar_errors(name, CELLS[name][0], Torsion.CELL)
@@ -75,7 +76,7 @@ def probe() -> dict[str, float]:
 
 
 def error(name: str, across: int, solve: Callable[[Problem], Found]) -> float:
-    """Return the error of a solver on a problem with so many cells across, as a fraction."""
+    """Return the relative error of a solver on the problem ``name`` with ``across`` cells across."""
     problem = PROBLEMS[name](across)
     return problem.measure(solve(problem)) - 1.0
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CalculiX on a problem: one linear static step with hexahedra of its own."""
+"""Solution of a `Problem` with CalculiX: one linear static step with CalculiX' hexahedra."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _JOB = "coarse"
 
 
 def solve(problem: Problem, element: str) -> Found:
-    """Return the solution with a type of element, such as ``C3D8I``.
+    """Return CalculiX' solution of a problem with the element type ``element``, such as ``C3D8I``.
 
     Raises:
         PeerError: if ``ccx`` fails, with the end of its log.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""FElupe on a problem: its initial stiffness, of trilinear hexahedra with mean dilatation (Q1P0); a fine reference."""
+"""FElupe's solution of a `Problem` with Q1P0 elements (mean dilatation), and a fine reference of the pad."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchmarks.grids import Grid
 
 
 def solve(problem: Problem) -> Found:
-    """Return the solution with Q1P0."""
+    """Return FElupe's linear solution of a problem with Q1P0 elements."""
     import felupe
 
     mesh = felupe.Mesh(problem.mesh.vertices, problem.mesh.cells, "hexahedron")
@@ -26,11 +26,12 @@ def solve(problem: Problem) -> Found:
 
 
 def pad_modulus(cells: int, width: float, poisson: float) -> float:
-    """Return mean stress over E times mean strain of a bonded pad, with triquadratic hexahedra on an eighth of it.
+    """Return mean stress / (E * mean strain) of a bonded pad, from triquadratic hexahedra on an eighth of the pad.
 
     Args:
-        cells: over half of the height, and twice as many over half of the width, finer towards the bonded edge.
-        width: of the pad over its height.
+        cells: number of cells over half of the height. Over half of the width there are twice as many; they are smaller
+            towards the edge of the bonded face.
+        width: width of the pad divided by its height.
         poisson: Poisson's ratio.
     """
     import felupe
@@ -52,7 +53,7 @@ def pad_modulus(cells: int, width: float, poisson: float) -> float:
 
 
 def _stiffness(felupe: Any, region: Any, poisson: float) -> Any:
-    """Return the initial stiffness, with the volume kept by a pressure in each cell."""
+    """Return the initial stiffness (k, k) [N/m] of elements with one pressure per cell."""
     field = felupe.FieldContainer([felupe.Field(region, dim=3)])
     law = felupe.NeoHooke(mu=YOUNG / (2.0 * (1.0 + poisson)))
     solid = felupe.SolidBodyNearlyIncompressible(law, field, bulk=YOUNG / (3.0 * (1.0 - 2.0 * poisson)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark's bars, largely deformed, on coarse meshes: what `torsion: section` does beside `cell`."""
+"""Large deformations of the benchmark's bars on coarse meshes: `torsion: section` compared with `torsion: cell`."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ CELLS = {
 
 
 TWISTED = (CaseName.TWIST90, CaseName.TWIST90_UNIFORM)
-"""Scenes whose handle's moment is compared; of the others it is the force."""
+"""Scenes of which the handle's moment is compared; of all others the handle's force is compared."""
 
 
 def all_bars() -> list[dict[str, str | float]]:
-    """Return what `bar_errors` finds for every scene, mesh and kind, in the order of a table."""
+    """Return the `bar_errors` of every scene, mesh and kind of torsion, in the order of the table."""
     return [
         {"scene": name.value, "cells": "x".join(map(str, cells)), "torsion": torsion.value}
         | bar_errors(name, cells, torsion)
@@ -36,11 +36,11 @@ def all_bars() -> list[dict[str, str | float]]:
 
 
 def bar_errors(name: CaseName, cells: tuple[int, int, int], torsion: Torsion) -> dict[str, float]:
-    """Play a scene in one step and compare it with its fine reference.
+    """Solve a scene in one step and return its errors against its fine reference.
 
     Returns:
-        ``displacement``: mean error over the mean displacement; ``reaction``: error of the largest component of the
-        handle's force or moment; ``iterations``.
+        ``displacement``: mean error divided by the mean displacement; ``reaction``: relative error of the largest
+        component of the handle's force or moment; ``iterations``.
 
     Raises:
         RuntimeError: the step has not converged.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The linear solve of a problem."""
+"""Solution of a linear system with prescribed displacements."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from benchmarks.peers.felupe_peer import fastest_solver
 
 
 def displaced(stiffness: Any, given: Array, moved: Array, forces: Array) -> Array:
-    """Return the displacements (k,) [m] where some are given and forces (k,) [N] act on the others.
+    """Return the displacements (k,) [m] of all degrees of freedom.
 
     Args:
-        stiffness: (k, k) sparse [N/m].
-        given: (g,) degrees of freedom.
-        moved: (g,) their displacements [m].
-        forces: (k,) [N].
+        stiffness: sparse matrix (k, k) [N/m].
+        given: prescribed degrees of freedom (g,).
+        moved: displacements of the prescribed degrees of freedom (g,) [m].
+        forces: forces (k,) [N] on the degrees of freedom; those on the prescribed ones are ignored.
     """
     displacement = np.zeros(len(forces))
     displacement[given] = moved

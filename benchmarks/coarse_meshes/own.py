@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""This solver on a problem: a scene like any other, solved to a tolerance far below what is measured."""
+"""Solution of a `Problem` with this solver: an ordinary scene, with a tolerance far below the measured errors."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ TOLERANCE, LIMIT = 1e-9, 20_000
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NodalForces:
-    """A dead load that is given vertex by vertex.
+    """A dead load with a given force on each vertex.
 
     Attributes:
         name: of the load.
-        values: (n, 3) [N].
+        values: forces (n, 3) [N].
     """
 
     name: str
@@ -34,10 +34,10 @@ class NodalForces:
 
 
 def solve(problem: Problem, torsion: Torsion = Torsion.CELL) -> Found:
-    """Return the solution.
+    """Return this solver's solution of a problem.
 
     Raises:
-        RuntimeError: the solver says that it has not converged.
+        RuntimeError: the solve did not converge.
     """
     handles = {
         name: {"where": {"vertices": held.vertices.tolist()}, "free": [axis.name.lower() for axis in held.free]}

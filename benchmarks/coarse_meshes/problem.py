@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small deformation of a linear body: what is held and how, what acts on it, and what is measured."""
+"""A small deformation of a linear elastic body: constraints, forces and the measured quantity."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ YOUNG = 1e5
 
 @dataclass(frozen=True, kw_only=True)
 class Held:
-    """Vertices that are moved as one rigid piece.
+    """Vertices that are moved like a rigid body.
 
     Attributes:
-        vertices: (k,) sorted ids.
-        pose: where they are moved; small.
-        free: axes along which they slide without a force.
+        vertices: sorted ids of the vertices (k,).
+        pose: small prescribed motion.
+        free: axes along which the vertices slide without a force.
     """
 
     vertices: NDArray[np.int32]
@@ -39,12 +39,12 @@ class Held:
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """A solution.
+    """Solution of a `Problem`.
 
     Attributes:
-        displacement: (n, 3) [m] of all vertices.
-        reactions: (6,) by name of what is held: force [N] that it exerts on the body, then moment [N m] about the mean
-            of its vertices.
+        displacement: displacements (n, 3) [m] of all vertices.
+        reactions: dict from a name in ``held`` to the wrench (6,) on the body: force [N], then moment [N m] about the
+            mean of the held vertices.
     """
 
     displacement: Array
@@ -53,14 +53,14 @@ class Found:
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """What every code is given.
+    """Input of every solver: body, constraints, forces and the measured quantity.
 
     Attributes:
-        mesh: the body.
+        mesh: mesh of the body.
         poisson: Poisson's ratio.
-        held: by name.
-        forces: (n, 3) dead forces on the vertices [N]; None for none.
-        measure: what a solution shows, over what it should.
+        held: dict from name to held vertices.
+        forces: dead forces on the vertices (n, 3) [N]; None for none.
+        measure: function from a solution to the measured quantity divided by its exact value.
     """
 
     mesh: HexMesh
@@ -70,7 +70,7 @@ class Problem:
     forces: Array | None = None
 
     def prescribed(self) -> tuple[NDArray[np.int64], Array]:
-        """Return the degrees of freedom 3 v + axis (k,) that are given, sorted, and their displacements (k,) [m]."""
+        """Return the prescribed degrees of freedom 3 v + axis (k,), sorted, and their displacements (k,) [m]."""
         given = {}
         for held in self.held.values():
             for vertex, moved in zip(held.vertices, held.displacement(self.mesh.vertices), strict=True):
@@ -78,7 +78,7 @@ class Problem:
         return np.array(sorted(given)), np.array([given[key] for key in sorted(given)])
 
     def found(self, displacement: Array, forces: Array) -> Found:
-        """Return a solution from displacements (n, 3) [m] and from all nodal forces (n, 3) [N] on what is held."""
+        """Return the solution with displacements (n, 3) [m] and with the reactions from nodal forces (n, 3) [N]."""
         reactions = {}
         for name, held in self.held.items():
             own = self.mesh.vertices[held.vertices]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bodies: a square bar that is twisted or bent, a rubber pad between plates, a thick tube under pressure.
+"""The problems: a square bar that is twisted or bent, a rubber pad between plates, a thick tube under pressure.
 
-Each takes the number of cells across: over the bar's side, the pad's height, the tube's wall.
+The argument ``across`` is the number of cells over the bar's side, the pad's height or the tube's wall.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from gdfe_ros.constraints import Axis, Pose
 from gdfe_ros.mesh import HexMesh, bar
 
 SIDE = 0.02
-"""Side of the bar, height of the pad, and inner radius and wall of the tube [m]."""
+"""Side of the bar, height of the pad, inner radius of the tube, and thickness of the tube's wall [m]."""
 SLENDERNESS, TURN = 6, 1e-3
-"""Length of the bar over its width, and the angle by which each end is turned [rad]."""
+"""Length of the bar divided by its width, and rotation of each end [rad]."""
 MIDDLE = 0.25
-"""Fraction of the bar's length, about its middle, over which twist and curvature are measured: ends are clamped."""
+"""Middle fraction of the bar's length over which twist and curvature are measured, away from the clamped ends."""
 SAINT_VENANT = {1: 0.14057702, 2: 0.45736336}
-"""Torsion constant over the fourth power of the thickness, by width over thickness (Timoshenko and Goodier)."""
+"""Dict from width / thickness to the torsion constant divided by thickness^4 (Timoshenko and Goodier)."""
 WIDTH, PRESSED = 4, 1e-4
-"""Width of the pad over its height, and the fraction of the height by which it is pressed together."""
+"""Width of the pad divided by its height, and compression of the pad divided by its height."""
 PAD = 3.108
-"""Mean stress over E times the mean strain of the pad: what FElupe's triquadratic hexahedra tend to on ever finer
-cells, as ``python -m benchmarks.coarse_meshes --reference`` prints it."""
+"""Mean stress / (E * mean strain) of the pad: limit of FElupe's triquadratic hexahedra with refinement, as printed by
+``python -m benchmarks.coarse_meshes --reference``."""
 CONFINED = 0.495
 """Poisson's ratio of the pad and of the tube."""
 AROUND, PRESSURE = 8, 10.0
-"""Cells around the tube over those through its wall, and the pressure in it [Pa]."""
+"""Number of cells around the tube divided by the number through its wall, and internal pressure [Pa]."""
 
 
 def torsion(across: int, width: int = 1) -> Problem:
-    """Twist a bar ``width`` times as wide as it is thick: torque over G J times the twist in the middle."""
+    """Return the torsion of a bar ``width`` times as wide as thick; measured: torque / (G J * twist rate)."""
     mesh = _bar(across, width)
     shear = YOUNG / 2.6
 
@@ -51,7 +51,7 @@ def torsion(across: int, width: int = 1) -> Problem:
 
 
 def bending(across: int, poisson: float = 0.3) -> Problem:
-    """Bend a square bar by turning its ends: moment over E I times the curvature in the middle."""
+    """Return the bending of a square bar by rotations of its ends; measured: moment / (E I * curvature)."""
     mesh = _bar(across)
 
     def measure(found: Found) -> float:
@@ -66,7 +66,7 @@ def bending(across: int, poisson: float = 0.3) -> Problem:
 
 
 def pad(across: int) -> Problem:
-    """Press a pad that is bonded to two plates: its stiffness."""
+    """Return the compression of a pad that is bonded to two plates; measured: its stiffness."""
     mesh = bar([WIDTH * SIDE, WIDTH * SIDE, SIDE], [WIDTH * across, WIDTH * across, across])
     height = mesh.vertices[:, 2]
     held = {
@@ -83,7 +83,7 @@ def pad(across: int) -> Problem:
 
 
 def tube(across: int) -> Problem:
-    """Inflate a short tube with open, free ends, for which Lame's solution is exact: growth of the inner radius."""
+    """Return the inflation of a short tube with free ends (Lame's solution); measured: growth of the inner radius."""
     around = AROUND * across
     layers = bar([1.0, 1.0, SIDE / across], [across, around, 1])
     share, angle = layers.vertices[:, 0] - layers.vertices[:, 0].min(), 2.0 * np.pi * layers.vertices[:, 1]
@@ -95,7 +95,7 @@ def tube(across: int) -> Problem:
     inner, outer = SIDE, 2.0 * SIDE
     wall = np.isclose(radius, inner)
     outward = mesh.vertices * (1.0, 1.0, 0.0) / radius[:, None]
-    # A facet's two corners have half of its force each: along their own radius that is the chord's sine.
+    # Each vertex has half of the pressure force of two facets. The sum is radial and has the sine of the chord's angle.
     size = PRESSURE * inner * np.sin(2.0 * np.pi / around) * 0.5 * SIDE / across
     growth = PRESSURE / YOUNG * inner**2 / (outer**2 - inner**2)
     exact = growth * ((1.0 - CONFINED) * inner + (1.0 + CONFINED) * outer**2 / inner)
@@ -120,7 +120,7 @@ PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "pad": pad,
     "tube": tube,
 }
-"""By name."""
+"""Dict from name to the function that returns a problem with a number of cells across."""
 
 
 def _bar(across: int, width: int = 1) -> HexMesh:
@@ -142,7 +142,7 @@ def _turned_ends(mesh: HexMesh, turn: tuple[float, float, float]) -> dict[str, H
 
 
 def _middle(mesh: HexMesh, across: int) -> tuple[Array, Array]:
-    """Mark the vertices in the middle of the bar; return their places (3, k) from the bar's axis as well."""
+    """Return whether each vertex is in the middle of the bar (n,), and positions (3, k) [m] of these k vertices."""
     places = mesh.vertices - mesh.bounds.mean(axis=0)
     half = np.abs(places[:, 0]).max()
     chosen = np.abs(places[:, 0]) < MIDDLE * half + 0.6 * SIDE / across
@@ -150,7 +150,7 @@ def _middle(mesh: HexMesh, across: int) -> tuple[Array, Array]:
 
 
 def _three_points(mesh: HexMesh, radius: float) -> dict[str, Held]:
-    """Hold a tube by three of its vertices, so that it can neither move nor turn but strain as it likes."""
+    """Return constraints on three vertices of a tube that prevent rigid motion but no deformation."""
     low = mesh.vertices[:, 2].min()
     places = {"east": (radius, 0.0, low), "west": (-radius, 0.0, low), "north": (0.0, radius, low)}
     free = {"east": (), "west": (Axis.X,), "north": (Axis.X, Axis.Y)}

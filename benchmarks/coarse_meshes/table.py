@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of a report."""
+"""The tables of a report on coarse meshes."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ MEASURED = {
     "displacement": ("displacement", "{:.2%}"),
     "iterations": ("iterations", "{}"),
 }
-"""Of the bars: the head of a column, and the number in it."""
+"""Pairs of column heading and key of the number, for the table of the bars."""
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the tables of a report by name."""
+    """Return dict from name to table of a report."""
     return {
         "coarse_meshes": small_table(report) + left_out(report["missing"]),
         "coarse_bars": bar_table(report["bars"]),
@@ -36,7 +36,7 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
 
 
 def small_table(report: Mapping[str, Any]) -> str:
-    """Return a row for each problem and number of cells across."""
+    """Return the table with a row for each problem and number of cells across."""
     errors = report["errors"]
     codes = list(next(iter(errors.values())))
     rows = [
@@ -48,7 +48,7 @@ def small_table(report: Mapping[str, Any]) -> str:
 
 
 def trial_table(trials: Mapping[str, Sequence[float]]) -> str:
-    """Return a row for each trial."""
+    """Return the table with a row for each trial."""
     heads = ("error [%]", *(f"{name}: {across} across" for name, across in COLUMNS))
     return markdown_table(
         heads, [[way, *(f"{100.0 * error:+.2f}" for error in errors)] for way, errors in trials.items()]
@@ -56,7 +56,7 @@ def trial_table(trials: Mapping[str, Sequence[float]]) -> str:
 
 
 def bar_table(bars: Sequence[Mapping[str, Any]]) -> str:
-    """Return a row for each scene and mesh: errors and iterations of both kinds of torsion."""
+    """Return the table with a row for each scene and mesh: errors and iterations for both kinds of torsion."""
     heads = ("scene", "cells", *(f"{what}, {torsion.value}" for what in MEASURED for torsion in Torsion))
     rows = []
     for first in range(0, len(bars), len(Torsion)):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was tried against the stiffness of confined rubber: other pressures, and mean gradients that see neighbours.
+"""Trials to reduce the excessive stiffness of confined rubber: other pressure fields and other mean gradients.
 
-On the linear problem: stiffness of this solver's undeformed elements, with another volume term or another mean
-gradient.
+They use the linear problem: the stiffness of this solver's undeformed elements, with another volume term or another
+mean gradient.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness
 Matrix = Any
 """A sparse matrix of scipy."""
 COLUMNS = (("pad", 2), ("pad", 4), ("tube", 2), ("tube", 4), ("bending, nu 0.495", 2), ("torsion", 2))
-"""Problem and cells across."""
+"""Problems and numbers of cells across on which the trials are compared."""
 
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """This solver's undeformed elements, taken apart.
+    """The parts of the stiffness of this solver's undeformed elements.
 
     Attributes:
-        body: the elements.
-        lattice: cells along each of their axes, the first running fastest.
+        body: body with the elements.
+        lattice: number of cells along each axis of the mesh; the index along the first axis changes fastest.
     """
 
     body: Body
@@ -47,7 +47,7 @@ class Elements:
 
     @classmethod
     def of(cls, name: str, across: int, problem: Problem) -> Elements:
-        """Take the elements of a problem."""
+        """Return the elements of a problem."""
         mesh, law = problem.mesh, Linear(young=YOUNG, poisson=problem.poisson)
         body = Body.build(mesh.vertices, mesh.cells, [law], np.zeros(mesh.n_cells, np.int32), ())
         bars = (SLENDERNESS * across, across, across)
@@ -56,18 +56,18 @@ class Elements:
 
     @property
     def moduli(self) -> tuple[float, float, float]:
-        """Shear modulus, bulk modulus, and the bulk modulus that is kept in each cell beside the pressures [Pa]."""
+        """Shear modulus, bulk modulus, and the part of the bulk modulus that is not replaced by pressures [Pa]."""
         shear, bulk, kept = self.body.table.parameters[0, [SHEAR, BULK, PENALTY]]
         return float(shear), float(bulk), float(kept)
 
     @cached_property
     def gradient(self) -> list[Matrix]:
-        """Mean derivatives along x, y, z of a field on the vertices, (m, n) each."""
+        """Operators (m, n) from a field on the vertices to its mean derivatives in the cells along x, y and z."""
         return self.summed(self.body.shape.gradient)
 
     @cached_property
     def hourglass(self) -> Matrix:
-        """Stiffness (3 n, 3 n) [N/m] of what the mean gradient does not see."""
+        """Hourglass stiffness (3 n, 3 n) [N/m]: that of displacements whose mean gradient is zero."""
         body = self.body
         none, ones = np.zeros(len(body.material)), np.ones(len(body.material))
         rest = SimpleNamespace(shape=body.shape, blocks=body.blocks, material=body.material, table=body.table)
@@ -80,7 +80,7 @@ class Elements:
         return whole - self.distortion(self.gradient, shear) - self.volume(self.gradient, kept)
 
     def summed(self, weights: Array) -> list[Matrix]:
-        """Return the operators (m, n) of corner weights (m, 8, 3), one for each of the three."""
+        """Return three operators (m, n) from vertices to cells, one per component of the corner weights (m, 8, 3)."""
         rows = np.repeat(np.arange(len(self.body.cells)), 8)
         shape = (len(self.body.cells), len(self.body.rest))
         return [
@@ -88,11 +88,11 @@ class Elements:
         ]
 
     def divergence(self, gradient: Sequence[Matrix]) -> Matrix:
-        """Return the mean divergence (m, 3 n)."""
+        """Return the operator (m, 3 n) from displacements to the mean divergence in each cell."""
         return sum(_along(gradient[k], k) for k in range(3))
 
     def volume(self, gradient: Sequence[Matrix], bulk: float, patch: Matrix | None = None) -> Matrix:
-        """Return the stiffness of a bulk modulus against the divergence, or against its means over patches (p, m)."""
+        """Return the stiffness (3 n, 3 n) for a bulk modulus and the divergence of cells or of patches (p, m)."""
         divergence, size = self.divergence(gradient), sparse.diags(self.body.shape.volume)
         if patch is not None:
             volumes = np.asarray((patch @ size).sum(axis=1)).ravel()
@@ -100,7 +100,7 @@ class Elements:
         return bulk * divergence.T @ size @ divergence
 
     def distortion(self, gradient: Sequence[Matrix], shear: float) -> Matrix:
-        """Return the stiffness of a shear modulus against the mean strain without its volume part."""
+        """Return the stiffness (3 n, 3 n) for a shear modulus and the deviatoric mean strain."""
         volume, mean = sparse.diags(shear * self.body.shape.volume), self.divergence(gradient) / 3.0
         total = 0.0
         for i in range(3):
@@ -111,7 +111,7 @@ class Elements:
 
 
 def _along(operator: Matrix, axis: int) -> Matrix:
-    """Return an operator on fields as one on the components of a displacement along an axis."""
+    """Return the operator on scalar fields (m, n) as operator (m, 3 n) on the displacement components along an axis."""
     vertices = np.arange(operator.shape[1])
     pick = sparse.csr_matrix(
         (np.ones(len(vertices)), (vertices, 3 * vertices + axis)), shape=(len(vertices), 3 * len(vertices))
@@ -120,28 +120,28 @@ def _along(operator: Matrix, axis: int) -> Matrix:
 
 
 def as_shipped(elements: Elements) -> Matrix:
-    """One pressure a cell."""
+    """Return the stiffness with one pressure per cell."""
     shear, bulk, _ = elements.moduli
     gradient = elements.gradient
     return elements.hourglass + elements.distortion(gradient, shear) + elements.volume(gradient, bulk)
 
 
 def over_patches(elements: Elements) -> Matrix:
-    """One pressure for every 2 x 2 x 2 cells."""
+    """Return the stiffness with one pressure per patch of 2 x 2 x 2 cells."""
     count = np.unravel_index(np.arange(len(elements.body.cells)), elements.lattice[::-1])
     _, patch = np.unique(np.stack(count) // 2, axis=1, return_inverse=True)
     return _pressures(elements, sparse.csr_matrix((np.ones(patch.size), (patch.ravel(), np.arange(patch.size)))))
 
 
 def at_vertices(elements: Elements) -> Matrix:
-    """A pressure at each vertex, for the mean volume of the cells around it (Bonet and Burton)."""
+    """Return the stiffness with a pressure at each vertex, for the mean volume of its cells (Bonet and Burton)."""
     cells = elements.body.cells
     share = np.full(cells.size, 0.125)
     return _pressures(elements, sparse.csr_matrix((share, (cells.ravel(), np.repeat(np.arange(len(cells)), 8)))))
 
 
 def _pressures(elements: Elements, patch: Matrix) -> Matrix:
-    """Return the stiffness with pressures over patches (p, m), and what is kept of the bulk modulus in each cell."""
+    """Return the stiffness with one pressure per patch (p, m), and the remaining bulk modulus in each cell."""
     shear, bulk, kept = elements.moduli
     gradient = elements.gradient
     own = elements.hourglass + elements.distortion(gradient, shear) + elements.volume(gradient, kept)
@@ -149,7 +149,7 @@ def _pressures(elements: Elements, patch: Matrix) -> Matrix:
 
 
 def linear_in_cells(elements: Elements) -> Matrix:
-    """A pressure that is linear in each cell, for the divergence that the bending modes have there."""
+    """Return the stiffness with a pressure that is linear in each cell, for the divergence of the bending modes."""
     body, (_, bulk, _) = elements.body, elements.moduli
     shape, total = body.shape, as_shipped(elements)
     rate = 2.0 / shape.edge_lengths * 8.0**-0.5
@@ -164,7 +164,7 @@ def linear_in_cells(elements: Elements) -> Matrix:
 
 
 def curved_faces(elements: Elements) -> Matrix:
-    """Mean gradients from faces that curve with their neighbours, by second differences of the displacement."""
+    """Return the stiffness with mean gradients from curved faces, whose curvature comes from second differences."""
     body, (shear, bulk, _) = elements.body, elements.moduli
     faces = _face_gradients(body.rest, body.cells) / body.shape.volume[None, :, None, None]
     same = sparse.identity(len(body.rest))
@@ -174,14 +174,14 @@ def curved_faces(elements: Elements) -> Matrix:
         # The trapezoidal rule over a face misses a twelfth of the second differences along it.
         curved = same - (second[axis - 1] + second[axis - 2]) / 12.0
         gradient = [sum_ + part @ curved for sum_, part in zip(gradient, elements.summed(faces[axis]), strict=True)]
-    # The undeformed cell curves alike: with respect to that shape linear fields have the gradient that they should.
+    # The undeformed cell is curved in the same manner. Relative to this shape, linear fields have exact gradients.
     inverse = np.linalg.inv(np.stack([part @ body.rest for part in gradient], axis=2))
     gradient = [sum(sparse.diags(inverse[:, j, k]) @ gradient[j] for j in range(3)) for k in range(3)]
     return elements.hourglass + elements.distortion(gradient, shear) + elements.volume(gradient, bulk)
 
 
 def _face_gradients(rest: Array, cells: Array) -> Array:
-    """Return what the two faces across each axis have in V times the mean gradient, (3, m, 8, 3), by Gauss points."""
+    """Return the contributions (3, m, 8, 3) of the two faces normal to each axis to V times the mean gradient."""
     found = np.zeros((3, len(cells), 8, 3))
     for face, corners in enumerate(HEX_FACES):
         quads = rest[cells[:, corners]]
@@ -194,7 +194,7 @@ def _face_gradients(rest: Array, cells: Array) -> Array:
 
 
 def _second_difference(elements: Elements, axis: int) -> Matrix:
-    """Return second differences (n, n) along an axis of the cells; at ends, those of the vertex before."""
+    """Return the operator (n, n) of second differences along an axis; an end vertex has that of its neighbour."""
     cells, count = elements.body.cells, len(elements.body.rest)
     after, before = np.full(count, -1), np.full(count, -1)
     for low in np.flatnonzero(CORNERS[:, axis] < 0.0):

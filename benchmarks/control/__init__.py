@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inverse control, measured."""
+"""Measurements of inverse control."""

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inverse control on circles: open loop, open loop in real time, and closed loop with a wrong modulus.
 
-``python -m benchmarks.control`` prints a table a loop. Errors are those of a plant, a simulation of its own that
-gets the commands alone. In real time the goals go on with the wall clock, whether or not the model is ready.
+``python -m benchmarks.control`` prints a table for each kind of control. Errors are those of the plant, a separate
+simulation that receives only the commands. In real time, the goals move with the wall clock, even if the model is not
+ready.
 """
 
 from __future__ import annotations
@@ -22,22 +23,22 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.control import FeedbackControl, InverseControl, RealTimeControl
 
 RATE = 50.0
-"""Commands a second."""
+"""Rate of the commands [1/s]."""
 WRONG = (0.7, 1.3)
-"""Moduli of the plant over those of the model, closed loop."""
+"""Ratios of the plant's moduli to the model's, for closed-loop control."""
 APPROACH = 40
-"""Commands before the circle begins, closed loop."""
+"""Number of commands before the circle starts, for closed-loop control."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Followed:
-    """How a circle was followed.
+    """Result of following a circle.
 
     Attributes:
-        times: [s] of each command: processor time, or wall time in real time.
-        errors: distance [m] of the plant from the circle after each command.
-        radius: [m].
-        solves: equilibria of the model for each command.
+        times: time of each command [s]: processor time; for real time, wall time.
+        errors: distance of the plant from its goals after each command [m].
+        radius: radius of the circle [m].
+        solves: number of the model's equilibria per command.
     """
 
     times: Sequence[float]
@@ -47,18 +48,18 @@ class Followed:
 
     @property
     def error(self) -> float:
-        """Mean error over the radius."""
+        """Mean error divided by the radius."""
         return float(np.mean(self.errors)) / self.radius
 
     def row(self) -> list[str]:
-        """Return median, 95th percentile and maximum [ms], mean and largest error over the radius [%]."""
+        """Return median, 95th percentile and maximum of the times [ms]; mean and largest error over the radius [%]."""
         times, errors = 1e3 * np.array(self.times), 100.0 * np.array(self.errors) / self.radius
         numbers = statistics.median(times), np.percentile(times, 95), max(times), errors.mean(), errors.max()
         return [f"{number:.2f}" for number in numbers]
 
 
 def open_loop(circle: Circle, *, moves: int, rounds: float) -> Followed:
-    """Lead a model round a circle by `InverseControl.move`, and a plant by the commands that come of it."""
+    """Move a model along a circle with `InverseControl.move`, and a plant with the resulting commands."""
     model, plant = robot(circle), robot(circle)
     middle, control = measured(circle, model), InverseControl(model, circle.targets)
     _begin(control, circle, middle)
@@ -72,7 +73,7 @@ def open_loop(circle: Circle, *, moves: int, rounds: float) -> Followed:
 
 
 def real_time(circle: Circle, *, moves: int, rounds: float) -> Followed:
-    """Give commands by the wall clock with `RealTimeControl`; the plant follows afterwards."""
+    """Compute commands at the wall clock's rate with `RealTimeControl`, then simulate the plant with them."""
     model = robot(circle)
     middle = measured(circle, model)
     _begin(InverseControl(model, circle.targets), circle, middle)
@@ -90,7 +91,7 @@ def real_time(circle: Circle, *, moves: int, rounds: float) -> Followed:
 
 
 def closed_loop(circle: Circle, modulus: float, *, moves: int, rounds: float) -> Followed:
-    """Lead a plant with other moduli round the model's circle by `FeedbackControl`."""
+    """Move a plant, whose moduli are ``modulus`` times the model's, along the model's circle with `FeedbackControl`."""
     model, plant = robot(circle), robot(circle, modulus)
     middle, control = measured(circle, model), FeedbackControl(model, circle.targets)
     times, errors = [], []
@@ -110,7 +111,7 @@ def _begin(control: InverseControl, circle: Circle, middle: np.ndarray) -> None:
 
 
 def _error(circle: Circle, plant: Simulation, commands: dict[str, float], goals: np.ndarray) -> float:
-    """Step a plant to commands and return its distance [m] from goals."""
+    """Step a plant to commands, and return its distance [m] from the goals."""
     plant.step(Command(actuators=commands))
     return circle.distance(plant, goals)
 

@@ -17,12 +17,13 @@ class Circle:
     """A circle inside a robot's workspace.
 
     Attributes:
-        scene: its name.
-        middle: commands at its middle.
-        targets: what is led.
-        first, second: coordinates of the circle, each as target and axis.
-        radius: [m].
-        tolerance: of a robot whose modulus differs from the model's; small against the radius over the body's size.
+        scene: name of the robot's scene.
+        middle: dict from actuator to the command at the circle's centre.
+        targets: controlled targets.
+        first, second: coordinates of the circle, each as index of a target and axis.
+        radius: radius [m].
+        tolerance: solver tolerance of a robot whose modulus differs from the model's. It is small compared with the
+            radius divided by the body's size.
     """
 
     scene: str
@@ -34,14 +35,14 @@ class Circle:
     tolerance: float = 1e-4
 
     def goals(self, middle: np.ndarray, turn: float) -> np.ndarray:
-        """Return goals (t, 3) [m] after a fraction of a ``turn``, around ``middle`` (t, 3) [m]."""
+        """Return the goals (t, 3) [m] after ``turn`` revolutions around ``middle`` (t, 3) [m]."""
         goals, angle = middle.copy(), 2.0 * np.pi * turn
         goals[self.first] += self.radius * np.cos(angle)
         goals[self.second] += self.radius * np.sin(angle)
         return goals
 
     def distance(self, simulation: Simulation, goals: np.ndarray) -> float:
-        """Return how far [m] a simulation is from goals (t, 3) [m]."""
+        """Return the distance [m] of a simulation's targets from the goals (t, 3) [m]."""
         places, parts = simulation.probe_positions(), []
         for target, goal in zip(self.targets, goals, strict=True):
             parts.append((places[target.probe] - goal)[list(target.axes)])
@@ -75,11 +76,11 @@ CIRCLES = (
         radius=3e-3,
     ),
 )
-"""The gripper's fingers have a tendon each: the circle is that of two of them, one a coordinate."""
+"""Circles of three robots. For the gripper, each of two fingertips is one coordinate of the circle."""
 
 
 def robot(circle: Circle, modulus: float = 1.0) -> Simulation:
-    """Return the robot of a circle at the middle's commands, with moduli over those of the scene."""
+    """Return the robot at the commands of the circle's centre; ``modulus`` is a factor on the scene's moduli."""
     materials = load_scene(circle.scene).materials
     changes = {f"materials.{name}.young": modulus * material.young for name, material in materials.items()}
     changes["solver.tolerance"] = circle.tolerance
@@ -89,6 +90,6 @@ def robot(circle: Circle, modulus: float = 1.0) -> Simulation:
 
 
 def measured(circle: Circle, simulation: Simulation) -> np.ndarray:
-    """Return where the targets of a circle are (t, 3) [m]."""
+    """Return the positions (t, 3) [m] of a circle's targets."""
     places = simulation.probe_positions()
     return np.array([places[target.probe] for target in circle.targets])

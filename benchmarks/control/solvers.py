@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quadratic programmes of inverse control by four solvers: time, and how far from the best they end.
+"""Quadratic programmes of inverse control with four solvers: time, and error relative to the best solution.
 
-Run it: ``python -m benchmarks.control.solvers`` with proxsuite, osqp, clarabel and quadprog installed.
+``python -m benchmarks.control.solvers`` prints the table; it needs proxsuite, osqp, clarabel and quadprog.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SIZES, COUNT = (2, 3, 6, 12), 200
 
 
 def programmes(size: int) -> list[tuple[Array, Array, Array, Array]]:
-    """Return P, q and bounds (n,) of least squares over three rows with a little of the change itself."""
+    """Return random programmes P, q, low, high: least squares with three rows, a small weight of x, and bounds (n,)."""
     random, found = np.random.default_rng(size), []
     for _ in range(COUNT):
         rows = random.standard_normal((3, size)) * 10.0 ** random.uniform(-2, 0, size)
@@ -82,7 +82,7 @@ SOLVERS: dict[str, Solve] = {
 
 
 def main() -> None:
-    """Print a table: microseconds, and the largest excess of a bound or of the objective over the best's."""
+    """Print the table: time [us], and the largest violation of a bound or relative excess over the best objective."""
     print("| actuators | " + " | ".join(f"{name}: us, error" for name in SOLVERS) + " |")
     print("|---" * (len(SOLVERS) + 1) + "|")
     for size in SIZES:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the live page does in a real browser, and with many viewers."""
+"""Measurements of the live page: delays and frame rates in a real browser, and its cost with many viewers."""

@@ -23,13 +23,13 @@ from gdfe_ros.node.interface.scene_topics import is_commanded
 from gdfe_ros.scene import Scene, load_scene
 
 _CELLS = [28, 8, 8]
-"""Of a bar whose steps are quick."""
+"""Cells of a bar whose steps take little time."""
 _WINDOW = (900, 500)
-"""Of the browser [px]: small, as the processor draws."""
+"""Size of the browser's window [px]. It is small because the processor draws."""
 
 
 def main() -> None:
-    """Print a row for each figure, and how busy the machine is."""
+    """Print a row for each figure, and the load of the machine."""
     parser = argparse.ArgumentParser(description="What the live page does in a real Chromium, and what it costs.")
     parser.add_argument("--scene", default="pneunet")
     parser.add_argument("--rounds", type=int, default=5, help="plays with and without viewers")
@@ -51,7 +51,7 @@ def main() -> None:
 
 
 def _in_process(scene: Scene, arguments: argparse.Namespace) -> None:
-    """Tell what the page costs the solver, and what viewers leave behind."""
+    """Print the page's cost for the solver, and the resources that viewers leave behind."""
     asked = {"one viewer": "less than 10 % longer", "a viewer that hangs": "as without", "processor": "10 %"}
     for case, share in shares(scene, rounds=arguments.rounds).items():
         text = (
@@ -67,10 +67,10 @@ def _in_process(scene: Scene, arguments: argparse.Namespace) -> None:
 
 @contextmanager
 def _served(name: str, *options: str) -> Iterator[tuple[int, float]]:
-    """Have the command show a scene; give its port, and when it was started, wall time [s]."""
+    """Run ``gdfe live`` for a scene; yield its port and the wall time of its start [s]."""
     started = time.time()
     command = [sys.executable, "-m", "gdfe_ros.cli", "live", name, "--port", "8750", *options]
-    # Where Python may not keep what it has compiled, no start is warm.
+    # Without this variable, Python stores compiled modules, so that the second start is a warm one.
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         try:
@@ -80,9 +80,9 @@ def _served(name: str, *options: str) -> Iterator[tuple[int, float]]:
 
 
 def _watch(scene: Scene, arguments: argparse.Namespace) -> None:
-    """Open the page, move a slider, play the program."""
+    """Open the page, move a slider, play the program; print delays and frame rates."""
     with _served(arguments.scene):
-        pass  # the first start is not a warm one
+        pass  # The first start is a cold one.
     with Browser(DrawnSurface(scene.mesh), size=_WINDOW) as browser, _served(arguments.scene) as (port, started):
         ready = time.time()
         browser.open(port)
@@ -104,7 +104,7 @@ def _watch(scene: Scene, arguments: argparse.Namespace) -> None:
 
 
 def _drag(arguments: argparse.Namespace) -> None:
-    """Drag the tip of a bar upwards with the mouse, then play its program in more steps than there can be frames."""
+    """Drag the tip of a bar upwards with the mouse, then play its program with more steps per second than frames."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": _CELLS})
     options = ("--set", f"mesh.bar.cells={_CELLS}", "--dt", "0.001")
     with Browser(DrawnSurface(scene.mesh), size=_WINDOW) as browser, _served(scene.name, *options) as (port, _):
@@ -131,7 +131,7 @@ def _drag(arguments: argparse.Namespace) -> None:
 
 
 def _play(browser: Browser, scene: Scene, seconds: float, *, dt: float) -> None:
-    """Count the frames of a program, and its steps of ``dt`` [s] meanwhile."""
+    """Play the program for some ``seconds``; print the rates of frames and of steps of ``dt`` [s]."""
     browser.press("play the program")
     time.sleep(1.0)
     list(browser.wire.arrivals())
@@ -150,12 +150,12 @@ def _play(browser: Browser, scene: Scene, seconds: float, *, dt: float) -> None:
 
 
 def _simulated(browser: Browser) -> float:
-    """Give the simulation time that the state shows [s]."""
+    """Return the simulation time [s] that the page shows."""
     return float(re.search(r"([\d.]+) s, (?:\d+|no) steps", browser.text())[1])
 
 
 def _finish(browser: Browser, scene: Scene, arguments: argparse.Namespace) -> None:
-    """Keep a picture, and tell of errors."""
+    """Save a screenshot, and print errors on the console."""
     if arguments.pictures:
         arguments.pictures.mkdir(parents=True, exist_ok=True)
         browser.chrome.save_screenshot(str(arguments.pictures / f"live_{scene.name}.png"))
@@ -163,7 +163,7 @@ def _finish(browser: Browser, scene: Scene, arguments: argparse.Namespace) -> No
 
 
 def _delays(browser: Browser, *, moves: int = 9) -> tuple[float, float]:
-    """Nudge the first slider again and again; give median times until another body is there, and drawn [ms]."""
+    """Move the first slider repeatedly; return median times [ms] until the changed body arrives, and is drawn."""
     reached, drawn = [], []
     for _ in range(moves):
         browser.settle()

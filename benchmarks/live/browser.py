@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Chromium that looks at a live page, is driven as a user would, and tells what it sees and when."""
+"""A Chromium that shows a live page, is operated like a user operates it, and reports what is drawn and when."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.mesh import HexMesh
 
 _FIELD = np.radians(75.0)
-"""Of viser's camera, from the lower to the upper edge."""
+"""Vertical field of view of viser's camera [rad]."""
 _WATCH = """
 window.gdfe = {frames: [], draws: 0, keys: []};
 const now = () => (performance.timeOrigin + performance.now()) / 1e3;
@@ -48,12 +48,12 @@ class Browser:
     """A headless Chromium; a context manager.
 
     Args:
-        surface: of the body that it will see.
-        size: of the window [px].
+        surface: drawn surface of the body that the page shows.
+        size: size of the window [px].
 
     Attributes:
-        chrome: the browser's driver.
-        wire: what reaches it.
+        chrome: driver of the browser.
+        wire: record of the messages that reach the browser.
     """
 
     def __init__(self, surface: DrawnSurface, *, size: tuple[int, int] = (1100, 700)) -> None:
@@ -75,10 +75,10 @@ class Browser:
         self.wait(lambda: self.ask("return window.gdfe && window.gdfe.draws > 0"), "a body that is drawn")
 
     def wait(self, done: Callable[[], Any], what: str) -> Any:
-        """Ask until there is an answer that is true, and return it.
+        """Call ``done`` until it returns a true value, and return this value.
 
         Raises:
-            TimeoutError: it took too long.
+            TimeoutError: there is no true value within `PATIENCE`.
         """
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
@@ -91,36 +91,36 @@ class Browser:
         raise TimeoutError(f"waited {PATIENCE:g} s for {what} in vain")
 
     def ask(self, script: str) -> Any:
-        """Run a script in the page and return what it returns."""
+        """Run a script in the page and return its result."""
         return self.chrome.execute_script(script)
 
     def frames(self) -> list[tuple[float, float]]:
-        """Give wall time [s] and a sum of the positions of each frame that has been handed to the graphics card."""
+        """Return, for each drawn frame, its wall time [s] and the sum of its vertex positions."""
         return [tuple(frame) for frame in self.ask("return window.gdfe.frames")]
 
     def dismiss(self) -> None:
-        """Close the note that the page shows of drawing without a graphics card; it lies over the body."""
+        """Close the page's note about drawing without a graphics card, because it covers the body."""
         found = "return document.querySelector('.mantine-Notification-closeButton')"
         self.wait(lambda: self.ask(found), "the note").click()
         self.wait(lambda: not self.ask(found), "the note's end")
 
     def settle(self) -> None:
-        """Wait until nothing new has been drawn for a second."""
+        """Wait until no new frame has been drawn for a second."""
         quiet = "const last = window.gdfe.frames.at(-1)[0]; return Date.now() / 1e3 - last > 1"
         self.wait(lambda: self.ask(quiet), "a body that rests")
 
     def text(self) -> str:
-        """Give all text of the page."""
+        """Return all text of the page."""
         return self.ask("return document.body.innerText")
 
     def nudge(self, place: int) -> float:
-        """Press the right arrow on a slider, and return when the page had it, wall time [s]."""
+        """Press the right arrow key on a slider, and return the wall time [s] at which the page received the key."""
         slider = self.chrome.find_elements(By.CSS_SELECTOR, "[role=slider]")[place]
         slider.send_keys(Keys.ARROW_RIGHT)
         return self.ask("return window.gdfe.keys.at(-1)")
 
     def drag(self, start: tuple[float, float], way: tuple[float, float], *, steps: int = 8) -> None:
-        """Drag the mouse, its left button down, from a place in the window along a path [px]."""
+        """Drag the mouse with its left button pressed, from ``start`` [px] by ``way`` [px], in ``steps`` steps."""
         places = [
             [origin + part * step / steps for origin, part in zip(start, way, strict=True)] for step in range(steps + 1)
         ]
@@ -132,13 +132,13 @@ class Browser:
         self._mouse("mouseReleased", places[-1])
 
     def drag_control(self, mesh: HexMesh, handle: Handle, axis: Sequence[float], *, pixels: float) -> None:
-        """Drag the head of the arrow of a handle's control along it, by so many pixels.
+        """Drag the head of an arrow of a handle's control in the direction of the arrow.
 
         Args:
-            mesh: of the body, as the page was opened: nobody has turned the picture.
-            handle: in its rest pose.
-            axis: of the arrow (3,).
-            pixels: of the path.
+            mesh: mesh of the body; the camera must not have moved since the page was opened.
+            handle: handle in its rest pose.
+            axis: direction of the arrow (3,).
+            pixels: length of the path [px].
         """
         scale, view = scale_of(mesh), first_view(mesh)
         foot = scale * handle.centre(mesh.vertices)
@@ -147,11 +147,11 @@ class Browser:
         self.drag(tuple(end), tuple(pixels * (end - start) / np.linalg.norm(end - start)))
 
     def _project(self, point: Sequence[float], view: tuple[Any, Any]) -> tuple[float, float]:
-        """Give where a point is in the window [px].
+        """Return the position of a point in the window [px].
 
         Args:
             point: (3,) in the units of the picture.
-            view: what the eye looks at, and where it is, (3,) each, while nobody has turned the picture.
+            view: point at which the camera looks, and position of the camera, (3,) each.
         """
         script = "const box = document.querySelector('canvas').getBoundingClientRect();"
         left, top, width, height = self.ask(f"{script} return [box.x, box.y, box.width, box.height]")
@@ -170,10 +170,10 @@ class Browser:
         self.chrome.execute_cdp_cmd("Input.dispatchMouseEvent", given)
 
     def press(self, label: str) -> None:
-        """Press a button by its label."""
+        """Press the button with a label."""
         xpath = f"//button[normalize-space(.)='{label}']"
         self.wait(lambda: self.chrome.find_elements(By.XPATH, xpath), label)[0].click()
 
     def complaints(self) -> list[str]:
-        """Give what the console has said of errors since the last call."""
+        """Return the error messages of the console since the last call."""
         return [entry["message"] for entry in self.chrome.get_log("browser") if entry["level"] == "SEVERE"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page costs the solver, and what viewers leave behind: in one process, without a browser."""
+"""Cost of the live page for the solver, and resources that viewers leave behind: in one process, without a browser."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from gdfe_ros.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _STEPS = 60
-"""Of the program, in each play."""
+"""Number of steps of the program in each run."""
 
 
 @contextmanager
 def page_of(scene: Scene) -> Iterator[tuple[Page, LiveSession]]:
-    """Give a page of a scene that is stepped as fast as it goes."""
+    """Yield a live page and its session for a scene that is stepped as fast as possible."""
     page = Page(host="127.0.0.1", port=8700, frames=30.0)
     simulation = Simulation(scene)
     simulation.warm_up()
@@ -42,11 +42,11 @@ def page_of(scene: Scene) -> Iterator[tuple[Page, LiveSession]]:
 
 
 def shares(scene: Scene, *, rounds: int) -> dict[str, float]:
-    """Play the same steps without viewers, with one, and with one that hangs, in turn.
+    """Play the same steps without a viewer, with one viewer, and with one that receives nothing, in turn.
 
     Returns:
-        By case, the median of its wall time over that without viewers; ``processor`` is the time that the page's
-        threads had over the stepper's, while one viewer looked.
+        Dict from case to the median of wall time over wall time without viewers. ``processor`` is the processor time of
+        the page's threads over that of the stepper, with one viewer.
     """
     with page_of(scene) as (page, session):
         _play(session)
@@ -64,10 +64,10 @@ def shares(scene: Scene, *, rounds: int) -> dict[str, float]:
 
 
 def leftovers(scene: Scene, *, reloads: int, at_once: int, times: int = 3) -> dict[str, list[float]]:
-    """Let viewers of another process come and go while the program plays, so and so many times.
+    """Connect and disconnect viewers of another process while the program plays, ``times`` times.
 
     Returns:
-        Threads, memory [MiB] and Python's objects of this process, before and after each time.
+        Number of threads, memory [MiB] and number of Python objects of this process, before and after each time.
     """
     left: dict[str, list[float]] = {"threads": [], "memory": [], "objects": []}
     context = get_context("spawn")
@@ -80,7 +80,7 @@ def leftovers(scene: Scene, *, reloads: int, at_once: int, times: int = 3) -> di
             while page.viewers:
                 time.sleep(0.05)
             gc.collect()
-            CDLL(None).malloc_trim(0)  # what the allocator keeps for later is not held by the page
+            CDLL(None).malloc_trim(0)  # memory that only the allocator keeps does not count
             left["threads"].append(threading.active_count())
             left["memory"].append(_memory())
             left["objects"].append(len(gc.get_objects()))
@@ -98,7 +98,7 @@ def _visit(port: int, reloads: int, at_once: int) -> None:
 
 
 def _play(session: LiveSession) -> tuple[float, float, float]:
-    """Play the program's first steps from rest: wall time, processor time of the stepper and of all others [s]."""
+    """Play the program's first steps; return wall time, and processor times of the stepper and of other threads [s]."""
     session.pause(True)
     session.reset()
     session.stepper.call(lambda: None)
@@ -116,7 +116,7 @@ def _play(session: LiveSession) -> tuple[float, float, float]:
 
 @contextmanager
 def _watched(port: int, *, hangs: bool) -> Iterator[None]:
-    """Have a viewer look from another process."""
+    """Run a viewer in another process inside the ``with`` block; if it ``hangs``, it receives no messages."""
     context = get_context("spawn")
     ready, over = context.Event(), context.Event()
     process = context.Process(target=_look, args=(port, hangs, ready, over))
@@ -142,6 +142,6 @@ def _look(port: int, hangs: bool, ready: threading.Event, over: threading.Event)
 
 
 def _memory() -> float:
-    """Give the memory of this process that is not shared or swapped [MiB]."""
+    """Return the resident memory of this process [MiB]."""
     pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
     return pages * os.sysconf("SC_PAGESIZE") / 2**20

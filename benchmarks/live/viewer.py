@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A viewer without a browser: speaks viser's protocol, so that ten of them cost less than one Chromium."""
+"""A viewer without a browser, which uses viser's protocol: ten such viewers need less time than one Chromium."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 _HEAD = 20
-"""Bytes of a glTF before its text."""
+"""Number of bytes of a glTF before its JSON text."""
 
 
 class Viewer:
-    """Looks at a live page; a context manager.
+    """A connection to a live page; a context manager.
 
     Args:
-        port: of the page, on this machine.
+        port: port of the page on this machine.
 
     Attributes:
-        controls: what can be moved or pressed, by label: the message that made it.
-        content: texts of the page by uuid, e.g. the state.
-        nodes: properties of the nodes in space, by name.
-        frames: frames of the body received so far.
+        controls: dict from label of a control to the message that created it.
+        content: dict from uuid to text of the page, e.g. the state.
+        nodes: dict from name to the properties of a scene node.
+        frames: number of frames of the body received so far.
     """
 
     def __init__(self, port: int) -> None:
@@ -56,10 +56,10 @@ class Viewer:
         self._socket.close()
 
     def wait(self, done: Callable[[], Any], what: str, *, patience: float = 120.0) -> Any:
-        """Receive until ``done`` gives something true, and return that.
+        """Receive messages until ``done`` returns a true value, and return this value.
 
         Raises:
-            TimeoutError: it took too long.
+            TimeoutError: there is no true value within ``patience`` [s].
         """
         end = time.monotonic() + patience
         while not (found := done()):
@@ -69,7 +69,7 @@ class Viewer:
         return found
 
     def receive(self, patience: float) -> bool:
-        """Take one window of messages, if it comes in time [s]."""
+        """Process one window of messages if it arrives within ``patience`` [s]."""
         try:
             data = self._socket.recv(timeout=patience)
         except TimeoutError:
@@ -79,7 +79,7 @@ class Viewer:
         return True
 
     def move(self, label: str, value: Any) -> None:
-        """Move a slider, change a number, choose from a list, tick a box."""
+        """Set the value of a control: slider, number, list or check box."""
         self._send("GuiUpdateMessage", uuid=self.controls[label]["uuid"], updates={"value": value})
 
     def press(self, label: str) -> None:
@@ -87,26 +87,26 @@ class Viewer:
         self.move(label, True)
 
     def drag(self, handle: str, position: Any, wxyz: Any = (1.0, 0.0, 0.0, 0.0)) -> None:
-        """Drag the control of a handle to a place in the units of the picture."""
+        """Drag the control of a handle to a position (3,), in the units of the picture, and an orientation."""
         place, turn = [float(value) for value in position], [float(value) for value in wxyz]
         self._send("TransformControlsUpdateMessage", name=f"/handles/{handle}", position=place, wxyz=turn, owner="")
 
     def drag_probe(self, probe: str, position: Any) -> None:
-        """Drag the control of a probe to a place in the units of the picture."""
+        """Drag the control of a probe to a position (3,), in the units of the picture."""
         place = [float(value) for value in position]
         name, turn = f"/probes/goals/{probe}", [1.0, 0.0, 0.0, 0.0]
         self._send("TransformControlsUpdateMessage", name=name, position=place, wxyz=turn, owner="")
 
     def place(self, handle: str) -> tuple[float, float, float]:
-        """Give where the control of a handle is, in the units of the picture."""
+        """Return the position of a handle's control (3,), in the units of the picture."""
         return tuple(self.nodes[f"/handles/{handle}"]["position"])
 
     def surface(self) -> NDArray[np.float32]:
-        """Give the vertices of the frame received last (k, 3), in the units of the picture."""
+        """Return the vertices (k, 3) of the last received frame, in the units of the picture."""
         return vertices_in(self.nodes["/body/0" if self.last == 0 else "/body/1"]["glb_data"])
 
     def text(self) -> str:
-        """Give the texts of the page, the state among them."""
+        """Return the texts of the page, including the state."""
         return " ".join(self.content.values())
 
     def _send(self, kind: str, **fields: Any) -> None:
@@ -144,7 +144,7 @@ class Viewer:
 
 
 def messages_in(data: bytes) -> list[dict[str, Any]]:
-    """Give the messages of a window, as the page sends them."""
+    """Return the messages in a window, as the page sends it."""
     size, packed = struct.unpack("<QQ", data[:16])
     unpacked = zstandard.ZstdDecompressor().decompress(data[16 : 16 + packed], max_output_size=size)
     window = msgspec.msgpack.decode(unpacked)
@@ -160,14 +160,14 @@ def messages_in(data: bytes) -> list[dict[str, Any]]:
 
 
 def vertices_in(glb: bytes) -> NDArray[np.float32]:
-    """Give the vertices of the body in a frame (k, 3), in the units of the picture."""
+    """Return the vertices (k, 3) of the body in a frame, in the units of the picture."""
     length = struct.unpack("<I", glb[12:16])[0]
     count = msgspec.json.decode(glb[_HEAD : _HEAD + length])["accessors"][0]["count"]
     return np.frombuffer(glb, "<f4", count=3 * count, offset=_HEAD + length + 8).reshape(-1, 3)
 
 
 def _array(value: Any, buffers: list[bytes]) -> Any:
-    """Give the array that a message names by its place among the buffers; of anything else, that itself."""
+    """Return the buffer that ``value`` refers to as an array; any other value is returned unchanged."""
     if isinstance(value, dict) and "__binary_index" in value:
         return np.frombuffer(buffers[value["__binary_index"]], value["dtype"])
     return value

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What reaches a browser over its web socket, and when: the browser's own account of it, whatever it draws later."""
+"""The messages that reach a browser over its web socket, and their times, as the browser reports them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from benchmarks.live.viewer import messages_in, vertices_in
 
 @dataclass(frozen=True)
 class Arrival:
-    """A frame of the body.
+    """A frame of the body that reached the browser.
 
     Attributes:
-        moment: when it reached the browser, wall time [s].
-        total: sum of its positions: another body has another one.
+        moment: wall time of the arrival [s].
+        total: sum of the vertex positions; it differs if the body has changed.
     """
 
     moment: float
@@ -31,13 +31,13 @@ class Arrival:
 
 
 class Wire:
-    """Listens to the DevTools protocol of a browser: viser's socket lives in a worker of the page.
+    """A client of a browser's DevTools protocol, which is needed because viser's socket is in a worker of the page.
 
     Args:
-        address: of the protocol, host and port.
+        address: host and port of the protocol.
 
     Attributes:
-        connected: when the page opened its socket, wall time [s]; None: not yet.
+        connected: wall time at which the page opened its socket [s]; None if it has not opened it yet.
     """
 
     def __init__(self, address: str) -> None:
@@ -53,7 +53,7 @@ class Wire:
         self._thread.start()
 
     def arrivals(self) -> Iterator[Arrival]:
-        """Give the frames of the body so far, and forget them."""
+        """Yield the frames of the body since the last call."""
         windows, self._windows = self._windows, []
         for moment, payload in windows:
             for message in messages_in(base64.b64decode(payload)):
@@ -62,7 +62,7 @@ class Wire:
                     yield Arrival(moment + self._lead, float(vertices_in(glb).sum(dtype=float)))
 
     def close(self) -> None:
-        """End the listening."""
+        """Close the connection."""
         self._socket.close()
         self._thread.join()
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All tables of the pages anew, with one command: ``make measure``."""
+"""Measurement of all tables in the pages with one command: ``make measure``."""

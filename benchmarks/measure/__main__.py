@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``make measure``: every table whose file is not of this solver, anew; ``--list`` shows them.
+"""``make measure``: measure every table whose file was made by another version of the solver; ``--list`` shows them.
 
-An interruption loses the table that is being measured, and no other: what is on disk is the state.
+An interruption loses only the table that is being measured. All other tables are on disk.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from benchmarks.measure.tables import NAMES, TABLES, Table
 from benchmarks.provenance import DIRTY, machine, solver_commit
 
 INTERRUPTED = 130
-"""Exit status."""
+"""Exit status after an interruption."""
 
 
 def main() -> int:
-    """Measure what is asked for; return 1 where a table failed."""
+    """Measure the requested tables; return 1 if a table failed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.measure", description="Measure all tables anew.")
     parser.add_argument("--only", nargs="+", metavar="NAME", choices=NAMES, help=f"of {', '.join(NAMES)}")
     parser.add_argument("--again", action="store_true", help="those of this solver, too")
@@ -55,7 +55,7 @@ def main() -> int:
 
 
 def overview(tables: Sequence[Table]) -> Grid:
-    """Return what there is: who made each table, about how long it takes, what is missing."""
+    """Return an overview: provenance, state and approximate duration of each table, and missing packages."""
     grid = Grid("table", "minutes", "made", "state")
     for table in tables:
         report = kept(table)
@@ -68,7 +68,7 @@ def overview(tables: Sequence[Table]) -> Grid:
 
 
 def run(tables: Sequence[Table], console: Console) -> list[str]:
-    """Measure tables one after the other; return what failed, in words."""
+    """Measure tables one after another; return a message for each table that failed."""
     failures = []
     columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True) as progress:
@@ -96,7 +96,7 @@ def _processor_time() -> float:
 
 
 def _wanted(table: Table, again: bool, console: Console) -> bool:
-    """Say why a table is not measured, or return True."""
+    """Return whether a table is to be measured; print the reason if it is not."""
     if table.missing():
         console.print(f"skipped: {table.name}: not installed: {', '.join(table.missing())}", style="yellow")
         return False

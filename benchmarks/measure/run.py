@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One table measured in a process of its own."""
+"""Measurement of one table in a process of its own."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from benchmarks.provenance import ROOT
 from benchmarks.report import IMAGES, Report, read_report
 
 LOGS = ROOT / "runs" / "measure"
-"""Folder of what the scripts print."""
+"""Folder for the output of the scripts."""
 PATIENCE = 10.0
-"""Times the expected minutes after which a script is ended; the first minutes may go into compiling."""
+"""Time limit of a script, divided by its expected duration; the first minutes may be needed for compiling."""
 LEAST = 20.0
-"""Minutes that every script is given."""
+"""Least time limit of a script [min]."""
 BEAT = 0.5
-"""Between two looks at a script [s]."""
+"""Time between two checks of a running script [s]."""
 
 
 def kept(table: Table) -> Report | None:
-    """Return the kept report; None if there is no file, or one of another form."""
+    """Return the report on disk; None if there is no file, or if it has another form."""
     try:
         return read_report(table.file)
     except (OSError, ValueError):
@@ -36,20 +36,20 @@ def kept(table: Table) -> Report | None:
 
 
 def is_current(table: Table) -> bool:
-    """Return whether the kept file was made by this very solver, with a probe."""
+    """Return whether the report on disk was made by this version of the solver, and has a probe."""
     report = kept(table)
     return report is not None and report.made.is_current and bool(report.probe)
 
 
 def measure(table: Table, *, beat: Callable[[], None] = lambda: None) -> str | None:
-    """Run a table's script; the kept file is replaced when it is done.
+    """Run the script of a table, which replaces the table's file when it ends.
 
     Args:
-        table: what to measure.
-        beat: called twice a second.
+        table: table to measure.
+        beat: function that is called twice a second.
 
     Returns:
-        None, or in a few words what went wrong.
+        None after success, else a short description of the failure.
     """
     LOGS.mkdir(parents=True, exist_ok=True)
     log = LOGS / f"{table.name}.log"
@@ -82,7 +82,7 @@ def measure(table: Table, *, beat: Callable[[], None] = lambda: None) -> str | N
 
 
 def _wait(process: subprocess.Popen[bytes], end: float, beat: Callable[[], None]) -> int | None:
-    """Return the status of a process; end it, and return None, when its time is over."""
+    """Return the exit status of a process. At the time ``end``, kill it and return None."""
     while time.monotonic() < end:
         try:
             return process.wait(BEAT)
@@ -93,7 +93,7 @@ def _wait(process: subprocess.Popen[bytes], end: float, beat: Callable[[], None]
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a script and all that it has started."""
+    """Kill a script and all processes that it has started."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables that are measured: what runs, into which file, how long, and what has to be installed."""
+"""The measured tables: script, file, duration and required packages of each."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from benchmarks.report import KEPT, Probe
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A file of measurements and what makes it.
+    """A file of measurements and the script that makes it.
 
     Attributes:
-        name: of the file in `KEPT`, without its ending.
-        module: that ``python -m`` runs; it takes ``--out FILE --pictures FOLDER``.
-        minutes: that it takes on two quiet cores, about.
-        arguments: further ones.
-        probe: the module's function that replays a small part.
-        needs: packages without which nothing can be measured, each with the remedy.
-        ros: whether nodes are started, which keep the environment's threads.
+        name: name of the file in `KEPT`, without its ending.
+        module: module that ``python -m`` runs; it accepts ``--out FILE --pictures FOLDER``.
+        minutes: approximate duration on two idle cores [min].
+        arguments: further arguments of the module.
+        probe: name of the module's function that repeats a small part of the measurement.
+        needs: packages without which the table cannot be measured.
+        ros: whether nodes are started. They keep the environment's number of threads.
     """
 
     name: str
@@ -37,19 +37,19 @@ class Table:
 
     @property
     def file(self) -> Path:
-        """Where the report is kept."""
+        """Path of the report."""
         return KEPT / f"{self.name}.json"
 
     def missing(self) -> list[str]:
-        """Return which of the packages it needs are not installed."""
+        """Return the required packages that are not installed."""
         return [name for name in self.needs if find_spec(name) is None]
 
     def replay(self) -> Probe:
-        """Return the probe of today."""
+        """Return the probe of the present code."""
         return self.replay_function()()
 
     def replay_function(self) -> Callable[[], Probe]:
-        """Return the function of the probe; a package has it in its ``__main__``."""
+        """Return the function of the probe; if ``module`` is a package, the function is in its ``__main__``."""
         module = import_module(self.module)
         if hasattr(module, "__path__"):
             module = import_module(f"{self.module}.__main__")
@@ -90,5 +90,5 @@ TABLES = (
     Table(name="bench", module="benchmarks", minutes=9),
     Table(name="torture", module="benchmarks.torture.measure", minutes=12, needs=("xdist",)),
 )
-"""In the order in which they are measured."""
+"""All tables, in the order in which they are measured."""
 NAMES = tuple(table.name for table in TABLES)

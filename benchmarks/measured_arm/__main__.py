@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measured pneumatic arm: what its recordings say by themselves, and what models of it foretell.
+"""The measured pneumatic arm: its recordings compared with arcs of constant length, and with models.
 
-``python -m benchmarks.measured_arm`` prints both tables; the models take some minutes. Without gravity the tip depends
-on pressure over modulus alone, so that one curve of a model gives its fit: the modulus is fitted to 50 to 200 mbar.
+``python -m benchmarks.measured_arm`` prints both tables; the models need some minutes. Without gravity the tip depends
+only on pressure / modulus. Therefore one curve of a model is sufficient for its fit. The modulus is fitted to the
+recordings from 50 to 200 mbar.
 """
 
 from __future__ import annotations
@@ -26,28 +27,28 @@ from benchmarks.measured_arm.section import LENGTH, Section
 RECORDED = Path(__file__).parents[2] / "test" / "data" / "measured" / "arm_pressure.csv"
 MBAR = 100.0
 FITTED = 200.0 * MBAR
-"""Largest pressure [Pa] that the modulus is fitted to; higher ones are predicted."""
+"""Largest pressure [Pa] to which the modulus is fitted; higher pressures are predicted."""
 YOUNG = 263824.0
 MATERIAL = {"law": "neo_hookean", "young": YOUNG, "poisson": 0.45, "density": 1.0}
-"""The authors' modulus; hardly any weight, so that pressure over modulus is all that counts."""
+"""Material with the authors' modulus. Its density is so small that the tip depends only on pressure / modulus."""
 MODELS = {
     "no fibres": (Section(), 0.0),
     "inextensible rings every 6.8 mm": (Section(), 6.8e-3),
     "rings, and partitions of 5 mm": (Section(partition=5e-3), 6.8e-3),
 }
-"""Of each model its section, and the spacing of its rings [m]. The thickness of the partitions is not published."""
+"""Dict from model to its section and the spacing of its rings [m]. The thickness of the partitions is not published."""
 STEP = 20.0 * MBAR
 
 
 def recorded() -> dict[str, NDArray[np.float64]]:
-    """Return pressure [Pa], axial, lateral and total displacement [m] and tilt [rad], each (k,)."""
+    """Return the recorded pressure [Pa], axial, lateral and total displacement [m] and tilt [rad], (k,) each."""
     rows = np.genfromtxt(RECORDED, delimiter=",", skip_header=2)[:, 1:]
     scales = {"pressure": MBAR, "axial": 1e-3, "lateral": 1e-3, "total": 1e-3, "tilt": np.pi / 180.0}
     return {name: scale * column for (name, scale), column in zip(scales.items(), rows.T, strict=True)}
 
 
 def arcs() -> Table:
-    """Return the table of the recordings beside arcs of constant length."""
+    """Return the table that compares the recordings with arcs of constant length."""
     data = recorded()
     ratios, angles = turned(data["axial"], data["lateral"], data["tilt"], LENGTH)
     table = Table(title="recorded, beside an arc of 102 mm that ends at the recorded tilt")
@@ -60,10 +61,12 @@ def arcs() -> Table:
 
 
 def fitted(curve: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Return the modulus over the model's, and totals over the recorded ones (k,); NaN beyond the model's equilibria.
+    """Return the fitted modulus over the model's, and the total displacements over the recorded ones (k,).
+
+    Displacements beyond the model's last equilibrium are NaN.
 
     Args:
-        curve: pressure, total displacement and tilt (m, 3) of a model.
+        curve: pressure [Pa], total displacement [m] and tilt [rad] of a model (m, 3).
     """
     data = recorded()
     total, low = PchipInterpolator(curve[:, 0], curve[:, 1], extrapolate=False), data["pressure"] <= FITTED

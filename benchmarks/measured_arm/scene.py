@@ -16,19 +16,19 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import Scene, scene_from_text
 
 MARKED = 21e-3
-"""Radius of the markers on the end face [m]."""
+"""Radius at which the markers are on the end face [m]."""
 PLACE = float(0.6 * OUTER / np.sqrt(2.0))
 """x and y of a point in the first chamber [m]."""
 
 
 def arm_scene(folder: Path, section: Section, material: dict[str, Any], *, hoops: float = 0.0) -> Scene:
-    """Return the arm, hanging along z, whose first chamber has the actuator ``air``.
+    """Return the scene of the arm, which hangs along z. Its first chamber has the actuator ``air``.
 
     Args:
-        folder: where its mesh is written.
-        section: of the arm.
-        material: its law, as a scene states it.
-        hoops: spacing [m] of inextensible rings around the outer wall; 0 for none.
+        folder: folder into which the mesh is written.
+        section: cross-section of the arm.
+        material: material law, as in a scene file.
+        hoops: spacing of inextensible rings around the outer wall [m]; 0 for no rings.
     """
     points, cells = section.hexahedra()
     file = folder / f"arm_{abs(hash((section, hoops))):x}.vtu"
@@ -56,8 +56,8 @@ def tips(scene: Scene, *, step: float, most: float) -> NDArray[np.float64]:
     """Return pressure [Pa], total displacement [m] and tilt [rad] of the tip, (k, 3), up to the last equilibrium.
 
     Args:
-        scene: of the arm.
-        step: of the pressure [Pa].
+        scene: scene of the arm.
+        step: increment of the pressure [Pa].
         most: largest pressure [Pa].
     """
     simulation, found = Simulation(scene), [[0.0, 0.0, 0.0]]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm's cross-section as quadrilaterals, and the hexahedra along it (Dubied et al. 2022, dimensions in metres).
 
-Four chambers lie between a round wall and a square core whose corners are on the axes; partitions along the axes divide
-them. Where the arm is solid, the chambers are filled.
+Four chambers are between a round wall and a square core, whose corners are on the axes. Partitions along the axes
+separate them. In the solid parts of the arm, the chambers are filled.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 OUTER, WALL, CORE, CORE_WALL = 22.22e-3, 2.03e-3, 10.11e-3, 2.27e-3
 LENGTH, SOLID_END, LID = 102e-3, 6.93e-3, 3e-3
-"""Free length, its solid end, and a lid at the clamped end that closes the chambers."""
+"""Free length of the arm, length of its solid end, and thickness of the lid on the chambers at the clamped end."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """What is not published of the arm's section, and its cells.
+    """The unpublished dimensions of the arm's section, and its numbers of cells.
 
     Attributes:
         partition: thickness of the partitions [m].
-        hollow: the core is a tube.
-        around: cells of a chamber's wall.
-        along: layers of cells along the chambers.
+        hollow: whether the core is a tube.
+        around: number of cells along a chamber's wall.
+        along: number of layers of cells along the chambers.
     """
 
     partition: float = 2e-3
@@ -36,7 +36,7 @@ class Section:
     along: int = 14
 
     def hexahedra(self) -> tuple[Array, NDArray[np.int64]]:
-        """Return vertices (n, 3) [m], the arm from z = 0 down to its free end at ``LENGTH``, and cells (m, 8)."""
+        """Return vertices (n, 3) [m] and cells (m, 8) of the arm, from its lid (z < 0) to its end at z = `LENGTH`."""
         wall, chambers = self._quads()
         levels = [-LID, *np.linspace(0.0, LENGTH - SOLID_END, self.along + 1), LENGTH]
         points, cells = [], []
@@ -50,14 +50,14 @@ class Section:
         return rounded, order.ravel()[np.array(cells)]
 
     def outline(self) -> Array:
-        """Return the vertices of the round wall (k, 2) [m], the first one again at the end."""
+        """Return the vertices of the round wall (k, 2) [m]; the last one is the first one again."""
         first = np.arcsin(0.5 * self.partition / (OUTER - WALL))
         angles = np.array([0.0, *np.linspace(first, 0.5 * np.pi - first, self.around + 1)])
         turns = np.append((angles + 0.5 * np.pi * np.arange(4)[:, None]).ravel(), 0.0)
         return OUTER * np.column_stack([np.cos(turns), np.sin(turns)])
 
     def _quads(self) -> tuple[list[Array], list[Array]]:
-        """Return the quadrilaterals (4, 2) of the walls and of the chambers, counter-clockwise."""
+        """Return the corners (4, 2) [m] of the quadrilaterals of the walls and of the chambers, counter-clockwise."""
         wall, chambers, turn = [], [], np.array([[0.0, -1.0], [1.0, 0.0]])
         half, inner, n = 0.5 * self.partition, OUTER - WALL, self.around
         first = np.arcsin(half / inner)
@@ -84,7 +84,7 @@ class Section:
 
 
 def _filled(side: Array, turn: Array) -> list[Array]:
-    """Return quadrilaterals of the inside of four sides, each the last one turned by 90 degrees (Coons patch)."""
+    """Return quadrilaterals inside four sides (Coons patch); each side is the previous one rotated by 90 degrees."""
     sides = [side @ np.linalg.matrix_power(turn, k).T for k in range(4)]
     bottom, right, top, left = sides[0], sides[1], sides[2][::-1], sides[3][::-1]
     t = np.linspace(0.0, 1.0, len(side))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the node itself costs, in real processes over Fast DDS: ``make bench-node``."""
+"""Measurements of the node's own cost, in separate processes over Fast DDS: ``make bench-node``."""

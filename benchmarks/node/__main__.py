@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``make bench-node``: measure, print the tables, write bench_node.json."""
+"""``make bench-node``: measure the node, print the tables, write bench_node.json."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
 
 LARGEST_SHARE = 0.15
-"""Of a step of 1250 elements: the node's own cost with mesh, strain and bag."""
+"""Largest fraction of a step of 1250 elements for the node's own cost, with mesh, strain and bag."""
 LARGEST_BARE = 0.3
-"""The node's own cost [ms] with no subscriber and no bag."""
+"""Largest own cost of the node per step [ms], without subscriber and bag."""
 MISSED = 1
 PROBED = 20
-"""Steps of the probe."""
+"""Number of steps of the probe."""
 
 
 def main() -> int:
-    """Measure all or some; return 1 where a target is missed."""
+    """Make all measurements or the requested ones; return 1 if a target is missed."""
     parser = options("benchmarks.node", "Latency, cost, idleness of a node, floods of commands.", "bench_node")
     parser.add_argument("--steps", type=int, default=300, help="steps of each latency")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each cost, of which the median is taken")
@@ -65,7 +65,7 @@ def main() -> int:
 
 
 def probe() -> dict[str, float]:
-    """Make the first steps of the bars' commands, without a node."""
+    """Return the figures of the first steps of both bars, without a node."""
     found: dict[str, float] = {}
     for elements in (500, 1250):
         simulation = Simulation(load_scene("bend5", overrides={"mesh.bar.cells": list(CELLS[elements])}))
@@ -75,7 +75,7 @@ def probe() -> dict[str, float]:
 
 
 def _cost(repeats: int, **case: object) -> cost.Cost:
-    """Give the run with the median own cost."""
+    """Return the run with the median own cost of the node."""
     runs = [cost.measure(**case) for _ in range(repeats)]
     middle = statistics.median_low(run.delay for run in runs)
     return next(run for run in runs if run.delay == middle)
@@ -84,7 +84,7 @@ def _cost(repeats: int, **case: object) -> cost.Cost:
 def missed_targets(
     costs: list[cost.Cost], idles: list[idle.Idleness], steps: lockstep.Lockstep, floods: list[flood.Flood]
 ) -> list[str]:
-    """Name the targets that are missed."""
+    """Return a message for each missed target."""
     texts = []
     for item in costs:
         if not item.subscribed and item.delay > LARGEST_BARE:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The other process of a measurement: commands the tip of a bar and takes what the node publishes, as bytes."""
+"""The client process of a measurement: it commands the tip of a bar and receives the node's messages as bytes."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from gdfe_ros.node.specification import TopicSpec
 from gdfe_ros.testing.client import PATIENCE
 
 CELLS = {500: (20, 5, 5), 1250: (50, 5, 5), 10_000: (100, 10, 10)}
-"""Number of elements of the bar of ``bend5`` -> cells along x, y, z."""
+"""Dict from number of elements of the bar of ``bend5`` to its cells along x, y, z."""
 RISE = 1e-3
-"""Lift of the tip with each command [m]: a path of 0.2 m in 200 steps, as the streams in docs/benchmark.md."""
+"""Displacement of the tip with each command [m]: 0.2 m in 200 steps, as in the streams of docs/benchmark.md."""
 HIGHEST = 200
-"""Commands from the lowest to the highest place of the tip."""
+"""Number of commands from the lowest to the highest position of the tip."""
 
 
 class Client:
-    """Subscribes to what is asked for; a context manager.
+    """A subscriber of the given topics; a context manager.
 
     Attributes:
-        counts: messages received by topic, without the node's name.
-        kept: bytes of the topics that are to be kept.
+        counts: dict from topic, without the node's name, to the number of received messages.
+        kept: dict from topic to the bytes of its messages, for the topics in ``keep``.
         values: values of the last diagnostics.
-        stamp: of the last diagnostics [ns]; their values were read after it.
-        solved: (steps, time spent solving [s]) since the node's start, by its diagnostics.
+        stamp: stamp of the last diagnostics [ns]; their values were read after this time.
+        solved: number of steps and total time of the solves [s] since the node's start, from its diagnostics.
     """
 
     def __init__(self, *topics: TopicSpec, keep: tuple[TopicSpec, ...] = ()) -> None:
@@ -63,10 +63,10 @@ class Client:
         self._node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._diagnose, 10)
 
     def wait(self, done: Callable[[], Any], *, seconds: float = PATIENCE) -> None:
-        """Spin until ``done``.
+        """Spin until ``done`` returns a true value.
 
         Raises:
-            TimeoutError: it took too long.
+            TimeoutError: this takes more than ``seconds``.
         """
         end = time.monotonic() + seconds
         while not done():
@@ -75,7 +75,7 @@ class Client:
             self._executor.spin_once(timeout_sec=0.1)
 
     def poll(self, seconds: float) -> None:
-        """Take what comes for a time [s]."""
+        """Process incoming messages for some ``seconds``."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
@@ -86,16 +86,16 @@ class Client:
         return self.publisher(topic, interface_class(TARGET.type))
 
     def publisher(self, topic: str, kind: type) -> Any:
-        """Make a publisher of a command topic, named without the node."""
+        """Return a publisher of a command topic, which is named without the node's name."""
         return self._node.create_publisher(kind, f"/{NODE_NAME}/{topic}", 1000)
 
     def wait_for_node(self) -> None:
-        """Wait until the node is active, listens to the tip's target, and has been heard on every topic."""
+        """Wait until the node is active, subscribes to the tip's target, and has published on every topic."""
         self.wait(lambda: self.values.get("state") == "active" and self._target.get_subscription_count())
         self.wait(lambda: all(self.counts.values()))
 
     def pause(self) -> None:
-        """Hold the node's stepping, and wait until its diagnostics say so."""
+        """Pause the node, and wait until its diagnostics report the pause."""
         service = self._node.create_client(SetBool, f"/{NODE_NAME}/pause")
         self.wait(service.service_is_ready)
         while self.values.get("clock") != "paused":  # asked again: an answer may be lost before both know each other
@@ -108,9 +108,9 @@ class Client:
         self._target.publish(target(number))
 
     def next_diagnostics(self) -> dict[str, str]:
-        """Wait for diagnostics of a moment after the call, and return their values.
+        """Wait for diagnostics whose stamp is after the call, and return their values.
 
-        The next ones to arrive may be older: they waited in a queue, or had to be sent again.
+        The next diagnostics to arrive may be older, because they were in a queue or had to be sent again.
         """
         called = time.time_ns()
         self.wait(lambda: self.stamp > called)
@@ -144,15 +144,15 @@ class Client:
 
 
 def bar(elements: int) -> dict[str, list[str]]:
-    """Give the parameters of a node whose bar has so many elements."""
+    """Return the parameters of a node with a bar of some number of ``elements``."""
     return {"scene_overrides": [f"mesh.bar.cells={list(CELLS[elements])}"]}
 
 
 def height(number: int) -> float:
-    """Give the place of the tip [m] in a step: up and down again and again."""
+    """Return the height of the tip [m] in step ``number``; it increases and decreases periodically."""
     return RISE * (HIGHEST - abs(number % (2 * HIGHEST) - HIGHEST))
 
 
 def target(number: int) -> bytes:
-    """Serialise the command of a step."""
+    """Return the serialised command of step ``number``."""
     return serialize_message(pose_stamped(Header(), Pose((0.0, 0.0, height(number)))))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a step costs beside its solve, when commands never run out.
+"""Cost of a step in addition to its solve, if a next command is always available.
 
-The commands are sent at once, the node works them off in lockstep. The period of its steps less the time of the solves
-is what the node adds to a step. Its other threads (publishing, recording, receiving, DDS) work on other cores while the
-next step is solved; their processor time is given, too, and the time of the same solves without a node around them,
-which shows what the threads take from each other.
+All commands are sent at once, and the node processes them in lockstep. The time that the node adds to a step is the
+period of the steps minus the time of the solves. The node's other threads (publishing, recording, receiving, DDS) work
+on other cores while the next step is solved. Their processor time is measured, too. The time of the same solves without
+a node shows by how much the threads slow each other down.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from gdfe_ros.testing.process import NodeProcess
 from gdfe_ros.threads import STEPPER
 
 _STEPS = 800
-"""Fewer than what the command topics keep: nothing is lost though all are sent at once."""
+"""Number of steps. It is below the depth of the command topics, so that no command is lost if all are sent at once."""
 _POLL = 0.005
 _REST = 0.25
-"""Without processor time in this time [s] the stepping thread has done its work."""
+"""If the stepping thread uses no processor time for this time [s], it has finished its work."""
 _IDLE = 1e-4
 CASES: tuple[dict[str, Any], ...] = (
     {"elements": 500, "subscribed": False, "recorded": False},
@@ -43,17 +43,17 @@ CASES: tuple[dict[str, Any], ...] = (
 
 @dataclass(frozen=True)
 class Cost:
-    """Means over the steps of one run [ms].
+    """Mean times of a step in one run [ms].
 
     Attributes:
-        elements: of the bar.
+        elements: number of elements of the bar.
         subscribed: whether ``~/mesh`` and ``~/strain`` have a subscriber.
         recorded: whether a bag is written.
-        period: from step to step.
-        solve: wall time of the solve, in the node.
-        alone: the same of the same steps in a process without a node.
-        delay: what the node adds: ``period`` less ``solve``.
-        threads: processor time of the other threads, by name.
+        period: time from step to step.
+        solve: wall time of the solve in the node.
+        alone: wall time of the same solve in a process without a node.
+        delay: time that the node adds: ``period`` minus ``solve``.
+        threads: dict from name to processor time, for all threads except the stepping thread.
     """
 
     elements: int
@@ -67,7 +67,7 @@ class Cost:
 
 
 def measure(elements: int, *, subscribed: bool, recorded: bool, steps: int = _STEPS) -> Cost:
-    """Have ``steps`` commands worked off, after as many to warm up."""
+    """Measure a node that processes ``steps`` commands, after the same number of commands to warm up."""
     alone = _alone(elements, steps)
     topics = (MESH, STRAIN) if subscribed else ()
     with tempfile.TemporaryDirectory() as folder, Client(*topics) as client:
@@ -89,13 +89,13 @@ def measure(elements: int, *, subscribed: bool, recorded: bool, steps: int = _ST
 
 
 def _work_off(client: Client, pid: int, numbers: range) -> tuple[float, Reading]:
-    """Send all commands, wait for their steps; return the time [s] that these took, and the processor's."""
+    """Send all commands and wait for their steps; return their wall time [s] and the processor times of the threads."""
     client.next_diagnostics()
     first, started = read_processor(pid), time.perf_counter()
     for number in numbers:
         client.command(number)
     last, end = first, started
-    # The thread may also rest because others have the processor: the steps must be made as well.
+    # The thread may also be idle because other threads use the processor. Therefore the steps are counted, too.
     while int(client.values.get("steps", 0)) <= numbers[-1] or time.perf_counter() < end + _REST:
         client.poll(_POLL)
         reading = read_processor(pid)
@@ -105,7 +105,7 @@ def _work_off(client: Client, pid: int, numbers: range) -> tuple[float, Reading]
 
 
 def _alone(elements: int, steps: int) -> float:
-    """Give the mean time of the solves [ms] of the second half of the same commands, without ROS."""
+    """Return the mean solve time [ms] of the second half of the same commands, without ROS."""
     simulation = Simulation(load_scene("bend5", overrides={"mesh.bar.cells": list(CELLS[elements])}))
     simulation.warm_up()
     times = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node under a flood of bad commands: what it refuses, what it publishes, what memory it takes."""
+"""A node under a flood of bad commands: refusals, published values and memory."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ from gdfe_ros.testing.process import NodeProcess
 
 _BATCH = 250
 _PAUSE = 0.06
-"""Between two batches [s]: some 3000 commands a second, in bursts of up to ``_AHEAD``."""
+"""Time between two batches [s]: about 3000 commands per second, in bursts of up to ``_AHEAD``."""
 _AHEAD = 1000
-"""Commands that may be in transit: what a topic keeps. Beyond, those that a slow node has not read are lost."""
+"""Largest number of commands in transit: the depth of a topic. With more, a slow node loses commands."""
 MOST_GROWTH = 4_000_000
-"""Of the resident memory [B] that counts as flat."""
+"""Largest growth of the resident memory [B] that counts as constant."""
 _COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
 _Maker = Callable[[int], Iterator[tuple[str, bytes]]]
 SCENES: Mapping[str, tuple[Mapping[str, Any], Mapping[str, type], _Maker]] = {
     "handles": (_COARSE, HANDLE_TOPICS, handle_commands),
     "actuators": ({"scene": "tendon_finger"}, ACTUATOR_TOPICS, actuator_commands),
 }
-"""Name -> parameters of the node, topics, maker of commands."""
+"""Dict from name to the node's parameters, its topics, and the generator of bad commands."""
 
 
 @dataclass(frozen=True)
 class Flood:
-    """What became of the commands.
+    """Result of a flood of bad commands.
 
     Attributes:
-        scene: handles or actuators.
-        sent: bad commands.
-        refused: counted by the node.
-        reasons: the same by reason.
-        seconds: of sending.
-        finite: whether every mesh held finite numbers only.
-        moved: farthest that a vertex was from where it was before [m].
-        memory: growth of the node's resident memory from the first ``_AHEAD`` refusals to the last [B].
+        scene: name of the scene in `SCENES`.
+        sent: number of bad commands.
+        refused: number of refusals that the node counted.
+        reasons: dict from reason to the number of refusals.
+        seconds: duration of sending [s].
+        finite: whether every mesh message had only finite numbers.
+        moved: largest displacement of a vertex during the flood [m].
+        memory: growth of the node's resident memory from the first ``_AHEAD`` refusals to the last refusal [B].
         status: exit status of the node after SIGINT.
     """
 
@@ -63,7 +63,7 @@ class Flood:
 
 
 def measure(scene: str, *, count: int, home: Path | None = None) -> Flood:
-    """Send ``count`` bad commands to a node under the wall clock; ``home`` as for ``NodeProcess``."""
+    """Send ``count`` bad commands to a node with the wall clock; ``home`` is the argument of ``NodeProcess``."""
     parameters, topics, make = SCENES[scene]
     given = {**parameters, "command_max_age": 1.0}
     with Client(MESH, keep=(MESH,)) as client, NodeProcess(given, home=home) as node:
@@ -98,11 +98,11 @@ def _refused(client: Client) -> int:
 
 
 class _Meshes:
-    """Looks at every mesh that a client keeps, and forgets it.
+    """Check of all mesh messages of a client; checked messages are deleted.
 
     Attributes:
         finite: whether all numbers were finite so far.
-        moved: farthest that a vertex was from its place in the first mesh [m].
+        moved: largest distance of a vertex from its position in the first mesh [m].
     """
 
     def __init__(self, client: Client) -> None:
@@ -111,7 +111,7 @@ class _Meshes:
         self.finite, self.moved = True, 0.0
 
     def look(self) -> None:
-        """Look at what has arrived."""
+        """Check the messages that have arrived, and delete them."""
         for data in self._kept:
             points = _points(data)
             self.finite = self.finite and bool(np.isfinite(points).all())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bad commands without end: numbers, stamps, sizes, bytes, names, ranges. Every one of them must be refused."""
+"""Endless sequences of bad commands, all of which a node must refuse: numbers, stamps, sizes, bytes, names, ranges."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 _NUMBERS = [math.nan, math.inf, -math.inf, 1e308, -1e300, 1e9]
 _INFINITE = [math.inf, -math.inf]
-"""Not NaN: in a JointState that is no command."""
+"""Infinite numbers. NaN is not included, because in a JointState it means that there is no command."""
 HANDLE_TOPICS = {
     "handles/tip/target": PoseStamped,
     "handles/base/target": PoseStamped,
     "handles/tip/velocity": TwistStamped,
 }
-"""Topics of a scene with the handles ``tip``, and ``base`` that is fixed, and their types."""
+"""Dict from topic to message type, for a scene with the handle ``tip`` and the fixed handle ``base``."""
 ACTUATOR_TOPICS = {"actuation": JointState, "commands": Float64MultiArray, "trajectory": JointTrajectory}
-"""Topics of the scene ``tendon_finger``, and their types."""
+"""Dict from topic to message type, for the scene ``tendon_finger``."""
 HANDLE_REASONS = ("malformed", "not finite", "quaternion not of unit length", "stale", "too far", "too fast",
                   "handle is fixed")  # fmt: skip
 ACTUATOR_REASONS = ("malformed", "not finite", "wrong size", "unknown name", "out of range", "out of order", "stale")
-"""Reasons for which the node must have counted refusals."""
+"""Reasons of refusals that the node must have counted."""
 
 
 def handle_commands(seed: int) -> Iterator[tuple[str, bytes]]:
-    """Make bad commands of handles: topic and bytes."""
+    """Yield bad commands of handles: topic and bytes."""
     chance = random.Random(seed)
     while True:
         kind = chance.randrange(6)
@@ -55,7 +55,7 @@ def handle_commands(seed: int) -> Iterator[tuple[str, bytes]]:
 
 
 def actuator_commands(seed: int) -> Iterator[tuple[str, bytes]]:
-    """Make bad commands of the two tendons of ``tendon_finger``: topic and bytes."""
+    """Yield bad commands of the two tendons of ``tendon_finger``: topic and bytes."""
     chance = random.Random(seed)
     while True:
         yield chance.choice((_joint_state, _array, _trajectory))(chance)
@@ -113,5 +113,5 @@ def _trajectory(chance: random.Random) -> tuple[str, bytes]:
 
 
 def _cut(data: bytes, chance: random.Random, most: int) -> bytes:
-    """Cut a message off; at least the CDR head stays: what is shorter, Fast DDS does not deliver."""
+    """Return a truncated message. The CDR header remains, because Fast DDS does not deliver a shorter message."""
     return data[: chance.randrange(4, most)]

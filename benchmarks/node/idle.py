@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node takes of a core while there is nothing to do."""
+"""Processor time of an idle node."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.testing.process import NodeProcess
 
 _SETTLE = 3.0
 LARGEST_SHARE = 0.01
-"""Of a core that an idle node may take."""
+"""Largest fraction of a core that an idle node may use."""
 CASES: Mapping[str, tuple[Mapping[str, Any], bool]] = {
     "lockstep, waiting for a command": ({"clock": "lockstep"}, False),
     "wall, settled, heartbeat 1 s": ({"clock": "wall"}, False),
@@ -23,19 +23,19 @@ CASES: Mapping[str, tuple[Mapping[str, Any], bool]] = {
     "fast, settled, heartbeat 1 s": ({"clock": "fast"}, False),
     "unconfigured": ({"autostart": False}, False),
 }
-"""Name -> parameters, and whether the node is paused."""
+"""Dict from name to the node's parameters, and whether the node is paused."""
 
 
 @dataclass(frozen=True)
 class Idleness:
-    """A node without commands, with subscribers of ``~/mesh``, ``~/strain`` and ``/diagnostics``.
+    """Result for a node without commands, with subscribers of ``~/mesh``, ``~/strain`` and ``/diagnostics``.
 
     Attributes:
-        case: name.
-        seconds: measured.
-        share: processor time of all its threads over wall time [1].
-        meshes: published in this time: one a step.
-        elapsed: from before the first count of meshes to after the last one [s]; ``seconds`` or more.
+        case: name in `CASES`.
+        seconds: duration of the measurement [s].
+        share: processor time of all threads divided by wall time.
+        meshes: number of mesh messages published in this time, one per step.
+        elapsed: time from before the first count of meshes to after the last count [s]; at least ``seconds``.
     """
 
     case: str
@@ -46,9 +46,9 @@ class Idleness:
 
 
 def measure(case: str, *, seconds: float, now: Callable[[], float] = time.monotonic) -> Idleness:
-    """Start a node, have it make ten steps, leave it alone.
+    """Start a node, let it make ten steps, and measure its processor time without further commands.
 
-    Meshes are counted by the node and not as they arrive: one of before may arrive late.
+    The number of meshes is the node's own count, because an earlier message may arrive late.
     """
     parameters, paused = CASES[case]
     with Client(MESH, STRAIN) as client, NodeProcess(parameters) as node:
@@ -71,7 +71,7 @@ def measure(case: str, *, seconds: float, now: Callable[[], float] = time.monoto
 
 
 def _settle(client: Client) -> None:
-    """Wait until no more than a heartbeat a second was to be seen for a while."""
+    """Wait until at most one heartbeat per second has been published for some time."""
     count, since = _steps(client), time.monotonic()
     while time.monotonic() < since + _SETTLE:
         last, count = count, _steps(client)

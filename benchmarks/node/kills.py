@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node that records is killed at random moments: what its bags hold once recovered, and whether they replay."""
+"""A recording node that is killed at random moments: its recovered bags, and their replay."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from gdfe_ros.node.interface.topics import MESH
 from gdfe_ros.testing.process import NodeProcess, package_environment
 
 _LONGEST = 3.0
-"""Latest moment of a kill after the first step [s]."""
+"""Latest time of a kill after the first step [s]."""
 
 
 @dataclass(frozen=True)
 class Kills:
-    """What became of the bags.
+    """Result for the bags of killed nodes.
 
     Attributes:
-        killed: number of nodes.
-        recovered: bags that ``gdfe recover`` made whole.
-        identical: of these, bags that ``gdfe replay`` repeated to the bit.
-        steps: in all bags, replayed.
+        killed: number of killed nodes.
+        recovered: number of bags that ``gdfe recover`` repaired.
+        identical: number of these bags whose ``gdfe replay`` is bit-identical.
+        steps: number of replayed steps in all bags.
     """
 
     killed: int
@@ -38,7 +38,7 @@ class Kills:
 
 
 def measure(count: int, *, seed: int = 1, home: Path | None = None) -> Kills:
-    """Kill ``count`` nodes with SIGKILL while their tips move; ``home`` as for ``NodeProcess``."""
+    """Kill ``count`` nodes with SIGKILL while their tips move; ``home`` is the argument of ``NodeProcess``."""
     chance, recovered, identical, steps = random.Random(seed), 0, 0, 0
     for _ in range(count):
         with TemporaryDirectory(prefix="gdfe_kills_") as folder:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a command sent to the mesh of its step received: two processes over Fast DDS, lockstep, one at a time."""
+"""Latency from sending a command to receiving the mesh of its step: two processes over Fast DDS, lockstep."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _WARM = 20
 
 @dataclass(frozen=True)
 class Latency:
-    """Times of a loop in lockstep [ms], ``~/mesh``, ``~/strain`` and ``~/step_record`` subscribed to.
+    """Times in lockstep [ms], with a subscriber of ``~/mesh``, ``~/strain`` and ``~/step_record``.
 
     Attributes:
-        elements: of the bar.
-        steps: measured.
-        p50: from command to mesh, median.
-        p99: the same, 99th percentile.
-        solve_p50: the solver's part of it, by the step records.
-        solve_p99: the same, 99th percentile.
+        elements: number of elements of the bar.
+        steps: number of measured steps.
+        p50: time from command to mesh, median.
+        p99: time from command to mesh, 99th percentile.
+        solve_p50: solve time according to the step records, median.
+        solve_p99: solve time according to the step records, 99th percentile.
     """
 
     elements: int
@@ -43,7 +43,7 @@ class Latency:
 
 
 def measure(elements: int, *, steps: int, home: Path | None = None) -> Latency:
-    """Measure a loop of ``steps`` steps after some to warm up; ``home`` as for ``NodeProcess``."""
+    """Measure ``steps`` steps one by one, after some steps to warm up; ``home`` is the argument of ``NodeProcess``."""
     parameters = {
         **bar(elements),
         "clock": "lockstep",
@@ -61,7 +61,7 @@ def measure(elements: int, *, steps: int, home: Path | None = None) -> Latency:
 
 
 def _round_trip(client: Client, number: int) -> float:
-    """Command a step and wait for the mesh with its stamp; return the time [ms]."""
+    """Send a command and wait for the mesh with the stamp of its step; return the time [ms]."""
     meshes = client.kept[MESH.name]
     meshes.clear()
     started = time.perf_counter()
@@ -71,6 +71,6 @@ def _round_trip(client: Client, number: int) -> float:
 
 
 def _stamp(data: bytes) -> int:
-    """Read the stamp of a serialised message with a header [ns]."""
+    """Return the stamp [ns] of a serialised message with a header."""
     seconds, nanoseconds = struct.unpack_from("<iI", data, 4)
     return seconds * 10**9 + nanoseconds

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Thousands of commands in lockstep, sent ahead of their steps: each makes one step, in order, none is lost."""
+"""Thousands of commands in lockstep, sent ahead of their steps: each must make one step, in order."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing.process import NodeProcess
 
 _AHEAD = 500
-"""Commands that may be in transit: half of what the publisher keeps."""
+"""Largest number of commands in transit: half of the publisher's queue."""
 
 
 @dataclass(frozen=True)
 class Lockstep:
-    """What became of the commands.
+    """Result for commands in lockstep.
 
     Attributes:
-        sent: commands.
-        consumed: steps that consumed the command of their number.
-        seconds: from the first command to the last step.
+        sent: number of commands.
+        consumed: number of steps that consumed the command with their number.
+        seconds: time from the first command to the last step [s].
     """
 
     sent: int
@@ -37,10 +37,10 @@ class Lockstep:
 
 
 def measure(count: int) -> Lockstep:
-    """Send ``count`` commands to a coarse bar and look up which steps consumed which.
+    """Send ``count`` commands to a coarse bar, and compare them with the commands that the steps consumed.
 
-    What the steps consumed is read from a bag: on a topic, the records of a burst of steps overtake a slow subscriber,
-    for whom the last ten are kept.
+    The consumed commands are read from a bag, because a slow subscriber of the records loses all except the last ten of
+    a burst.
     """
     with TemporaryDirectory(prefix="gdfe_lockstep_") as folder:
         bag = Path(folder) / "bag"
@@ -63,11 +63,11 @@ def measure(count: int) -> Lockstep:
 
 
 def _send(client: Client, count: int) -> float:
-    """Send the commands, never too far ahead of the steps, and return the time [s] that they took."""
+    """Send the commands, at most `_AHEAD` ahead of the steps; return the time [s] until the last step."""
     kept = client.kept[STEP_RECORD.name]
 
     def made() -> int:
-        """Give the number of the last step: by its record, or by the diagnostics, which tell it in the end."""
+        """Return the number of the last step, from its record or from the diagnostics."""
         last = StepRecord.from_json(deserialize_message(kept[-1], String).data).step if kept else 0
         del kept[:-1]
         return max(last, int(client.values.get("steps", 1)) - 1)

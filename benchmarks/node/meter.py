@@ -11,26 +11,26 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Reading:
-    """Processor time that a process has used so far [s].
+    """Processor time that a process has used so far.
 
     Attributes:
-        threads: by the thread's name; threads of one name are added up.
+        threads: dict from name of a thread to its processor time [s]; times of threads with the same name are added.
     """
 
     threads: dict[str, float]
 
     @property
     def total(self) -> float:
-        """Of all threads [s]."""
+        """Processor time of all threads [s]."""
         return sum(self.threads.values())
 
     def since(self, earlier: Reading) -> Reading:
-        """Give what was used after an earlier reading."""
+        """Return the processor times since an earlier reading."""
         return Reading({name: spent - earlier.threads.get(name, 0.0) for name, spent in self.threads.items()})
 
 
 def read_processor(pid: int) -> Reading:
-    """Read the scheduler's account, which counts in nanoseconds; threads that have ended are not in it."""
+    """Return the processor times of a process from the scheduler's statistics [ns]; ended threads are not included."""
     threads: dict[str, float] = defaultdict(float)
     for task in Path(f"/proc/{pid}/task").iterdir():
         try:
@@ -42,6 +42,6 @@ def read_processor(pid: int) -> Reading:
 
 
 def read_memory(pid: int) -> int:
-    """Give the resident memory [B]."""
+    """Return the resident memory of a process [B]."""
     pages = Path(f"/proc/{pid}/statm").read_text(encoding="utf-8").split()[1]
     return int(pages) * os.sysconf("SC_PAGE_SIZE")

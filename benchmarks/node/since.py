@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Latencies, floods of bad commands and SIGKILLs, here and at another commit, measured in turn in one run.
+"""Latencies, floods of bad commands and SIGKILLs for this tree and for another commit, measured in turn.
 
-``python -m benchmarks.node.since COMMIT`` (or a directory with its tree); the client is this commit's for both.
+``python -m benchmarks.node.since COMMIT`` (or a directory with its tree) prints the table. Both nodes are measured by
+the client of this tree.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from benchmarks.node import flood, kills, latency
 
 ROOT = Path(__file__).resolve().parents[2]
 Figures = dict[str, float]
-"""What was measured -> value."""
+"""Dict from name of a measurement to its value."""
 
 
 def main() -> int:
-    """Measure both in turn, print medians beside each other, write since.json."""
+    """Measure both trees in turn, print the medians of both, write since.json."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.node.since", description=__doc__)
     parser.add_argument("commit", help="commit, or directory with its tree")
     parser.add_argument("--out", type=Path, default=Path("runs/bench/since.json"), help="file of the report")
@@ -49,7 +50,7 @@ def main() -> int:
 
 
 def table(rounds: Mapping[str, Sequence[Figures]]) -> str:
-    """Return the medians of each figure, before and now."""
+    """Return the table with the medians of each figure, for the commit and for this tree."""
     names = rounds["now"][0]
     medians = {
         side: {name: statistics.median(each[name] for each in rounds[side]) for name in names} for side in rounds
@@ -59,7 +60,7 @@ def table(rounds: Mapping[str, Sequence[Figures]]) -> str:
 
 
 def _measure(home: Path, given: argparse.Namespace, *, seed: int) -> Figures:
-    """Measure everything once; times in ms, memory in MB."""
+    """Make all measurements once; return times in ms and memory in MB."""
     figures: Figures = {}
     for elements in (500, 1250):
         found = latency.measure(elements, steps=given.steps, home=home)
@@ -85,7 +86,7 @@ def _measure(home: Path, given: argparse.Namespace, *, seed: int) -> Figures:
 
 @contextmanager
 def _tree(commit: str) -> Iterator[Path]:
-    """Give a directory with the tree of a commit."""
+    """Return a directory with the tree of a commit."""
     if Path(commit).is_dir():
         yield Path(commit).resolve()
         return

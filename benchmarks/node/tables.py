@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of ``make bench-node``, printed from bench_node.json; the same text stands in docs/node.md."""
+"""The tables of ``make bench-node``, printed from bench_node.json; docs/node.md contains the same text."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 from benchmarks.markdown import markdown_table
 
 Rows = tuple[tuple[str, ...], list[tuple[str, ...]]]
-"""Heads and rows of a table."""
+"""Headings and rows of a table."""
 
 
 def all_rows(report: Mapping[str, Any]) -> dict[str, Rows]:
-    """Return every table of a report by name."""
+    """Return dict from name to headings and rows, for every table of a report."""
     return {
         "latency": latency_rows(report["latency"]),
         "node cost": cost_rows(report["cost"]),
@@ -23,14 +23,14 @@ def all_rows(report: Mapping[str, Any]) -> dict[str, Rows]:
 
 
 def latency_rows(items: Iterable[Mapping[str, Any]]) -> Rows:
-    """Return the times from a command to its mesh."""
+    """Return the table of the times from a command to its mesh."""
     heads = ("elements", "command to mesh, p50 [ms]", "command to mesh, p99 [ms]", "solve, p50 [ms]", "solve, p99 [ms]")
     names = ("p50", "p99", "solve_p50", "solve_p99")
     return heads, [(str(item["elements"]), *(f"{item[name]:.2f}" for name in names)) for item in items]
 
 
 def cost_rows(items: Iterable[Mapping[str, Any]]) -> Rows:
-    """Return what a step costs beside its solve."""
+    """Return the table of the cost of a step in addition to its solve."""
     heads = ("elements", "subscribed", "bag", "step [ms]", "solve [ms]", "solve without node [ms]",
              "time of the node itself [ms]", "its share of the step [%]", "other threads, CPU [ms]")  # fmt: skip
     rows = []
@@ -44,7 +44,7 @@ def cost_rows(items: Iterable[Mapping[str, Any]]) -> Rows:
 
 
 def idle_rows(items: Iterable[Mapping[str, Any]]) -> Rows:
-    """Return what a node takes of a core while nothing is to be done."""
+    """Return the table of the processor time of idle nodes."""
     heads = ("node", "use of one core [%]", "measured for", "meshes published")
     return heads, [
         (item["case"], f"{100 * item['share']:.2f}", f"{item['seconds']:g} s", str(item["meshes"])) for item in items
@@ -52,7 +52,7 @@ def idle_rows(items: Iterable[Mapping[str, Any]]) -> Rows:
 
 
 def command_rows(lockstep: Mapping[str, Any], floods: Iterable[Mapping[str, Any]]) -> Rows:
-    """Return what became of many commands, good and bad."""
+    """Return the table of the results of many good and bad commands."""
     heads = (
         "commands", "sent", "accepted", "refused", "commands per second", "all meshes finite", "growth of memory [MB]",
     )  # fmt: skip
@@ -66,5 +66,5 @@ def command_rows(lockstep: Mapping[str, Any], floods: Iterable[Mapping[str, Any]
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return every table of a report as Markdown, by name."""
+    """Return dict from name to Markdown text, for every table of a report."""
     return {name: markdown_table(*rows) for name, rows in all_rows(report).items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Solvers that the benchmark stands beside, each behind the same few functions."""
+"""Other solvers (peers) of the benchmark, each with the same few functions."""
 
 from benchmarks.peers.peer import (
     PeerError,

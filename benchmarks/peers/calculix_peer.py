@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CalculiX (``ccx``, GPL-2, a program of its own) as a peer.
+"""CalculiX (``ccx``, GPL-2, a separate program) as a peer.
 
-Its time to solve is the wall time of the program: it reads the deck, factors and writes in one go
-and reports no phases. The start of the process is part of it, a few milliseconds.
+Its solve time is the wall time of the program, because the program reads the deck, factors and
+writes without reporting its phases. This includes the start of the process, a few milliseconds.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ _INCREMENT_QUADRATIC = {
 
 
 def available() -> str | None:
-    """Return None if ``ccx`` is on the path, else how to install it."""
+    """Return None if ``ccx`` is on the path, else a text that says how to install it."""
     return None if shutil.which("ccx") else "no program ccx; install it with: apt-get install calculix-ccx"
 
 
 def variants(case: Case) -> tuple[Variant, ...]:
-    """Return the elements on the paper's mesh and on coarser ones, with tuned increments."""
+    """Return the elements on the paper's mesh and on coarser meshes, with tuned load increments."""
     linear, quadratic = _INCREMENT[case.name], _INCREMENT_QUADRATIC[case.name]
     steps = 2 if case.name is CaseName.TWIST90 else 1
     runs = [_variant(CcxElement.C3D8I, cells, *linear) for cells in _COARSE[case.name]]
@@ -86,7 +86,7 @@ def _variant(
 
 
 def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
-    """Write a deck, run ``ccx`` on it and read what it wrote; see `Peer.solve`.
+    """Write a deck, run ``ccx`` and read its output; see `Peer.solve`.
 
     Raises:
         PeerError: if ``ccx`` fails, with the end of its log.
@@ -129,7 +129,7 @@ def _run(folder: Path, where: str) -> str:
 
 
 def _read(folder: Path, case: Case, grid: Grid, element: CcxElement) -> tuple[Array, Array]:
-    """Return the displacement of the lattice [m] and the reaction (force [N], moment [N m])."""
+    """Return the displacements of the lattice nodes (n, 3) [m] and the reaction (6,): force [N], moment [N m]."""
     rest = grid.points()
     text = folder.joinpath(f"{_JOB}.frd").read_text()
     displacement = to_lattice(read_displacements(text), size=len(rest)) / MILLIMETRES

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CalculiX in contact (``*CONTACT PAIR``): a cube on a rigid ball, a ball between rigid plates; quadratic elements."""
+"""Contact in CalculiX (``*CONTACT PAIR``): a cube on a rigid ball, a ball between rigid plates; quadratic elements."""
 
 from __future__ import annotations
 
@@ -34,20 +34,21 @@ __all__ = ["available", "press_ball", "press_cube"]
 
 _JOB = "contact"
 _STIFF = 200.0
-"""Pressure of the penalty over Young's modulus, for each millimetre of penetration."""
+"""Penalty pressure divided by Young's modulus, per millimetre of penetration."""
 _CAP = np.linspace(-0.35, 1.5, 21)
-"""Planes across the rigid ball's cap, as tangents of the angles from its top: a quarter of it, and some beyond."""
+"""Tangents of the angles from the top of the rigid ball at which its cap is divided: a quarter and a margin."""
 _QUARTERS, _SECTORS = 4.0, 180.0
-"""What is computed goes so often into the whole: a quarter of the cube; two degrees of a ball, as ccx expands it."""
+"""Factors from the computed part to the whole: a quarter of the cube, and a sector of two degrees that ccx makes of an
+axisymmetric ball."""
 
 
 def press_cube(law: LogNeoHooke, cells: int, moves: Sequence[float]) -> list[float]:
-    """Return the forces [N] on a cube of 0.1 m, held at its top, from a ball of 40 mm that comes up so far [m].
+    """Return the forces [N] of a rigid ball of 40 mm on a cube of 0.1 m, which is fixed at its top.
 
     Args:
-        law: of the cube.
-        cells: along its edges, an even number.
-        moves: ascending.
+        law: material law of the cube.
+        cells: number of cells along the cube's edges, even.
+        moves: upward displacements of the ball [m], ascending.
 
     Raises:
         PeerError: ``ccx`` fails, with the end of its log.
@@ -67,14 +68,14 @@ def press_cube(law: LogNeoHooke, cells: int, moves: Sequence[float]) -> list[flo
 
 
 def press_ball(law: LogNeoHooke, radius: float, cells: int, approaches: Sequence[float], *, large: bool) -> list[float]:
-    """Return the forces [N] of rigid plates that come so near [m] to the centre of a ball from both sides.
+    """Return the forces [N] of two rigid plates that compress a ball; the model is axisymmetric.
 
     Args:
-        law: of the ball.
-        radius: of it [m].
-        cells: along an eighth of its circumference; axisymmetric.
-        approaches: ascending.
-        large: displacements and strains, with that law; else small ones, with Hooke's.
+        law: material law of the ball.
+        radius: radius of the ball [m].
+        cells: number of cells along an eighth of the circumference.
+        approaches: displacements of each plate towards the centre of the ball [m], ascending.
+        large: whether deformations are large, with ``law``. Otherwise they are small, with Hooke's law.
 
     Raises:
         PeerError: ``ccx`` fails, with the end of its log.
@@ -101,7 +102,7 @@ def press_ball(law: LogNeoHooke, radius: float, cells: int, approaches: Sequence
 
 
 def _cap_cards(*, first_node: int, first_cell: int) -> list[str]:
-    """Return the top of a rigid ball of 40 mm under the middle of the cube, which is at x = 0, y = -25 mm."""
+    """Return the cards of the top of a rigid ball of 40 mm under the middle of the cube, at x = 0, y = -25 mm."""
     count, lines, numbers = len(_CAP) - 1, ["*NODE, NSET=TOOL"], {}
     planes = np.interp(np.arange(2 * count + 1) / 2, np.arange(count + 1), _CAP)
     for i, j, k in np.ndindex(2 * count + 1, 2 * count + 1, 3):
@@ -119,7 +120,7 @@ def _cap_cards(*, first_node: int, first_cell: int) -> list[str]:
 
 
 def _pair_cards(law: LogNeoHooke, faces: Sequence[tuple[int, int]], *, large: bool = True) -> list[str]:
-    """Return the surface of the body, of faces of elements, its contact with MASTER, and the materials."""
+    """Return the cards of the body's surface (element ``faces``), of its contact with MASTER, and of the materials."""
     name, hooke = material_name(law, name="SOFT"), f"{law.young * MEGAPASCALS:.10g},{law.poisson:.10g}"
     return [
         "*SURFACE, NAME=SLAVE, TYPE=ELEMENT",
@@ -139,14 +140,14 @@ def _pair_cards(law: LogNeoHooke, faces: Sequence[tuple[int, int]], *, large: bo
 
 
 def _step_cards(moved: str, *, first: float, large: bool) -> list[str]:
-    """Return a step in which the tool, whose nodes are all driven, moves, ``first`` of it in the first increment."""
+    """Return the cards of a step that moves the tool by card ``moved``; ``first`` is the first increment, 0 to 1."""
     how = ", NLGEOM" if large else ""
     told = "*NODE PRINT, NSET=HELD, TOTALS=ONLY, FREQUENCY=1000"
     return [f"*STEP, INC=1000{how}", "*STATIC", f"{first:g},1.", "*BOUNDARY", moved, told, "RF", "*END STEP"]
 
 
 def _forces(lines: Sequence[str], what: str) -> list[tuple[float, float, float]]:
-    """Return the force [N] on the tool at the end of every step: what the held nodes are pushed with."""
+    """Run ``ccx``; return the force [N] on the tool at the end of every step, the total force of the fixed nodes."""
     with tempfile.TemporaryDirectory(prefix="gdfe_ccx_") as folder:
         Path(folder, f"{_JOB}.inp").write_text("\n".join(lines) + "\n")
         done = subprocess.run(["ccx", _JOB], cwd=folder, env=os.environ, capture_output=True, text=True, check=False)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Input decks of CalculiX (``ccx``) for the benchmark bars.
 
-Millimetres, newtons and megapascals are written, because CalculiX prints few digits and its
-convergence checks work best on numbers of ordinary size.
+The units are mm, N and MPa, because CalculiX prints few digits, and its convergence checks work best
+with numbers that are neither very large nor very small.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ MILLIMETRES = 1e3
 MEGAPASCALS = 1e-6
 """Megapascals in a pascal."""
 PATIENT = ["*CONTROLS, PARAMETERS=TIME INCREMENTATION", "30,60,9,60,30,4,,60,,"]
-"""Cards of a step that have it iterate up to 60 times where residuals shrink slowly."""
+"""Cards of a step that allow up to 60 iterations if residuals decrease slowly."""
 _STIFF = 1e15
-"""Compliances D2, D3 of the Ogden law that switch their terms off; zero means a default there."""
+"""Compliances D2 and D3 of the Ogden law at which their terms have no effect; zero would mean a default."""
 
 
 class CcxElement(Enum):
     """Hexahedra of CalculiX."""
 
     C3D8 = "C3D8"
-    """Linear, fully integrated: locks in bending and when nearly incompressible."""
+    """Linear, fully integrated: locks in bending and near incompressibility."""
     C3D8I = "C3D8I"
-    """Linear with incompatible modes: bends without locking."""
+    """Linear with incompatible modes: no locking in bending."""
     C3D20R = "C3D20R"
     """Quadratic serendipity, reduced integration."""
 
@@ -50,12 +50,12 @@ class CcxElement(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Incrementation:
-    """How CalculiX cuts a step into increments.
+    """Division of a step into increments by CalculiX.
 
     Attributes:
-        first: first increment as a part of the step, 0 to 1.
-        patient: iterate up to 60 times with residuals that shrink slowly before an increment is
-            cut; the defaults give up early on rubber, restart and take longer.
+        first: first increment as a fraction of the step, 0 to 1.
+        patient: whether up to 60 iterations are allowed, if residuals decrease slowly, before an
+            increment is halved. With rubber, the defaults halve increments early and need more time.
     """
 
     first: float = 1.0
@@ -65,7 +65,7 @@ class Incrementation:
 def used_nodes(grid: Grid, element: CcxElement) -> npt.NDArray[np.int32]:
     """Return the sorted lattice indices that the elements use, shape (u,), int32.
 
-    Node number ``index + 1`` is written for lattice index ``index``.
+    The node with lattice index ``index`` has the number ``index + 1`` in the deck.
     """
     return np.unique(grid.connectivity(element.nodes)).astype(np.int32)
 
@@ -74,16 +74,16 @@ def write_deck(case: Case, grid: Grid, element: CcxElement, *, steps: int, incre
     """Return the text of the input deck.
 
     Args:
-        case: the scene.
-        grid: its mesh, of the order of the element.
+        case: scene.
+        grid: mesh of the scene, with the order of the element.
         element: element type.
-        steps: load steps; within a step each node moves on a straight line, so a turning handle
-            needs more than one increment.
-        incrementation: how a step is cut into increments.
+        steps: number of load steps. Within a step each node moves on a straight line, so that a
+            rotating handle needs more than one step.
+        incrementation: division of a step into increments.
 
     Returns:
-        The deck: displacements of all nodes go to the ``.frd`` file and the reaction forces of
-        the right face (node set TIP) to the ``.dat`` file, both at the end of the last step.
+        The deck. At the end of the last step, CalculiX writes the displacements of all nodes into the
+        ``.frd`` file, and the reaction forces of the right face (node set TIP) into the ``.dat`` file.
 
     Raises:
         ValueError: if ``steps`` is less than one or the order of the grid does not fit.
@@ -112,16 +112,16 @@ def write_deck(case: Case, grid: Grid, element: CcxElement, *, steps: int, incre
 
 
 def material_name(law: Law, *, name: str) -> str:
-    """Return the material's name; CalculiX selects its Ciarlet law by the start of the name."""
+    """Return the name of the material. CalculiX selects its Ciarlet law by the first letters of the name."""
     return f"CIARLET_EL_{name}" if isinstance(law, LogNeoHooke) else name
 
 
 def law_cards(law: Law, *, name: str) -> list[str]:
     """Return the cards of a material.
 
-    CalculiX has no neo-Hookean law in log form. Its Ciarlet law differs from it only in the
-    volumetric term, ``lame/2 ((J^2 - 1)/2 - ln J)`` for ``lame/2 (ln J)^2``, equal to second
-    order: on bend5 at nu 0.45 the displacements differ by 0.002 % (computed with FElupe).
+    CalculiX has no neo-Hookean law in logarithmic form. Its Ciarlet law differs only in the
+    volumetric term: ``lame/2 ((J^2 - 1)/2 - ln J)`` instead of ``lame/2 (ln J)^2``. Both are equal
+    to second order. On bend5 with nu 0.45, the displacements differ by 0.002 % (computed with FElupe).
     """
     if isinstance(law, LogNeoHooke):
         constants = f"{law.young * MEGAPASCALS:.10g},{law.poisson:.10g}"
@@ -145,14 +145,14 @@ def _mesh_cards(case: Case, grid: Grid, element: CcxElement, used: npt.NDArray[n
 
 
 def node_cards(grid: Grid, used: npt.NDArray[np.int32]) -> list[str]:
-    """Return the cards of the nodes with these lattice indices (u,), as the set ALL."""
+    """Return the cards of the nodes with lattice indices ``used`` (u,), as the set ALL."""
     points = grid.points()[used] * MILLIMETRES
     lines = [f"{node + 1},{x:.10g},{y:.10g},{z:.10g}" for node, (x, y, z) in zip(used, points, strict=True)]
     return ["*NODE, NSET=ALL", *lines]
 
 
 def element_cards(grid: Grid, element: CcxElement, cells: npt.NDArray[np.int64], *, name: str) -> list[str]:
-    """Return the cards of these cells (c,), as the set ``name``."""
+    """Return the cards of the elements ``cells`` (c,), as the set ``name``."""
     connectivity = grid.connectivity(element.nodes) + 1
     lines = [f"*ELEMENT, TYPE={element.value}, ELSET={name}"]
     for cell in cells:
@@ -161,14 +161,14 @@ def element_cards(grid: Grid, element: CcxElement, cells: npt.NDArray[np.int64],
 
 
 def number_rows(numbers: Iterable[int], *, per_row: int) -> list[str]:
-    """Return whole numbers in lines of so many; a line that is not the last ends with a comma."""
+    """Return lines with ``per_row`` integers each; all lines except the last end with a comma."""
     text = [str(int(number)) for number in numbers]
     rows = [",".join(text[start : start + per_row]) for start in range(0, len(text), per_row)]
     return [row + "," for row in rows[:-1]] + rows[-1:]
 
 
 def set_cards(name: str, nodes: npt.NDArray[np.int32]) -> list[str]:
-    """Return the cards of a set of nodes with these lattice indices (k,)."""
+    """Return the cards of a set of nodes with lattice indices ``nodes`` (k,)."""
     rows = number_rows(nodes + 1, per_row=12)
     return [f"*NSET, NSET={name}", *(row.rstrip(",") for row in rows)]
 

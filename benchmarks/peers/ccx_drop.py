@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CalculiX on the scene `drop`: implicit dynamics (``*DYNAMIC``) in steps of one length, cut where it asks for it."""
+"""CalculiX on the scene `drop`: implicit dynamics (``*DYNAMIC``) with a constant time step, shorter only on failure."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ __all__ = ["available", "simulate"]
 
 _JOB = "drop"
 _TONNES = 1e-12
-"""Tonnes a cubic millimetre in a kilogram a cubic metre: the unit of mass that goes with N, mm and s."""
+"""Value of 1 kg/m^3 in t/mm^3. The tonne is the unit of mass that is consistent with N, mm and s."""
 _LEAST = 1e-5
-"""Shortest step [s] that it may cut one into where it does not converge."""
+"""Shortest time step [s] into which CalculiX may divide a step that does not converge."""
 
 
 def simulate(element: CcxElement, cells: tuple[int, int, int], h: float, *, timeout: float) -> DropPath:
-    """Return the path of the tip in steps of ``h`` [s]; the time is that of the whole program.
+    """Return the path of the tip for the time step ``h`` [s]; its processor time is that of the whole program.
 
     Raises:
         PeerError: ``ccx`` fails, or takes longer than ``timeout`` [s].

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readers of what CalculiX leaves behind: displacements (``.frd``) and reactions (``.dat``)."""
+"""Readers of CalculiX' output files: displacements (``.frd``) and reactions (``.dat``)."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 Nodal = dict[int, tuple[float, float, float]]
-"""Three components for each node number."""
+"""Dict from node number to three components."""
 
 
 def read_displacements(text: str) -> Nodal:
     """Return the displacements of the last ``DISP`` block of an ASCII ``.frd`` file.
 
-    The format is fixed-width: key ``-1``, node number in 10 columns, then 12 columns a component.
+    The format has fixed widths: key ``-1``, node number in 10 columns, then 12 columns per component.
 
     Raises:
         ValueError: if there is no such block, or a line of it cannot be read.
@@ -54,10 +54,10 @@ def read_reactions(text: str) -> Nodal:
 
 
 def read_total_forces(text: str) -> list[tuple[float, float, float]]:
-    """Return the total force of every step that a ``.dat`` file has (``TOTALS=ONLY``).
+    """Return the total force of every step in a ``.dat`` file (``TOTALS=ONLY``).
 
     Raises:
-        ValueError: if there is none.
+        ValueError: if there is no total force.
     """
     lines = [line.split() for line in text.splitlines()]
     found = [
@@ -95,10 +95,10 @@ def count_iterations(text: str) -> int:
 
 
 def to_lattice(values: Nodal, *, size: int) -> npt.NDArray[np.float64]:
-    """Return nodal values as an array, shape (size, 3), float64; nodes that are absent are zero.
+    """Return nodal values as an array, shape (size, 3), float64; missing nodes have zeros.
 
     Raises:
-        ValueError: if a node number lies outside 1..size.
+        ValueError: if a node number is outside 1..size.
     """
     result = np.zeros((size, 3))
     for node, value in values.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A quarter of a disc in quadratic quadrilaterals: the half plane of an axisymmetric ball, fine about its pole."""
+"""A quarter disc of quadratic quadrilaterals: the half plane of half an axisymmetric ball, refined near its pole."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 GRADING = 1.5
-"""Cells are smaller about the pole and the rim: places between 0 and 1 along an edge have this power."""
+"""Exponent of the grading: positions from 0 to 1 along an edge are raised to it, so that cells are smaller near pole
+and rim."""
 _INNER = 0.5, 0.45
-"""Where the block about the centre ends on the axes, and its corner."""
+"""End of the central block on the axes, and coordinate of its corner on the diagonal."""
 _ROUND = np.array([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0], [2, 1], [1, 2], [0, 1]])
-"""Places of the nodes of an eight-node quadrilateral in steps of a lattice: corners, then the middles of its sides."""
+"""Lattice positions of the nodes of an eight-node quadrilateral: corners, then midpoints of the sides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +22,9 @@ class Disc:
     """A mesh of the quarter x, y >= 0 of the unit disc, with the pole at (0, 1).
 
     Attributes:
-        points: (n, 2).
-        cells: (m, 8) corners counter-clockwise, then the middles of the sides between them.
-        rim: cell and side (from 0) of what lies on the circle between the pole and 45 degrees.
+        points: positions of the nodes (n, 2).
+        cells: nodes (m, 8): corners counter-clockwise, then the midpoints of the sides between them.
+        rim: cell and side (from 0) of each side on the circle between the pole and 45 degrees.
     """
 
     points: npt.NDArray[np.float64]
@@ -32,7 +33,7 @@ class Disc:
 
 
 def quarter_disc(cells: int) -> Disc:
-    """Return the mesh with so many cells along an eighth of the circle."""
+    """Return the mesh with ``cells`` cells along an eighth of the circle."""
     even = np.linspace(0.0, 1.0, 2 * cells + 1)
     graded, outwards = even**GRADING, 1.0 - (1.0 - even) ** GRADING
     edge, corner = _INNER

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drake holds a box between two soft pads on prismatic joints: tetrahedra, semi-analytic primal contact (SAP).
+"""A box between two soft pads on prismatic joints in Drake: tetrahedra, semi-analytic primal contact (SAP).
 
-The paddles have actuated prismatic joints along x; the outer faces of the pads are welded to them. Each cell of the
-lattice is six tetrahedra. Vertices of Drake's pads are those of ours.
+The paddles have actuated prismatic joints along x. The outer faces of the pads are welded to the paddles. Each cell of
+the lattice is divided into six tetrahedra. Drake's pads have the same vertices as ours.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from benchmarks.peers.force_grip_case import (
 )
 
 _SIX = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7))
-"""Tetrahedra of a cell, by its corners in the order of (x, y, z) bits."""
+"""Six tetrahedra of a cell, as indices of its corners; the bits of an index are x, y and z."""
 
 
 def available() -> str:
-    """Return why Drake cannot be run; empty if it can."""
+    """Return the reason why Drake cannot be run; empty if it can."""
     return "" if find_spec("pydrake") else "not installed; remedy: pip install 'gdfe_ros[bench]'"
 
 
 def simulate(friction: float, *, seconds: float) -> dict[str, float]:
-    """Squeeze and hold the box; return ``sunk`` [m], ``drift`` [m/s] over the second half, and ``step`` [s]."""
+    """Squeeze and hold the box; return ``sunk`` [m], ``drift`` [m/s] in the second half, and time of a ``step`` [s]."""
     from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
     from pydrake.systems.analysis import Simulator
     from pydrake.systems.framework import DiagramBuilder
@@ -64,7 +64,7 @@ def simulate(friction: float, *, seconds: float) -> dict[str, float]:
 
 
 def _fill(plant: Any, friction: float, folder: Path) -> Any:
-    """Add box, paddles and pads; return the box."""
+    """Add box, paddles and pads to the plant; return the box."""
     from pydrake.geometry import (
         AddContactMaterial,
         AddRigidHydroelasticProperties,
@@ -117,7 +117,7 @@ def _fill(plant: Any, friction: float, folder: Path) -> Any:
 
 
 def _write_pad(path: Path, start: float) -> None:
-    """Write a pad from x = ``start`` [m] on as tetrahedra, in the legacy format of VTK."""
+    """Write a pad that starts at x = ``start`` [m] as tetrahedra, in the legacy format of VTK."""
     points, tetrahedra = _tetrahedra()
     points = points + np.array([start, -0.5 * PAD[1], -0.5 * PAD[2]])
     lines = ["# vtk DataFile Version 3.0", "pad", "ASCII", "DATASET UNSTRUCTURED_GRID", f"POINTS {len(points)} double"]

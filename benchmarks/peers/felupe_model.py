@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmark bars in FElupe: regions, fields, materials and boundary conditions.
 
-FElupe (GPL-3) is imported inside the functions: this package only needs it to run its benchmark.
-Millimetres, newtons and megapascals are used, so that FElupe's tolerances see ordinary numbers.
+FElupe (GPL-3) is imported inside the functions, because this package needs it only for its benchmark.
+The units are mm, N and MPa, because FElupe's tolerances need numbers that are not very small.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ MILLIMETRES = 1e3
 MEGAPASCALS = 1e-6
 """Megapascals in a pascal."""
 TIE = 1e3
-"""Penalty of the tied handle [N/mm], four decades above the stiffness of a cell; it moves the mean
-error of bend5 by less than 0.001 %."""
+"""Penalty of the tied handle [N/mm], 10^4 times the stiffness of a cell. It changes the mean error of
+bend5 by less than 0.001 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """A bar ready for Newton's method.
+    """FElupe model of a bar for Newton's method.
 
     Attributes:
-        felupe: the imported package.
+        felupe: imported package.
         grid: lattice of nodes.
-        field: FElupe's field container, displacements first.
-        items: FElupe's items: solid bodies and, where the handle slides, the tie of its x.
-        boundaries: FElupe's boundaries, ``left`` and ``right``.
-        slides: whether the right face's x is tied and free instead of prescribed.
+        field: FElupe's field container; displacements come first.
+        items: FElupe's items: solid bodies and, for a sliding handle, the tie of its x displacements.
+        boundaries: FElupe's boundaries ``left`` and ``right``.
+        slides: whether the x displacements of the right face are equal and free instead of prescribed.
     """
 
     felupe: ModuleType
@@ -63,11 +63,11 @@ def build_mesh(grid: Grid, felupe: ModuleType) -> Any:
 
 
 def build_model(case: Case, grid: Grid) -> Model:
-    """Build the stock model: mean dilatation through FElupe's own mixed formulations.
+    """Return the model with FElupe's standard mixed formulations for mean dilatation.
 
-    Neo-Hookean bars use `NearlyIncompressible` on the fields (u, p, J) with the law's own
-    volumetric function; Ogden bars use one `SolidBodyNearlyIncompressible` for each segment, whose
-    (p, J) are condensed cell by cell.
+    Neo-Hookean bars use `NearlyIncompressible` on the fields (u, p, J) with the volumetric function of
+    the law. Ogden bars use one `SolidBodyNearlyIncompressible` for each segment; its fields (p, J) are
+    condensed cell by cell.
     """
     import felupe
 
@@ -85,7 +85,7 @@ def build_model(case: Case, grid: Grid) -> Model:
 
 
 def log_material(case: Case, grid: Grid, felupe: ModuleType) -> Any:
-    """Return the log neo-Hookean law of all cells with its ``lame/2 (ln J)^2`` on the mean J."""
+    """Return the logarithmic neo-Hookean law of all cells, with ``lame/2 (ln J)^2`` for the mean J of a cell."""
     cell_law = case.cell_law(grid)
     mu = np.array([law.mu for law in case.laws])[cell_law] * MEGAPASCALS
     lame = np.array([law.lame for law in case.laws])[cell_law] * MEGAPASCALS
@@ -133,7 +133,7 @@ def build_boundaries(case: Case, grid: Grid, displacement: Any, felupe: ModuleTy
 
 
 def tie_handle(grid: Grid, field: Any, felupe: ModuleType, *, multiplier: float) -> Any:
-    """Return the item that keeps the right face's x displacements equal."""
+    """Return the FElupe item that makes the x displacements of the right face equal."""
     face = grid.face(right=True)
     return felupe.MultiPointConstraint(
         field, points=face[1:], centerpoint=int(face[0]), skip=(0, 1, 1), multiplier=multiplier

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""FElupe as a peer: its documented API, its best step counts, a fast sparse solver."""
+"""FElupe as a peer: documented API, the best numbers of load steps, and a fast sparse solver."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from benchmarks.peers.felupe_model import MILLIMETRES, Model, build_model
 from benchmarks.peers.peer import Array, PeerSolution, Variant, handle_reaction
 
 TOLERANCE = 1e-3
-"""Newton's tolerance on residual over reactions: tighter ones move no printed digit of the error."""
+"""Tolerance of Newton's method (residual over reactions). A smaller tolerance changes no printed digit of the error."""
 ROUGH = 1e-1
-"""Tolerance of the load steps before the last: they only have to lead there."""
+"""Tolerance of all load steps except the last, because their results are only starting points."""
 _MAXIMUM_ITERATIONS = 30
 
 _LINEAR = {
@@ -43,13 +43,13 @@ _STEPS = {
 
 
 def available() -> str | None:
-    """Return None if FElupe and the differentiation of its Ogden law are installed."""
+    """Return None if FElupe and its automatic differentiation are installed, else the reason and the remedy."""
     missing = [name for name in ("felupe", "tensortrax") if find_spec(name) is None]
     return f"not installed: {', '.join(missing)}; pip install felupe tensortrax pypardiso" if missing else None
 
 
 def variants(case: Case) -> tuple[Variant, ...]:
-    """Return mean-dilatation hexahedra on the paper's mesh and on coarser ones."""
+    """Return the variants: mean-dilatation hexahedra on the paper's mesh and on coarser meshes."""
     linear, quadratic = _STEPS[case.name]
     runs = [_variant("H8", cells, linear) for cells in (*_LINEAR[case.name], case.cells)]
     runs += [_variant("H27", cells, quadratic) for cells in _QUADRATIC[case.name]]
@@ -61,7 +61,7 @@ def _variant(element: str, cells: tuple[int, int, int], steps: int) -> Variant:
 
 
 def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
-    """Build the model, ramp the load and evaluate the solution; see `Peer.solve`.
+    """Build the model, apply the load in steps and evaluate the solution; see `Peer.solve`.
 
     Raises:
         felupe.NewtonConvergenceError: if a step does not converge.
@@ -99,14 +99,14 @@ def run_newton(
     tolerance: float = TOLERANCE,
     **options: Any,
 ) -> tuple[Any, int]:
-    """Ramp the load and return FElupe's last Newton result and the number of linear solves.
+    """Apply the load in steps; return FElupe's last Newton result and the number of linear solves.
 
     Args:
-        case: the scene.
-        model: its model.
-        steps: equal load steps.
+        case: scene.
+        model: model of the scene.
+        steps: number of equal load steps.
         solver: FElupe's ``solver`` argument.
-        tolerance: of the last step.
+        tolerance: tolerance of the last step.
         options: further arguments of `felupe.newtonraphson`.
     """
     felupe = model.felupe
@@ -133,9 +133,10 @@ def run_newton(
 
 
 def nodal_forces(model: Model, displacement: Array) -> Array:
-    """Return what acts on the body at every node [N], shape (n, 3), at the last evaluated state.
+    """Return the external forces on the body at every node [N], shape (n, 3), at the last evaluated state.
 
-    Only the solids count: the tie of a sliding handle is part of the handle, not of the body.
+    They are the internal forces of the solid items. The tie of a sliding handle is left out, because it
+    is part of the handle.
     """
     solids = model.items[:-1] if model.slides else model.items
     forces = np.zeros(displacement.size)

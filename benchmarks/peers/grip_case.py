@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 PAD, CELLS = (0.035, 0.03, 0.03), (7, 3, 3)
-"""Size of a pad [m], and its cells."""
+"""Size of a pad [m], and its numbers of cells."""
 SPAN = 0.10
-"""From the outer face of one pad to that of the other [m]."""
+"""Distance between the outer faces of the two pads [m]."""
 YOUNG, POISSON, DENSITY = 2.0e5, 0.45, 1000.0
-"""Of the pads [Pa], [kg/m^3]."""
+"""Young's modulus [Pa], Poisson's ratio and density [kg/m^3] of the pads."""
 BOX, BOX_DENSITY = (0.02, 0.05, 0.05), 640.0
-"""Size [m] and density [kg/m^3] of what is held."""
+"""Size [m] and density [kg/m^3] of the box."""
 WEIGHT, SQUEEZE, GRAVITY = 640.0 * 0.02 * 0.05 * 0.05 * 9.81, 0.0065, 9.81
-"""Of what is held [N], by how far each pad comes nearer [m], and [m/s^2]."""
+"""Weight of the box [N], inward displacement of each pad [m], and gravity [m/s^2]."""
 STEP = 0.005
-"""Of all solvers [s]."""
+"""Time step of all solvers [s]."""
 STAGES = (("squeeze", 0.3), ("settle", 0.2), ("load", 0.8), ("rest", 0.3))
-"""What is done before the box is watched, and for how long [s]."""
+"""Stages before the hold, and their durations [s]."""

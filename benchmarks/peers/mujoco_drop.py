@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo 4 flex on the scene `drop`: its ``discrete`` integrator, implicit and of first order, in steps of one length.
+"""MuJoCo 4 flex on the scene `drop`: its ``discrete`` integrator (implicit, first order) with a constant time step.
 
-As in `mujoco_model`, every lattice node is a body, and a dummy equality, met at all times by symmetry, makes MuJoCo
-factor the whole system. Its law is corotated linear elasticity; it has no damping of its own here.
+As in `mujoco_model`, every lattice node is a body. A dummy equality, which is always satisfied by symmetry, makes
+MuJoCo factor the whole system. The material law is corotated linear elasticity without damping.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _BAD = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 
 
 def simulate(order: int, cells: tuple[int, int, int], h: float, *, timeout: float) -> DropPath:
-    """Return the path of the tip in steps of ``h`` [s], of trilinear (order 1) or quadratic flexes (2).
+    """Return the path of the tip for the time step ``h`` [s], with trilinear (order 1) or quadratic (order 2) flexes.
 
     Raises:
         PeerError: the state becomes unusable, or the steps take more than ``timeout`` [s] of processor time.
@@ -57,7 +57,7 @@ def simulate(order: int, cells: tuple[int, int, int], h: float, *, timeout: floa
 
 
 def _model(grid: Grid, h: float) -> str:
-    """Return the MJCF text."""
+    """Return the MJCF text of the model."""
     points, left = grid.points(), set(grid.face(right=False).tolist())
     nx, ny, nz = grid.steps
     lattice = np.arange(len(points)).reshape(nz + 1, ny + 1, nx + 1)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo 4 flex holds a box between two soft pads.
+"""A box between two soft pads in MuJoCo 4 flex.
 
-The best of what was tried: the integrator ``discrete`` (the only one that is implicit in flexes), elliptic cones,
-Newton's method, ``impratio`` 100. ``impratio`` 1000, harder contacts (``solimp`` to 0.9999) and steps of 1 and 2 ms
-creep no less; ``noslip_iterations`` are not there for flexes. It warns in every step that its solve before contacts is
-under-converged, with and without equalities that make it factor the whole system.
+These are the best settings of several trials: the integrator ``discrete`` (the only one that is implicit for flexes),
+elliptic cones, Newton's method, ``impratio`` 100. With ``impratio`` 1000, harder contacts (``solimp`` up to 0.9999) or
+steps of 1 and 2 ms, the box creeps as fast. ``noslip_iterations`` are not available for flexes. MuJoCo warns in every
+step that its solve before contacts is under-converged, with and without equalities that make it factor the whole
+system.
 """
 
 from __future__ import annotations
@@ -32,16 +33,16 @@ from benchmarks.peers.peer import PeerError
 __all__ = ["available", "simulate"]
 
 LIKELY_PRESS = 7.0
-"""Of a pad [N], by which friction is chosen before the true one is known."""
+"""Estimated normal force of a pad [N], from which the friction of the first run is chosen."""
 
 
 def simulate(demand: float, *, seconds: float) -> dict[str, float]:
     """Squeeze, load and hold the box with ``demand`` times the least friction that holds it.
 
-    The least follows from the press that pads of the same squeeze have under gravity with ample friction.
+    The least friction follows from the normal force of the pads in a first run with sufficient friction.
 
     Returns:
-        ``press`` [N], ``sunk`` and ``drift`` [m] as of our own.
+        ``press`` [N], ``sunk`` [m] and ``drift`` [m], as in `benchmarks.grip.grip`.
 
     Raises:
         PeerError: the state became unusable.
@@ -55,7 +56,7 @@ def simulate(demand: float, *, seconds: float) -> dict[str, float]:
 
 
 class _Grip:
-    """The scene with one coefficient of friction."""
+    """The scene with one friction coefficient."""
 
     def __init__(self, friction: float) -> None:
         import mujoco
@@ -70,11 +71,11 @@ class _Grip:
 
     @property
     def height(self) -> float:
-        """Of the box [m]."""
+        """Height of the box [m]."""
         return float(self._data.qpos[self._box + 2])
 
     def loaded(self) -> float:
-        """Go through all stages; return the press [N] of a pad."""
+        """Simulate all stages; return the normal force of a pad [N]."""
         for stage, lasts in STAGES:
             self.go(stage, lasts)
         self._mujoco.mj_forward(self._model, self._data)
@@ -85,7 +86,7 @@ class _Grip:
         return total
 
     def go(self, stage: str, lasts: float) -> None:
-        """Make the steps of a stage."""
+        """Make the steps of a ``stage`` of duration ``lasts`` [s]."""
         count = round(lasts / STEP)
         for done in range(1, count + 1):
             share = done / count
@@ -101,7 +102,7 @@ class _Grip:
 
 
 def model_text(friction: float) -> str:
-    """Return the MJCF text."""
+    """Return the MJCF text of the scene."""
     counts = [cells + 1 for cells in CELLS]
     spacing = " ".join(f"{length / cells:.9g}" for length, cells in zip(PAD, CELLS, strict=True))
     contact = f'condim="3" friction="{friction:.9g} 0.005 0.0001" solref="0.005 1" solimp="0.95 0.99 0.001"'

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """MJCF models of the benchmark bars: interpolated flexes on a lattice of sliding bodies.
 
-Every lattice node but the clamped ones is a body; one flex for each segment interpolates the solid
-between the nodes and divides those on the borders of the segments. Such flexes have one elastic law:
-corotated linear elasticity in Young's modulus and Poisson's ratio (a cell stretched uniaxially by
-1 to 60 % answers with exactly the linear stress). It differs from the scenes' neo-Hookean law at
-finite strain, in forces more than in shapes.
+Every lattice node except the clamped ones is a body. One flex per segment interpolates the solid
+between the nodes; flexes have common nodes at the borders between segments. Such flexes have only
+one elastic law: corotated linear elasticity with Young's modulus and Poisson's ratio (the stress of
+a cell is exactly linear in uniaxial stretches of 1 to 60 %). At finite strain it differs from the
+scenes' neo-Hookean law, in forces more than in shapes.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from benchmarks.grids import Grid
 Array = npt.NDArray[np.float64]
 
 DENSITY = 10.0
-"""Density of the bar [kg/m^3]: light, so that inertia does not delay the static solution."""
+"""Density of the bar [kg/m^3]. It is small, so that inertia does not delay the static solution."""
 HANDLE_MASS = 1e5
-"""Mass of a node of a driven handle [kg]: so heavy that the bar cannot slow it within a step."""
+"""Mass of a node of a driven handle [kg]. It is so large that the bar cannot slow the node in a step."""
 
 
 class Drive(Enum):
-    """How the right face follows its prescribed motion."""
+    """Method by which the right face follows its prescribed motion."""
 
     HEAVY = "heavy"
-    """Sliding bodies of great mass, given the velocity that reaches the target in one step. An
-    equality between two of them, met at all times, makes MuJoCo factor the whole system."""
+    """Sliding bodies of large mass; their velocity is set such that they reach the target in one step.
+    An equality between two of them, which is always satisfied, makes MuJoCo factor the whole system."""
     MOCAP = "mocap"
-    """Bodies without degrees of freedom, and conjugate gradients: fast for stocky bars, but a
-    slender bar does not settle."""
+    """Bodies without degrees of freedom, and conjugate gradients: fast for stocky bars, but slender
+    bars do not come to equilibrium."""
 
 
 def body_name(node: int) -> str:
@@ -47,10 +47,10 @@ def write_model(case: Case, grid: Grid, drive: Drive, *, timestep: float) -> str
     """Return the MJCF text of a bar.
 
     Args:
-        case: the scene; its laws must be neo-Hookean, of which E and nu are taken.
+        case: scene; its laws must be neo-Hookean, and their E and nu are used.
         grid: lattice of order 1 (``dof="trilinear"``) or 2 (``dof="quadratic"``).
-        drive: how the right face is moved.
-        timestep: of the integrator [s].
+        drive: method by which the right face is moved.
+        timestep: time step of the integrator [s].
 
     Raises:
         ValueError: if a law has no Young's modulus.
@@ -107,7 +107,7 @@ def _bodies(grid: Grid, drive: Drive) -> list[str]:
 
 
 def _flex(case: Case, grid: Grid, index: int) -> str:
-    """Return the flex of one segment; its embedded mesh is one vertex per cell corner."""
+    """Return the MJCF text of the flex of one segment; its embedded mesh has one vertex per cell corner."""
     law = case.laws[index]
     if not isinstance(law, LogNeoHooke):
         raise ValueError(f"{case.name.value}: MuJoCo has no law for {type(law).__name__}")
@@ -135,7 +135,7 @@ def _vector(point: Array) -> str:
 
 
 def _segment_nodes(grid: Grid, first: int, last: int) -> list[int]:
-    """Return lattice nodes of the cells first..last along x in MuJoCo's order: z runs fastest."""
+    """Return the lattice nodes of the cells first..last along x in MuJoCo's order: the z index changes fastest."""
     nx, ny, nz = grid.steps
     lattice = np.arange((nx + 1) * (ny + 1) * (nz + 1)).reshape(nz + 1, ny + 1, nx + 1)
     part = lattice[:, :, first * grid.order : last * grid.order + 1]

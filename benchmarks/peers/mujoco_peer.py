@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo 4 flex as a peer: implicit steps at zero damping used as Newton iterations.
+"""MuJoCo 4 flex as a peer: its implicit steps without damping are used like Newton iterations.
 
-MuJoCo is a dynamics engine. Driven to the full load in one step and then held, its implicit
-integrator with large steps converges on the static solution like Newton's method. It prescribes
-the handle's x displacement on bend5, and it has no Ogden law.
+MuJoCo is a dynamics engine. If the full load is applied in one step and then kept, its implicit
+integrator with large steps converges to the static solution like Newton's method. On bend5, the
+handle's x displacement is prescribed. There is no Ogden law.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from benchmarks.peers.mujoco_model import Drive, body_name, write_model
 from benchmarks.peers.peer import Array, PeerError, PeerSolution, Variant, handle_reaction
 
 TIMESTEP = 0.2
-"""Step of the integrator [s]."""
+"""Time step of the integrator [s]."""
 SETTLED = 3e-3
-"""A hold ends when a step moves the nodes by less than this part of their displacement (means)."""
+"""The load is kept until the mean motion of the nodes in a step is below this fraction of their mean displacement."""
 _MAXIMUM_HOLD = 100
 
 _CELLS = {
@@ -51,12 +51,12 @@ _ELEMENTS = {1: "trilinear", 2: "quadratic"}
 
 
 def available() -> str | None:
-    """Return None if MuJoCo is installed."""
+    """Return None if MuJoCo is installed, else the reason and the remedy."""
     return None if find_spec("mujoco") else "not installed: mujoco; pip install 'mujoco>=4'"
 
 
 def variants(case: Case) -> tuple[Variant, ...]:
-    """Return flexes of both kinds, in one jump and streamed; none for scenes with Ogden laws."""
+    """Return the variants: flexes of both orders, in one load step and as streams; none for scenes with Ogden laws."""
     if not all(isinstance(law, LogNeoHooke) for law in case.laws):
         return ()
     drive = Drive.HEAVY if case.name is CaseName.BEND5 else Drive.MOCAP
@@ -81,9 +81,9 @@ class Bar:
     """A compiled bar and its state.
 
     Attributes:
-        case: the scene.
+        case: scene.
         grid: lattice of nodes.
-        drive: how the right face is moved.
+        drive: method by which the right face is moved.
         model: MuJoCo's model.
         data: MuJoCo's state.
         free: ids of lattice nodes with degrees of freedom, shape (f,).
@@ -103,7 +103,7 @@ class Bar:
     handles: npt.NDArray[np.int64]
 
     def advance(self, load: float) -> None:
-        """Make one step towards the handle's position at a load fraction."""
+        """Make one step towards the handle's position at the load fraction ``load``."""
         import mujoco
 
         rest = self.grid.points()[self.handle]
@@ -117,7 +117,7 @@ class Bar:
         self.data.qpos[self.handles] = target
 
     def displacement(self, load: float) -> Array:
-        """Return the displacement of all lattice nodes, shape (n, 3), float64 [m]."""
+        """Return the displacements of all lattice nodes, shape (n, 3), float64 [m]."""
         result = np.zeros((len(self.grid.points()), 3))
         result[self.free] = self.data.qpos[self.dofs]
         result[self.handle] = self.case.handle_displacement(self.grid.points()[self.handle], load=load)
@@ -145,11 +145,11 @@ def compile_bar(case: Case, grid: Grid, drive: Drive) -> Bar:
 def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
     """Compile a bar, drive it and evaluate it; see `Peer.solve`.
 
-    With the option ``stream`` the solution's time is that of all steps, and the settings hold the
-    median and the 99th percentile of the time of a step [s].
+    With the option ``stream``, the time of the solution is that of all steps, and the settings contain
+    the median and the 99th percentile of the time of a step [s].
 
     Raises:
-        PeerError: if the bar does not settle or MuJoCo reports an unusable state.
+        PeerError: if the bar does not come to equilibrium or MuJoCo reports an unusable state.
     """
     drive, order = Drive(variant.options["drive"]), 2 if variant.element == "quadratic" else 1
     stream = bool(variant.options.get("stream", False))
@@ -183,7 +183,7 @@ def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
 
 
 def _settle(bar: Bar, steps: int) -> list[float]:
-    """Ramp in ``steps`` steps, hold until settled, and return the time of every step [s]."""
+    """Apply the load in ``steps`` steps, keep it until the bar is `SETTLED`, and return the time of every step [s]."""
     times: list[float] = []
     before = bar.displacement(0.0)
     for step in range(1, steps + _MAXIMUM_HOLD):
@@ -224,7 +224,7 @@ def _warning_kinds(mujoco: Any) -> list[Any]:
 
 
 def _reaction(case: Case, grid: Grid, displacement: Array) -> Array:
-    """Return the handle's wrench from the elastic forces of a bar whose handle has freedom."""
+    """Return the wrench (6,) of a handle with degrees of freedom, from the elastic forces of the bar [N], [N m]."""
     import mujoco
 
     bar = compile_bar(case, grid, Drive.HEAVY)

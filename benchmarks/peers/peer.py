@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every peer of the benchmark provides, and how one is run: alone, in a process of its own."""
+"""Interface of the benchmark's peers (other solvers), and runs of a peer in a separate process."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 
 
 class Solver(Enum):
-    """Ours, and the solvers that the benchmark stands beside."""
+    """Our solver, and the solvers with which the benchmark compares it."""
 
     GDFE = "gdfe"
     FELUPE = "felupe"
@@ -46,20 +46,20 @@ class Solver(Enum):
 
 
 class PeerError(GdfeError):
-    """A peer that is missing or whose run failed."""
+    """A peer that is not installed, or whose run failed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Variant:
-    """One method to run a peer on a scene.
+    """Settings for running a peer on a scene.
 
     Attributes:
         label: name for tables, e.g. ``C3D8I 50x5x5``.
-        element: the peer's own name of the element.
-        cells: hexahedra along x, y, z.
-        steps: load steps.
-        options: settings that only this peer knows.
-        slow: whether a run takes more than ten seconds, for callers in a hurry.
+        element: the peer's name of the element.
+        cells: numbers of hexahedra along x, y, z.
+        steps: number of load steps.
+        options: settings that only this peer has.
+        slow: whether a run takes more than ten seconds. Callers may leave out slow runs.
     """
 
     label: str
@@ -72,15 +72,15 @@ class Variant:
 
 @dataclass(frozen=True, kw_only=True)
 class PeerSolution:
-    """One run of a peer.
+    """Result of one run of a peer.
 
     Attributes:
-        displacement: at the points asked for, shape (n, 3), float64 [m].
-        reaction: what the right face exerts on the body, shape (6,): force [N], then moment about
+        displacement: displacements at the requested points, shape (n, 3), float64 [m].
+        reaction: wrench of the right face on the body, shape (6,): force [N], then moment about
             the face's deformed centre [N m].
-        time_setup: building the model [s].
-        time_solve: solving it [s].
-        settings: what was used, by name.
+        time_setup: time of building the model [s].
+        time_solve: time of solving it [s].
+        settings: dict from name to setting.
     """
 
     displacement: Array
@@ -92,19 +92,19 @@ class PeerSolution:
 
 @dataclass(frozen=True, kw_only=True)
 class PeerResult:
-    """A peer's place in the benchmark; times are medians, start-up and imports excluded.
+    """Result of a variant of a peer; times are medians, without start-up and imports.
 
     Attributes:
-        solver: which peer.
-        label: the variant's name.
+        solver: the peer.
+        label: name of the variant.
         scene: name of the scene.
         mesh: cells and element, e.g. ``50x5x5 C3D8I``.
-        time_setup: building the model [s].
-        time_solve: solving it, cold, from rest [s].
+        time_setup: time of building the model [s].
+        time_solve: time of solving it from the undeformed state [s].
         mean_error: mean of ``|x - x_ref|`` over mean of ``|u_ref|`` (fraction).
         max_error: maximum of ``|x - x_ref|`` over maximum of ``|u_ref|`` (fraction).
-        reaction: force [N] and moment [N m] that the right face exerts on the body.
-        settings: what was used: versions, steps, tolerance, law, threads, runs, warnings.
+        reaction: force [N] and moment [N m] of the right face on the body.
+        settings: settings of the run: versions, steps, tolerance, law, threads, runs, warnings.
     """
 
     solver: Solver
@@ -138,14 +138,14 @@ class Peer(Protocol):
         """Return None if the peer can run here, else the reason why not and the remedy."""
 
     def variants(self, case: Case) -> tuple[Variant, ...]:
-        """Return the runs worth showing on a scene; empty if the peer cannot do the scene."""
+        """Return the variants that are shown for a scene; empty if the peer cannot solve the scene."""
 
     def solve(self, case: Case, variant: Variant, points: Array) -> PeerSolution:
-        """Run once and return the solution at undeformed positions ``points``, shape (n, 3) [m]."""
+        """Run a variant once; return the solution at undeformed positions ``points``, shape (n, 3) [m]."""
 
 
 def load_peer(solver: Solver) -> Peer:
-    """Return the module of a peer; its solver is only imported when it runs."""
+    """Return the module of a peer. The peer's solver is only imported when it runs."""
     return cast(Peer, import_module(f"benchmarks.peers.{solver.value}_peer"))
 
 
@@ -159,19 +159,20 @@ def run_peer(
     timeout: float = 600.0,
     reference_directory: Path | None = None,
 ) -> PeerResult:
-    """Run a peer in a fresh process with pinned threads and measure it.
+    """Run a peer in a new process with a fixed number of threads, and measure it.
 
     Args:
-        solver: which peer.
-        name: the scene.
-        variant: one of `Peer.variants`, or one made up.
-        repeats: timed runs; the median counts. A run of five seconds or more is not repeated.
-        threads: threads that libraries in the process may use.
-        timeout: limit on all runs together [s].
-        reference_directory: where the reference solutions are, by default in the checkout.
+        solver: the peer.
+        name: name of the scene.
+        variant: one of `Peer.variants`, or any other variant.
+        repeats: number of timed runs; the result is their median. A run of five seconds or more is
+            not repeated.
+        threads: number of threads that libraries in the process may use.
+        timeout: time limit of all runs together [s].
+        reference_directory: folder of the reference solutions, by default in the checkout.
 
     Raises:
-        PeerError: if the peer is missing, fails or takes longer than ``timeout``.
+        PeerError: if the peer is not installed, fails or takes longer than ``timeout``.
     """
     reason = load_peer(solver).available()
     if reason is not None:
@@ -208,12 +209,12 @@ def run_peer(
 
 
 def handle_reaction(grid: Grid, displacement: Array, forces: Array) -> Array:
-    """Return the wrench of nodal forces on the right face.
+    """Return the wrench of the nodal forces on the right face.
 
     Args:
-        grid: the lattice of nodes.
-        displacement: of every node, shape (n, 3), float64 [m].
-        forces: what acts on the body at every node, shape (n, 3), float64 [N].
+        grid: lattice of nodes.
+        displacement: displacements of all nodes, shape (n, 3), float64 [m].
+        forces: external forces on the body at all nodes, shape (n, 3), float64 [N].
 
     Returns:
         Force [N], then moment about the mean of the face's deformed nodes [N m], shape (6,).
@@ -225,7 +226,7 @@ def handle_reaction(grid: Grid, displacement: Array, forces: Array) -> Array:
 
 
 def worker_environment(threads: int) -> dict[str, str]:
-    """Return the environment of a worker: threads pinned, this package importable."""
+    """Return the environment variables of a worker, which limit its threads and make this package importable."""
     path = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get("PYTHONPATH", "")]))
     pinned = dict.fromkeys(_THREAD_VARIABLES, str(threads))
     return {**os.environ, **pinned, "PYTHONPATH": path, "FELUPE_VERBOSE": "false"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process that runs one peer: ``python -m benchmarks.peers.worker REQUEST RESULT``."""
+"""Process that runs one peer: ``python -m benchmarks.peers.worker REQUEST RESULT``."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from benchmarks.peers.peer import Peer, PeerResult, PeerSolution, Solver, Varian
 from benchmarks.references import Reference, load_reference, measure_error
 
 WARM = 1.0
-"""A first run shorter than this [s] only warms caches and allocators, and is not counted."""
+"""Time [s] below which the first run is not counted, because it warms up caches and allocators."""
 LONG = 5.0
-"""A run of this length [s] or more is not repeated."""
+"""Time [s] from which a run is not repeated."""
 
 
 def measure(peer: Peer, case: Case, variant: Variant, reference: Reference, *, repeats: int) -> list[PeerSolution]:
-    """Run a peer ``repeats`` times and return the runs that count; see `WARM` and `LONG`."""
+    """Run a peer ``repeats`` times and return the counted runs; see `WARM` and `LONG`."""
     runs = [peer.solve(case, variant, reference.vertices)]
     if runs[0].time_solve < WARM:
         runs = [peer.solve(case, variant, reference.vertices)]
@@ -31,7 +31,7 @@ def measure(peer: Peer, case: Case, variant: Variant, reference: Reference, *, r
 
 
 def run(request: dict[str, Any]) -> PeerResult:
-    """Carry out a request of `benchmarks.peers.peer.run_peer`."""
+    """Run the peer of a request from `benchmarks.peers.peer.run_peer`, and return its result."""
     solver, case = Solver(request["solver"]), get_case(request["scene"])
     fields = request["variant"]
     variant = Variant(**{**fields, "cells": tuple(fields["cells"])})

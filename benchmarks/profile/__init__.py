@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the time of a step goes, and what the machine would allow: ``make profile``."""
+"""Times of the phases of a step, compared with the limits of the machine: ``make profile``."""

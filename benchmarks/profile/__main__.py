@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prints where the time of a step goes, and how far the kernels are from what the machine allows: ``make profile``."""
+"""Prints the times of a step's phases, and the kernels' times relative to the machine's limits: ``make profile``."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from gdfe_ros.steppers import scene_body
 
 PHASES = (EVALUATIONS, SOLVES, HISTORY, TANGENTS, NEWTON, UPDATES, ENERGIES, REST)
 NUMBER = 8
-"""Bytes of one."""
+"""Size of a number [B]."""
 ELEMENT = 8 * 4 + (24 + GEOMETRY_ROWS + 5) * NUMBER + (24 + 1) * NUMBER
-"""Bytes of an element that an evaluation reads (corners, geometry, moduli, pressure) and writes (forces, energy)."""
+"""Data of an element [B] that an evaluation reads (corners, geometry, moduli, pressure) and writes (forces, energy)."""
 
 
 @dataclass(frozen=True)
 class Play:
-    """A scene's program in so many steps; None: as its settings say, a cold solve."""
+    """A scene's program in ``steps`` steps; None means the number in the scene's settings, a cold solve."""
 
     scene: str
     steps: int | None
@@ -56,7 +56,7 @@ PLAYS = {
 
 
 def phase_table() -> str:
-    """Return where the time of each play goes, for each of its steps."""
+    """Return the table with the time of each phase per step, for each of `PLAYS`."""
     rows = []
     for name, play in PLAYS.items():
         phases = Phases.played(Simulation(load_scene(play.scene, overrides=play.overrides)), play.steps)
@@ -72,7 +72,7 @@ def phase_table() -> str:
 
 
 def element_table(machine: Machine) -> str:
-    """Return what an evaluation takes an element, and what the machine would allow."""
+    """Return the table with the time of an evaluation per element, and the least time that the machine allows."""
     rows = []
     for law, operations in counts().items():
         body = bar_of(law, (50, 5, 5))
@@ -88,7 +88,7 @@ def element_table(machine: Machine) -> str:
 
 
 def solve_table(machine: Machine) -> str:
-    """Return what a solve with the constant matrix takes, and the traffic of its factor from memory."""
+    """Return the table with the time of a solve with the constant matrix, and the memory traffic of its factor."""
     rows = []
     for scene in ("bend5", "tendon_finger", "pneunet"):
         body = scene_body(load_scene(scene), np.zeros(3))
@@ -104,7 +104,7 @@ def solve_table(machine: Machine) -> str:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the measurements and print the tables."""
     machine = Machine.measured()
     print(f"One core: {machine.peak / 1e9:.1f} GFlop/s, {machine.bandwidth / 1e9:.1f} GB/s\n")
     for table in (phase_table(), element_table(machine), solve_table(machine)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one core of this machine can do, in loops compiled as the solver's are."""
+"""Limits of one core of this machine, measured with loops that are compiled like the solver's."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ import numpy as np
 from gdfe_ros.compiled import kernel
 
 REPEATS = 30
-"""Runs of each loop; the fastest counts."""
+"""Number of runs of each loop; the fastest run is used."""
 _ACCUMULATORS, _PASSES = 64, 100_000
 _LARGE = 8_000_000
-"""Numbers of an array that no cache holds."""
+"""Number of entries of an array that is larger than any cache."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """One core.
+    """Limits of one core.
 
     Attributes:
-        peak: additions and multiplications [1/s], not contracted, as in the element kernels.
-        bandwidth: of a copy in memory [bytes/s], read and written ones both counted.
+        peak: rate of additions and multiplications [1/s], not contracted, as in the element kernels.
+        bandwidth: rate of a copy in memory [B/s]; read and written bytes are both counted.
     """
 
     peak: float
@@ -32,7 +32,7 @@ class Machine:
 
     @classmethod
     def measured(cls) -> Machine:
-        """Measure this one."""
+        """Return the measured limits of a core of this machine."""
         values = np.linspace(0.999, 1.001, _ACCUMULATORS)
         operations = 2 * _ACCUMULATORS * _PASSES
         source, target = np.zeros(_LARGE), np.zeros(_LARGE)
@@ -43,7 +43,7 @@ class Machine:
 
 
 def fastest(work: Callable[[], object]) -> float:
-    """Return the shortest wall time [s] of several runs, after one that does not count."""
+    """Return the shortest wall time [s] of several runs, after one run that is not timed."""
     work()
     times = []
     for _ in range(REPEATS):

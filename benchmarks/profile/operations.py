@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many floating-point operations an element takes: its kernels' own Python, run with numbers that count.
+"""Number of floating-point operations of an element: its kernels are run as Python with numbers that count operations.
 
-Run in a process of its own, ``NUMBA_DISABLE_JIT=1 python -m benchmarks.profile.operations``: what the compiler makes of
-the kernels may be less, never more.
+This runs in a separate process, ``NUMBA_DISABLE_JIT=1 python -m benchmarks.profile.operations``. The compiled kernels
+may need fewer operations, but never more.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LAWS: dict[str, Material] = {"linear": LINEAR, **HYPERELASTIC}
 
 
 class Counted(float):
-    """A number that counts what is done with it; a division, a root and a logarithm count as one."""
+    """A number that counts the operations with it; a division, a root and a logarithm each count as one operation."""
 
     done = 0
 
@@ -61,13 +61,13 @@ _MODULES: tuple[ModuleType, ...] = (stress, tensor, hourglass, stress_rows)
 
 
 def bar_of(law: str, cells: tuple[int, int, int]) -> Body:
-    """Return a bar of one of `LAWS` that nothing holds."""
+    """Return a bar of one of `LAWS` without constraints."""
     mesh = bar((0.5, 0.05, 0.05), cells)
     return Body.build(mesh.vertices, mesh.cells, [LAWS[law]], np.zeros(mesh.n_cells, np.int32), [])
 
 
 def count(law: str) -> float:
-    """Return the operations of one element, slightly deformed."""
+    """Return the number of operations of one slightly deformed element."""
     body = bar_of(law, (LANES, 1, 1))
     for module in _MODULES:
         module.math = _MATH
@@ -88,7 +88,7 @@ def count(law: str) -> float:
 
 
 def counts() -> dict[str, float]:
-    """Return the operations of an element of each law, counted in another process."""
+    """Return dict from law to the number of operations of an element, counted in another process."""
     command = [sys.executable, "-m", "benchmarks.profile.operations"]
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
     return json.loads(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a step does, phase by phase, timed where it happens."""
+"""Times of the phases of a step, measured in the running solver."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ _TIMED: tuple[tuple[object, str, str], ...] = (
     (Solve, "_update", UPDATES),
     (Solve, "measure", ENERGIES),
 )
-"""Where a function is looked up, its name, and the phase that it belongs to."""
+"""Owner and name of each timed function, and its phase."""
 
 _APPLY: dict[str, Callable[[Any, Any, Workspace], None]] = {
     "descend": lambda problem, coupling, work: apply_inverse(work.gradient, coupling, work.step, problem.threads),
     "descend_kept": lambda problem, kept, work: solve_kept(kept, work.gradient, work.step),
 }
-"""What solves in a descent that is one compiled call."""
+"""Dict from name of a descent that is one compiled call to the function of its linear solve."""
 
 
 class Phases:
-    """Times phases while a simulation is played.
+    """Times of the phases while a simulation is played.
 
     Attributes:
-        seconds: by phase, without those of other phases inside.
-        calls: by phase.
+        seconds: dict from phase to its time [s], without the times of other phases inside it.
+        calls: dict from phase to its number of calls.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class Phases:
 
     @classmethod
     def played(cls, simulation: Simulation, steps: int | None) -> Phases:
-        """Play a scene's program twice, and time the second run."""
+        """Play a scene's program twice, and return the times of the second run."""
         phases = cls()
         list(simulation.play(steps))
         simulation.reset()
@@ -111,7 +111,7 @@ class Phases:
         return timed
 
     def _split_directions(self) -> None:
-        """Take the directions out of the evaluations: an iteration that has to end finds one, and does no more."""
+        """Move the time of descent directions from evaluations to history; a stopping iteration computes only these."""
         if not self._directions:
             return
         problem, work, *_ = self._last
@@ -120,7 +120,7 @@ class Phases:
         self.seconds[HISTORY] += share
 
     def _split_descents(self) -> None:
-        """Take evaluations and solves out of descents that are one compiled call: what is left is the history."""
+        """Move the times of evaluations and solves out of compiled descents; the remaining time is the history's."""
         for name, inner in self._inner.items():
             if inner.last:
                 problem, work, given, *_ = inner.last
@@ -138,11 +138,11 @@ class Phases:
 
 
 class Descents:
-    """Counts what descents do inside of one compiled call.
+    """Counts of evaluations and solves inside descents that are one compiled call.
 
     Attributes:
-        evaluations, solves: made in all of them.
-        last: arguments of the last one; empty for none.
+        evaluations, solves: numbers in all descents.
+        last: arguments of the last descent; empty before the first one.
     """
 
     def __init__(self) -> None:
@@ -150,7 +150,7 @@ class Descents:
         self.last: tuple[Any, ...] = ()
 
     def counted(self, descend: Callable[..., int]) -> Callable[..., int]:
-        """Return the function, counting."""
+        """Return a function that calls ``descend`` and counts its evaluations and solves."""
 
         def counting(problem: Any, work: Workspace, *given: Any) -> int:
             before = int(numbers(work)["evaluations"])

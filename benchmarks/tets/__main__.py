@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prints the sag of a clamped bar of tetrahedra, and the time of an element: ``python -m benchmarks.tets``.
 
-With ``--peers`` Drake's sag stands beside, where pydrake is installed (linear tetrahedra, settled dynamics).
+With ``--peers``, the table includes Drake's sag if pydrake is installed (linear tetrahedra, final state of a motion).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ REPEATS = 60
 
 
 def sags(*, peers: bool) -> str:
-    """Return the table of sags [mm], errors and times [ms] on meshes of both types."""
+    """Return the table of sags [mm], errors and times [ms] for meshes of both cell types."""
     rows = []
     for cells in CELLS:
         grid = bar([0.1, 0.02, 0.02], cells)
@@ -49,7 +49,7 @@ def sags(*, peers: bool) -> str:
 
 
 def element_time(mesh: Mesh) -> float:
-    """Return the least time [ns] of an element's forces in one thread, of the neo-Hookean law."""
+    """Return the least time [ns] of an element's forces in one thread, with the neo-Hookean law."""
     count = mesh.n_cells
     law = NeoHookean(young=2e5, poisson=0.45)
     body = Body.build(mesh.vertices, mesh.cells, [law], np.zeros(count, np.int32), [])

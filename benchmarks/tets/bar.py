@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A clamped bar of 0.1 x 0.02 x 0.02 m, E 2e5 Pa, 1000 kg/m^3, that sags under its weight."""
+"""A clamped bar of 0.1 x 0.02 x 0.02 m, E = 2e5 Pa, 1000 kg/m^3, that sags under its weight."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOLERANCE = 1e-5
 
 
 class Sag(NamedTuple):
-    """Mean sag of the bar's end [m], iterations, and the times of setting up and of the solve [s]."""
+    """Mean sag of the bar's end [m], iterations, set-up time and solve time [s]."""
 
     metres: float
     iterations: int
@@ -31,7 +31,7 @@ class Sag(NamedTuple):
 
 
 def sag(mesh: Mesh, law: Material) -> Sag:
-    """Return the sag of a bar along x that is held at its lower end.
+    """Return the sag of a bar along x that is clamped at its end with the smallest x.
 
     Raises:
         RuntimeError: the solve did not converge.

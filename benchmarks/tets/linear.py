@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small displacements of a body of tetrahedra: one solve with the tangents of its undeformed elements."""
+"""Small displacements of a body of tetrahedra: one linear solve with the tangents of its undeformed elements."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gdfe_ros.solver.elements.tetrahedra import element_tangents
 
 
 def tangents(body: Body) -> NDArray[np.float64]:
-    """Return the initial tangents (m, 30, 30) [N/m], with the whole bulk modulus instead of pressures."""
+    """Return the initial element stiffnesses (m, 30, 30) [N/m], with the whole bulk modulus instead of pressures."""
     table, count = body.table, len(body.cells)
     parameters = table.parameters.copy()
     carried = parameters[:, PENALTY] > 0.0
@@ -35,7 +35,7 @@ def tangents(body: Body) -> NDArray[np.float64]:
 def displacements(
     mesh: TetMesh, law: Material, force: NDArray[np.float64], held: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Return the displacements (n, 3) [m] under forces (n, 3) [N]; components that are ``held`` (n, 3) are zero."""
+    """Return the displacements (n, 3) [m] under forces (n, 3) [N]; components marked in ``held`` (n, 3) are zero."""
     body = Body.build(mesh.vertices, mesh.cells, [law], np.zeros(mesh.n_cells, np.int32), [])
     rows = (3 * mesh.cells[:, :, None] + np.arange(3)).reshape(mesh.n_cells, 30)
     first, second = np.repeat(rows, 30, axis=1).ravel(), np.tile(rows, (1, 30)).ravel()
@@ -48,7 +48,7 @@ def displacements(
 
 
 def pushed(mesh: TetMesh, faces: NDArray[np.int32], traction: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """Return the forces (n, 3) [N] of a pressure [Pa], or a traction (3,) [Pa], on boundary faces (q, 6)."""
+    """Return the nodal forces (n, 3) [N] of a pressure [Pa] or a traction (3,) [Pa] on boundary faces (q, 6)."""
     nodes, force = mesh.vertices[faces], np.zeros_like(mesh.vertices)
     for place, weight in zip(*triangle_rule(3), strict=True):
         along = np.einsum("qai,ak->qki", nodes, face_slopes(place))
@@ -60,7 +60,7 @@ def pushed(mesh: TetMesh, faces: NDArray[np.int32], traction: NDArray[np.float64
 
 
 def starred(mesh: HexMesh) -> TetMesh:
-    """Return each hexahedron as 24 tetrahedra about its centre and those of its faces: they fit on any mesh."""
+    """Return a conforming mesh with 24 tetrahedra per hexahedron, and vertices at the centres of cells and faces."""
     corners = mesh.vertices[mesh.cells]
     faces = mesh.cells[:, HEX_FACES]
     count = mesh.n_vertices
@@ -81,7 +81,7 @@ def starred(mesh: HexMesh) -> TetMesh:
 
 
 def round_faces(mesh: TetMesh, least: float, most: float) -> NDArray[np.int32]:
-    """Return the boundary faces (q, 6) that look along the radius, at distances ``least`` to ``most`` [m] from 0."""
+    """Return the boundary faces (q, 6) with a radial normal, at distances ``least`` to ``most`` [m] from the origin."""
     faces = mesh.surface()
     a, b, c = np.moveaxis(mesh.vertices[faces[:, :3]], 1, 0)
     normal, centre = np.cross(b - a, c - a), (a + b + c) / 3.0
@@ -91,7 +91,7 @@ def round_faces(mesh: TetMesh, least: float, most: float) -> NDArray[np.int32]:
 
 
 def snapped(mesh: TetMesh, inner: float, outer: float) -> TetMesh:
-    """Return a hollow ball with the nodes of its round faces moved onto the spheres."""
+    """Return the mesh of a hollow ball with the nodes of its curved faces moved onto the spheres."""
     x, between = mesh.vertices.copy(), 0.5 * (inner + outer)
     for radius, faces in ((inner, round_faces(mesh, 0.0, between)), (outer, round_faces(mesh, between, np.inf))):
         ids = np.unique(faces)

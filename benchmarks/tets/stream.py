@@ -19,7 +19,7 @@ CELLS, THREADS, STEPS, STEP, TOLERANCE = [32, 16, 16], 2, 12, 5e-4, 1e-4
 
 
 def main() -> None:
-    """Print the time of setting up and of a step; the first steps, and compilation, do not count."""
+    """Print the set-up time and the time of a step; the first steps and compilation are not counted."""
     mesh = divided(bar([0.2, 0.1, 0.1], CELLS))
     x, none = mesh.vertices[:, 0], np.zeros(mesh.n_cells, np.int32)
     ends = [np.flatnonzero(x == value).astype(np.int32) for value in (x.min(), x.max())]

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The numerical torture test: cases as data, a judge, a table. `make torture` runs it."""
+"""The numerical torture test: cases as data, their evaluation, and a table. `make torture` runs it."""

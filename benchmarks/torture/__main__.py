@@ -13,7 +13,7 @@ from benchmarks.torture.score import read_scores, rich_table
 
 
 def main() -> None:
-    """Print the table of the file named on the command line, and draw it where a picture is named, too."""
+    """Print the table of the file named on the command line; if a picture is also named, draw it."""
     scores = read_scores(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/torture/torture.json"))
     Console(width=140).print(rich_table(scores))
     if len(sys.argv) > 2:

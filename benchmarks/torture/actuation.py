@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 8: chambers, cables, growth and loads driven through limit points, to nothing and far beyond reason."""
+"""Group 8: chambers, cables, growth and loads, commanded through limit points, to zero and to absurdly large values."""
 
 from __future__ import annotations
 
@@ -41,19 +41,19 @@ CABLE = "cable: {{points: [[0.0, 0.0, 0.008], [0.05, 0.0, 0.008], [0.10, 0.0, 0.
 
 @dataclass(frozen=True)
 class Drive:
-    """A body, what drives it, and how.
+    """A body with one actuator or load, and its commands.
 
     Attributes:
-        body: YAML of mesh and handles.
-        actuators: YAML of one actuator `a`; empty where a load `a` drives.
-        values: commands one after the other; for a chamber's volume, multiples of the undeformed one.
-        back: the last command is the neutral one, and the body must be undeformed again within this fraction of its
-            size.
-        share: the values are multiples of the neutral command.
-        refusal: words of the report that is the right answer.
-        may_report: a report is as good as an equilibrium.
-        loads: YAML of one load `a`.
-        slow: compare the last state with that of a path of so many steps; 0 for none.
+        body: YAML text of mesh and handles.
+        actuators: YAML text of one actuator `a`; empty if there is a load `a` instead.
+        values: successive commands.
+        back: if finite, the last command is neutral, and this is the largest allowed distance of a vertex from its
+            undeformed position, over the body's size.
+        share: whether the values are multiples of the neutral command, e.g. of a chamber's undeformed volume.
+        refusal: words of the expected report; empty if an equilibrium is expected.
+        may_report: whether a report is as acceptable as an equilibrium.
+        loads: YAML text of one load `a`.
+        slow: number of steps of a load path with whose final state the last state is compared; 0 for no comparison.
     """
 
     body: str
@@ -127,7 +127,10 @@ def _run(drive: Drive, law: str, policy: Policy) -> Finding:
 
 
 def _aligned(found: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn and shift a body onto another: one that a single vertex holds may turn about it as it likes."""
+    """Return the positions ``found`` after the rigid motion that fits them best to ``expected``.
+
+    A body that is fixed at a single vertex can rotate freely about it.
+    """
     centre, target = found.mean(axis=0), expected.mean(axis=0)
     turn, _ = Rotation.align_vectors(expected - target, found - centre)
     return turn.apply(found - centre) + target
@@ -147,7 +150,7 @@ def _drive(driver: Driver, drive: Drive, value: float) -> None:
 
 
 def cases() -> list[Case]:
-    """Return the cases of the group."""
+    """Return the cases of the group with these actuators and loads."""
     found = []
     for name, drive in (*DRIVES.items(), *GROWTHS.items()):
         for law in LAWS:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies and materials of the torture test, and how they are driven."""
+"""Bodies, materials and the simulation driver of the torture test."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ LAWS: dict[str, Material] = {
     "ogden, nu 0.495": preset("cheetah", law=Law.OGDEN, poisson=0.495),
     "curve, nu 0.495": preset("ninjaflex", law=Law.CURVE, poisson=0.495),
 }
-"""Each law with its volume in the energy, and with its volume carried by pressures."""
+"""Laws of the test: each law with its volumetric energy in the elements, and with pressures."""
 COMPRESSIBLE = tuple(LAWS)[:4]
 SHAPES = ("linear", "curve")
-"""Laws with which the ``relative`` policy, which knows shapes and moduli only, is tried."""
+"""Laws with which the ``relative`` policy is tested; this policy depends only on shapes and moduli."""
 BAR = bar([0.4, 0.1, 0.1], [8, 2, 2])
-"""Small enough for the explicit inverse."""
+"""A bar that is small enough for the explicit inverse."""
 CUBE = bar([0.1, 0.1, 0.1], [4, 4, 4])
 
 
@@ -44,7 +44,7 @@ def laws_for(policy: Policy, *, compressible: bool = False) -> tuple[str, ...]:
 
 
 def face(mesh: HexMesh, side: str) -> NDArray[np.int32]:
-    """Return the vertices of a face of a bar, 'x-' or 'x+'."""
+    """Return the vertices of a face of a bar; ``side`` is 'x-' or 'x+'."""
     x = mesh.vertices[:, 0]
     end = x.min() if side == "x-" else x.max()
     return np.flatnonzero(np.abs(x - end) <= 1e-9 * mesh.size).astype(np.int32)
@@ -62,7 +62,7 @@ def make_scene(
     actuators: Sequence[Actuator] = (),
     loads: Sequence[Load] = (),
 ) -> Scene:
-    """Make a scene of a body held at x- and moved at x+, unless other handles are given."""
+    """Return a scene with a body that is fixed at x- and has the handle `tip` at x+, unless other handles are given."""
     materials = [material] if isinstance(material, Material) else list(material)
     if handles is None:
         handles = [Handle("base", face(mesh, "x-"), fixed=True), Handle("tip", face(mesh, "x+"))]
@@ -79,13 +79,13 @@ def make_scene(
 
 
 class Driver:
-    """A simulation that keeps its results and watches the energy of every descent.
+    """A simulation whose results are stored, and whose energy is checked in every descent.
 
     Attributes:
-        simulation: that is driven.
-        results: of every step so far.
-        rise: largest rise of the energy inside a descent so far, over the sum of its terms.
-        neutral: command of every actuator and load that leaves the body undeformed.
+        simulation: the simulation.
+        results: results of all steps so far.
+        rise: largest increase of the energy within a descent so far, divided by the magnitude of the energy's terms.
+        neutral: dict from actuator or load to the command that leaves the body undeformed.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -114,13 +114,13 @@ class Driver:
         loads: Mapping[str, float] | None = None,
         dt: float = 0.0,
     ) -> StepResult:
-        """Make one step of ``dt`` seconds and keep its result."""
+        """Make one step of ``dt`` seconds, and store and return its result."""
         handles = {} if pose is None else {name: pose}
         self.results.append(self.simulation.step(Command(handles, actuators or {}, loads or {}), dt=dt))
         return self.results[-1]
 
     def follow(self, pose: Pose, steps: int, *, name: str = "tip") -> StepResult:
-        """Go to a pose in equal steps; the results are not kept."""
+        """Move a handle to a pose in equal steps; return the last result. The results are not stored."""
         begin = self.simulation.targets[name]
         for i in range(steps):
             result = self.simulation.step(Command({name: begin.blend(pose, (i + 1) / steps)}))
@@ -128,5 +128,5 @@ class Driver:
 
 
 def distance(found: NDArray[np.float64], expected: NDArray[np.float64], length: float) -> float:
-    """Return the largest distance of a vertex from where it should be, over a length."""
+    """Return the largest distance of a vertex from its expected position, divided by a length."""
     return float(np.linalg.norm(found - expected, axis=1).max() / length)

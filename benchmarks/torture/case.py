@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A case of the torture test and what came of it."""
+"""A case of the torture test, and its outcome."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy
 
 LARGEST_RISE = 1e-12
-"""Rise of the energy inside a descent, over the sum of its terms, that counts as rounding."""
+"""Increase of the energy within a descent, divided by the magnitude of its terms, that counts as rounding."""
 
 
 class Group(str, Enum):
-    """What a case attacks; numbered as in the table."""
+    """Property that a case tests; numbered as in the table."""
 
     STARTS = "1 starts"
     COMMANDS = "2 commands"
@@ -34,7 +34,7 @@ class Group(str, Enum):
 
 
 class Verdict(str, Enum):
-    """What came of a case."""
+    """Verdict on a case."""
 
     CONVERGED = "converged"
     REPORTED = "reported"
@@ -44,15 +44,15 @@ class Verdict(str, Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What a run hands to the judge.
+    """Result of running a case, from which the verdict follows.
 
     Attributes:
-        results: every step that counts; the last one is judged most strictly.
-        error: against the untortured solution or a closed form, relative; nan where there is none to compare with.
-        rise: largest rise of the energy inside a descent, over the sum of its terms.
-        remarks: what was said about the scene beforehand.
-        flaws: what else the run found wrong.
-        figures: what else was measured.
+        results: results of the steps that are checked; the last one has to meet more conditions.
+        error: relative error against an ordinary solution or a closed form; nan if there is none.
+        rise: largest increase of the energy within a descent, divided by the magnitude of its terms.
+        remarks: remarks on the scene, made before the solve.
+        flaws: other defects that the run found.
+        figures: dict from name to other measured figures.
     """
 
     results: tuple[StepResult, ...]
@@ -65,19 +65,20 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One torment.
+    """A case of the torture test.
 
     Attributes:
-        group: what it attacks.
-        name: unique within group, policy and law.
-        policy: which policy solves.
-        law: which material law.
-        run: does it.
-        bound: largest error allowed; infinite where no solution is unique, and only soundness is asked for.
-        refusal: words of the refusal or report that is the right answer; empty where the case is to be solved.
-        remark: words that must be said about the scene although it is solved.
-        may_report: a step that says why it did not converge is an answer too: the law or the body is unstable there.
-            The state that it leaves must be sound all the same.
+        group: property that it tests.
+        name: name that is unique within group, policy and law.
+        policy: policy of the solver.
+        law: name of the material law.
+        run: function that runs the case.
+        bound: largest allowed error. It is infinite if the solution is not unique; then only soundness is required:
+            finite numbers, no inverted elements, and no increase of the energy.
+        refusal: words of the expected refusal or report; empty if the case must be solved.
+        remark: words that must occur in the remarks on the scene, although the case is solved.
+        may_report: whether a step may report why it did not converge, because the law or the body is unstable. Its
+            final state must nevertheless be sound.
     """
 
     group: Group
@@ -92,23 +93,24 @@ class Case:
 
     @property
     def id(self) -> str:
-        """Name in the table and of the test."""
+        """Name of the case in the table and of its test."""
         return f"{self.group.value}: {self.name}, {self.law}, {self.policy.value}"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a case.
+    """Outcome of a case.
 
     Attributes:
-        verdict: of the judge; a reported step did not converge, says why and leaves a sound state.
-        error: as in `Finding`; nan where there is none.
-        bound: that of the case.
-        iterations: of all steps.
-        restarts: steps that were made again from rest.
+        verdict: verdict on the case. In a reported case, the last step did not converge, gives a reason and has a sound
+            state.
+        error: error as in `Finding`; nan if there is none.
+        bound: bound of the case.
+        iterations: number of iterations of all steps.
+        restarts: number of solves that were repeated from the undeformed shape.
         time: processor time [s].
-        text: the refusal, the report or the reason of the failure.
-        figures: what else was measured.
+        text: text of the refusal or report, or the reason of the failure.
+        figures: dict from name to other measured figures.
     """
 
     verdict: Verdict
@@ -122,9 +124,9 @@ class Outcome:
 
 
 def attempt(case: Case) -> Outcome:
-    """Run a case and judge it.
+    """Run a case and return its outcome.
 
-    An error of another kind than the package raises on purpose is a failure, not an answer.
+    An error that the package does not raise on purpose is passed on and counts as a failure.
     """
     started = time.process_time()
     try:
@@ -165,7 +167,7 @@ def _flaws(results: tuple[StepResult, ...]) -> list[str]:
     flaws = []
     for i, result in enumerate(results):
         values = [result.energy, result.min_det, *np.concatenate([*result.reactions.values(), [0.0]])]
-        # A solve that was cut knows no distance: its residual is infinite, and it has not converged.
+        # A solve that was cut has no error estimate: it is infinite, and the step has not converged.
         known = np.isfinite(result.error_estimate) or (result.error_estimate == np.inf and not result.converged)
         if not (np.isfinite(result.positions).all() and np.isfinite(values).all() and known):
             flaws.append(f"step {i} is not finite")

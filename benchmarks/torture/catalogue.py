@@ -22,7 +22,7 @@ from benchmarks.torture.case import Case
 
 
 def all_cases(*, walk_steps: int = walks.STEPS) -> list[Case]:
-    """Return every case, group by group; random walks take ``walk_steps`` steps, random pokes at most as many."""
+    """Return all cases, group by group; random walks have ``walk_steps`` steps, random pokes at most this number."""
     groups = (starts, commands, contrasts, scales, meshes, laws)
     found = [case for group in groups for case in group.cases()]
     found += [*walks.cases(walk_steps), *actuation.cases(), *snaps.cases(), *scenes.cases(), *honesty.cases()]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 2: commands that no controller should send, in one step."""
+"""Group 2: extreme commands that no controller should send, in one step."""
 
 from __future__ import annotations
 
@@ -17,29 +17,30 @@ from gdfe_ros.solver.settings import Policy
 
 TOLERANCE = 1e-6
 STEPS = 40
-"""Of the slow path that a single step is compared with."""
+"""Number of steps of the slow load path with which a single step is compared."""
 MOST_ITERATIONS = 10000
 DISTURBANCE = 1e-3
-"""Of the body's size."""
+"""Standard deviation of the random disturbance of vertices, over the body's size."""
 
 
 @dataclass(frozen=True)
 class Blow:
-    """A command in one step.
+    """Extreme commands, each in one step.
 
     Attributes:
-        mesh: of the body that takes it.
-        poses: one after the other, each in one step.
-        unique: laws for which ``energy`` must end where its slow path ends; with the others the body buckles, writhes
-            or necks, has several equilibria, and nothing but soundness is asked for.
-        mirrored: of these, laws with which the body has several equilibria, most of them mirror images of each other:
-            the energies are compared. Wound up by a turn the bar bows to one of its sides; drawn out to several
-            lengths its few cells across let it wind to the left or to the right, some more and some less. Where the
-            energies differ, what was found must be a minimum: it is disturbed and comes back.
-        spread: largest distance from the slow path over the body's size for ``relative``, whose captured shapes
-            (Eq. 9) make it depend on the path; infinite where only soundness is asked for, or a report: its iteration
-            lowers no energy, and far beyond the paper's deformations nothing says that it must end.
-        report: for ``relative``, a law and words of the report that is the right answer.
+        mesh: mesh of the body.
+        poses: successive poses of the tip, each in one step.
+        unique: laws for which the policy ``energy`` must reach the final state of its slow load path. With all other
+            laws the body buckles, writhes or necks, so that there are several equilibria; then only soundness is
+            required.
+        mirrored: those laws in ``unique`` with which the body has several equilibria, most of which are mirror images.
+            Their energies are compared instead of positions. (A bar twisted by a revolution bows to one of its sides. A
+            bar stretched to several lengths, with few cells across, winds to the left or to the right.) If the energies
+            differ, the found equilibrium must be a minimum: after a disturbance the body must return to it.
+        spread: for the policy ``relative``, largest distance from the slow path over the body's size. Its captured
+            shapes (Eq. 9) depend on the path. It is infinite if only soundness or a report is required: far beyond the
+            paper's deformations, the iteration of this policy need not converge, because it minimises no energy.
+        report: for the policy ``relative``, a law and words of the report that is expected with it.
     """
 
     mesh: HexMesh
@@ -51,7 +52,7 @@ class Blow:
 
 
 def _jumps() -> tuple[Pose, ...]:
-    """Return random jumps of up to a body length and back."""
+    """Return random poses up to a body length apart, and finally the rest pose."""
     random = np.random.default_rng(11)
     places = random.uniform(-1.0, 1.0, (6, 3)) * (0.1, 0.3, 0.3) + (0.1, 0.0, 0.0)
     turns = random.uniform(-1.5, 1.5, (6, 3))
@@ -98,7 +99,7 @@ def _run(blow: Blow, law: str, policy: Policy, bound: float) -> Finding:
 
 
 def _disturbed(driver: Driver) -> StepResult:
-    """Shift every free vertex at random from the last result, and step to an equilibrium from there."""
+    """Displace every free vertex of the last result at random, and return the result of the next step."""
     simulation, last = driver.simulation, driver.results[-1]
     shifts = np.zeros_like(last.positions)
     held = np.concatenate([handle.vertices for handle in simulation.scene.handles])
@@ -125,7 +126,7 @@ def _case(name: str, blow: Blow, law: str, policy: Policy) -> Case:
 
 
 def cases() -> list[Case]:
-    """Return the cases of the group."""
+    """Return the cases of the group with extreme commands."""
     return [
         _case(name, blow, law, policy) for policy in Policy for name, blow in BLOWS.items() for law in laws_for(policy)
     ]

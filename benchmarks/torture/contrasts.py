@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 3: soft beside hard, and bodies that keep their volume. Energies are compared, not only positions."""
+"""Group 3: contrasts of stiffness, and nearly incompressible bodies. Energies are compared, not only positions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.settings import Policy
 
 DEFAULT = 1e-4
-"""Tolerance under test: that of every scene which names none."""
+"""Tested tolerance: that of scenes which state none."""
 TIGHT = 1e-7
 POSE = Pose(translation=(0.04, 0.0, 0.03))
 PULL = 0.004
@@ -58,7 +58,7 @@ MAKERS: dict[str, Callable[[float, float], Material]] = {
 
 
 def _energy_error(scene: Callable[[float], Scene]) -> Finding:
-    """Compare the energy at the usual tolerance with that at a tight one."""
+    """Return the relative error of the energy at the default tolerance, compared with a much smaller tolerance."""
     exact = Driver(scene(TIGHT)).step(POSE)
     driver = Driver(scene(DEFAULT))
     result = driver.step(POSE)
@@ -82,7 +82,7 @@ def _contrast(pattern: str, law: str, ratio: float) -> Finding:
 
 
 def _series(ratio: float, young: float = 1e4) -> Finding:
-    """Compare two springs in series, nu = 0, with their closed form: the joint and the energy."""
+    """Return the error of two springs in series (nu = 0) against the closed form: position of the joint, and energy."""
     materials = [_linear(young, 0.0), _linear(young * ratio, 0.0)]
     scene = make_scene(BAR, materials, policy=Policy.ENERGY, tolerance=DEFAULT, cell_material=PATTERNS["halves"])
     driver = Driver(scene)
@@ -103,7 +103,7 @@ def _volume(law: str, poisson: float) -> Finding:
 
 
 def _relative_contrast(pattern: str, ratio: float) -> Finding:
-    """Compare the shape at the usual tolerance with that at a tight one."""
+    """Return the error of the shape at the default tolerance, compared with a much smaller tolerance."""
     materials = [_linear(1e4, 0.3), _linear(1e4 * ratio, 0.3)]
 
     def scene(tolerance: float) -> Scene:
@@ -116,7 +116,7 @@ def _relative_contrast(pattern: str, ratio: float) -> Finding:
 
 
 def _sandwich() -> Finding:
-    """Take a skin of a hundredth of the core's thickness, a thousand times as hard."""
+    """Return the energy error of a core with a skin that has 1/100 of a cell's height and 1000 times the modulus."""
     mesh = grid(np.linspace(0.0, 0.4, 17), np.linspace(-0.05, 0.05, 3), [-0.05, 0.0, 0.05, 0.0505])
     cells = (mesh.centroids[:, 2] > 0.05).astype(np.int32)
     materials = [_neo_hookean(1e4, 0.45), _linear(1e7, 0.3)]
@@ -128,7 +128,7 @@ def _sandwich() -> Finding:
 
 
 def _lumps(ratio: float) -> Finding:
-    """Let hard lumps float in a soft bar that keeps its volume."""
+    """Return the energy error of a soft, nearly incompressible bar with hard inclusions."""
     lumps = np.isin(np.arange(BAR.n_cells) % 8, (2, 5)).astype(np.int32)
     materials = [_neo_hookean(1e4, 0.495), _neo_hookean(1e4 * ratio, 0.3)]
     return _energy_error(
@@ -139,7 +139,7 @@ def _lumps(ratio: float) -> Finding:
 
 
 def cases() -> list[Case]:
-    """Return the cases of the group."""
+    """Return the cases of the group with contrasts."""
     energy = partial(Case, group=Group.CONTRASTS, policy=Policy.ENERGY)
     relative = partial(Case, group=Group.CONTRASTS, policy=Policy.RELATIVE)
     found = []

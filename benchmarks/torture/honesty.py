@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 9: is what is called converged within the tolerance? The true error over it, of every step that says so.
+"""Group 9: true error of every converged step, divided by the tolerance.
 
-The truth is the same stream at a tolerance of 1e-8, or of 1e-6 where a body is so close to buckling that 1e-8 is beyond
-the precision of its energy. A step that says that it has not converged is an honest answer.
+The true error is the distance from the same stream at a tolerance of 1e-8. If a body is so close to buckling that 1e-8
+is below the precision of its energy, the tolerance is 1e-6. Steps that report that they have not converged are not
+compared.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from gdfe_ros.solver.settings import Policy
 TOLERANCES = (1e-3, 1e-4, 1e-5)
 TRUTHS = (1e-8, 1e-6)
 PROMISE, STOCKY_PROMISE = 3.0, 5.0
-"""Error over tolerance that a converged step may have: of a slender body, whose distance is known, and of a stocky one,
-whose distance is judged by how fast its steps shrink."""
+"""Largest allowed true error of a converged step, divided by the tolerance: for slender bodies, whose distance to the
+equilibrium is computed, and for stocky bodies, whose distance is estimated from the decrease of the iterates' steps."""
 TEXT = """
 name: honest
 mesh: {{{mesh}}}
@@ -41,12 +42,12 @@ solver: {{max_iterations: 5000}}
 
 @dataclass(frozen=True)
 class Stream:
-    """A body and how it is driven.
+    """A scene and its load path.
 
     Attributes:
-        scene: makes it.
-        steps: that its command is cut into.
-        played: how many of them are made.
+        scene: function that returns the scene.
+        steps: number of steps into which the load path is divided.
+        played: number of these steps that are made.
     """
 
     scene: Callable[[], Scene]
@@ -55,7 +56,7 @@ class Stream:
 
 
 def _bar(size: tuple[float, float, float], cells: tuple[int, int, int], sag: float, **options: object) -> Scene:
-    """Return a clamped bar or plate whose sag, by beam theory, would be a fraction of its length."""
+    """Return a clamped bar or plate whose sag according to beam theory is ``sag`` times its length."""
     length, _, thickness = size
     gravity = -sag * length * 8.0 * 1e6 * thickness**2 / (12.0 * 1000.0 * length**4)
     mesh = f"bar: {{size: {list(size)}, cells: {list(cells)}}}"
@@ -71,7 +72,7 @@ FORKS = {
     "fork, left": (0.0057699, 0.0043487, 0.0032474),
     "fork, far right": (0.0016613, 0.0009639, 0.0058196),
 }
-"""By how much [m] the cables of a fork are shortened in one step."""
+"""Dict from name to the shortenings [m] of a fork's cables in one step."""
 STOCKY = ("bend5", "twist90", "two_material_bar")
 STREAMS: Mapping[str, Stream] = {
     "bar 1:10": Stream(partial(_bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38), 50, 10),
@@ -99,7 +100,7 @@ STREAMS: Mapping[str, Stream] = {
 
 @cache
 def _truth(name: str) -> tuple[StepResult, ...]:
-    """Return the stream at the finest of `TRUTHS` at which all of it converges; else at the last."""
+    """Return the results of a stream at the smallest of `TRUTHS` at which all steps converge, else at the last one."""
     for tolerance in TRUTHS:
         results = _played(name, tolerance)
         if all(result.converged for result in results):
@@ -114,7 +115,7 @@ def _played(name: str, tolerance: float) -> tuple[StepResult, ...]:
 
 
 def play(simulation: Simulation, stream: Stream) -> tuple[StepResult, ...]:
-    """Make the steps of a stream: of its program, or of a weight that grows."""
+    """Make the steps of a stream, of its program or of an increasing weight, and return their results."""
     if simulation.scene.program is not None:
         return tuple(result for result, _ in zip(simulation.play(stream.steps), range(stream.played), strict=False))
     shares = np.arange(1, stream.played + 1) / stream.steps
@@ -122,7 +123,7 @@ def play(simulation: Simulation, stream: Stream) -> tuple[StepResult, ...]:
 
 
 def error_of(found: StepResult, true: StepResult, size: float) -> float:
-    """Return the largest distance of a vertex from where it should be, over the body's size [m]."""
+    """Return the largest distance of a vertex from its true position, divided by the body's ``size`` [m]."""
     distance: NDArray[np.float64] = np.linalg.norm(found.positions - true.positions, axis=1)
     return float(distance.max()) / size
 
@@ -137,7 +138,7 @@ def _run(name: str, tolerance: float) -> Finding:
 
 
 def cases() -> list[Case]:
-    """Return all cases of the group."""
+    """Return the cases of the group about true errors."""
     return [
         Case(
             group=Group.HONESTY,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 6: material laws that soften, kink, turn back or are unstable: reported beforehand, and never an explosion."""
+"""Group 6: laws that soften, kink, decrease or are unstable; reported before the solve, and no body may explode."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SOUND: dict[str, tuple[Callable[[], Material], Pose]] = {
     "kinks to a hundredfold": (lambda: _table([0.2, 0.21, 2.0], [2e3, 2.1e3, 1.5e5]), PULL),
     "measured to a strain of 0.2": (lambda: _table([0.1, 0.2], [1e4, 1.9e4]), FAR),
 }
-"""Laws with one equilibrium: the slow path ends where the single step does."""
+"""Laws with a unique equilibrium: a slow load path and a single step must reach the same state."""
 DOUBTFUL: dict[str, tuple[Callable[[], Material], Pose, str]] = {
     "dips and recovers": (lambda: _table([0.1, 0.2, 0.4, 1.0], [1e4, 2.2e4, 1.8e4, 6e4]), PULL, "tangent modulus"),
     "falls to the end": (lambda: _table([0.2, 0.5, 1.0], [2e4, 1.5e4, 1e4]), PULL, "tangent modulus is negative"),
@@ -86,7 +86,7 @@ def _doubtful(make: Callable[[], Material], pose: Pose, policy: Policy) -> Findi
 
 
 def cases() -> list[Case]:
-    """Return the cases of the group."""
+    """Return the cases of the group with unusual laws."""
     found = []
     for policy in Policy:
         case = partial(Case, group=Group.LAWS, policy=policy)

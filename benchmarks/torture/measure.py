@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The torture test as a table: ``python -m benchmarks.torture.measure [--out FILE]`` runs it, keeps it and draws it."""
+"""The torture test as a table: ``python -m benchmarks.torture.measure [--out FILE]`` runs, stores and draws it."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ from benchmarks.torture.picture import draw_scores
 from benchmarks.torture.score import read_scores
 
 PROBED = {Group.CONTRASTS: 5, Group.SCALES: 5, Group.MESHES: 2, Group.LAWS: 4, Group.ACTUATORS: 2, Group.HONESTY: 1}
-"""Cases of each group in the probe: the first so many of those that take least. The third mesh, a sliver, takes 234 or
-274 iterations, as the processor rounds."""
+"""Dict from group to the number of its first cases that the probe runs, for the groups that need least time. The third
+mesh, a sliver, is left out, because it needs 234 or 274 iterations, depending on the processor's rounding."""
 
 
 def probed() -> list[Case]:
-    """Return the cases of the probe: the first few of the groups that take least."""
+    """Return the cases of the probe: the first cases of the groups that need least time."""
     cases = all_cases(walk_steps=100)
     return [case for group, count in PROBED.items() for case in [item for item in cases if item.group is group][:count]]
 
 
 def probe() -> dict[str, float | str]:
-    """Return verdicts of some cheap cases, and the iterations of all of a group that converge, together.
+    """Return the verdicts of some cheap cases, and the sum of iterations of each group's converged cases.
 
-    A case that is reported looks for an equilibrium that does not exist: rounding decides how long.
+    Iterations of reported cases are left out: the solver searches an equilibrium that does not exist, and their number
+    depends on rounding.
     """
     found: dict[str, float | str] = {}
     for case in probed():
@@ -43,7 +44,7 @@ def probe() -> dict[str, float | str]:
 
 
 def main() -> int:
-    """Run every case on all cores; return 1 where one failed, and write nothing where one is missing."""
+    """Run all cases on all cores; return 1 if a case failed. If a case has no outcome, nothing is written."""
     parser = options("benchmarks.torture.measure", "The torture test.", "torture")
     parser.add_argument("--quick", action="store_true", help="only the contrasts, for runs/")
     given = parser.parse_args()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 5: meshes and handles that a generator should not have made: solved, or refused by name at configure."""
+"""Group 5: bad meshes and handles. They must be solved, or refused with a name when the scene is read."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ALONG, ACROSS = np.linspace(0.0, 0.4, 9), np.linspace(-0.05, 0.05, 3)
 
 
 def _load(mesh: HexMesh, policy: Policy, handles: dict[str, dict]) -> Driver:
-    """Send a mesh through the scene reader, as a file would come."""
+    """Return a driver of a mesh that is read by the scene reader, like a mesh file."""
     data = {
         "name": "torture",
         "mesh": {"embedded": pack_mesh(mesh)},
@@ -59,9 +59,9 @@ def _solve(mesh: HexMesh, policy: Policy, pose: Pose) -> tuple[Driver, StepResul
 
 
 def _compare(made: Callable[[], HexMesh], usual: HexMesh, pose: Pose, policy: Policy) -> Finding:
-    """Compare with a sound mesh of the same body where the two share vertices, ``energy`` also by its energy.
+    """Return the error against a good mesh of the same body: of common vertices and, for ``energy``, of the energy.
 
-    ``relative`` weighs an element by its volume, whatever its shape, and has no energy of its own.
+    The policy ``relative`` weights an element by its volume, independent of its shape, and minimises no energy.
     """
     mesh = made()
     driver, result = _solve(mesh, policy, pose)
@@ -90,14 +90,14 @@ def _distorted() -> HexMesh:
 
 
 def _skewed() -> HexMesh:
-    """Lean the planes across the bar by 45 degrees in the middle."""
+    """Return a bar whose cross-sections are inclined by 45 degrees in the middle."""
     vertices = BAR.vertices.copy()
     vertices[:, 0] += vertices[:, 2] * np.sin(np.pi * BAR.vertices[:, 0] / 0.4)
     return HexMesh(vertices, BAR.cells)
 
 
 def _graded(axis: int) -> HexMesh:
-    """Put a sliver layer of a thousandth of an edge between two planes."""
+    """Return a bar with a thin layer of 1/1000 of an edge between two planes normal to an axis."""
     planes = [ALONG, ACROSS, ACROSS]
     middle = planes[axis][len(planes[axis]) // 2]
     planes[axis] = np.insert(planes[axis], len(planes[axis]) // 2 + 1, middle + 5e-5)
@@ -133,7 +133,7 @@ def _two_bars() -> HexMesh:
 
 
 def _torn() -> HexMesh:
-    """Give the right half vertices of its own: two bodies that touch."""
+    """Return a bar whose right half has separate vertices: two bodies that touch."""
     right = BAR.centroids[:, 0] > 0.2
     cells = BAR.cells.copy()
     cells[right] += BAR.n_vertices
@@ -143,7 +143,7 @@ def _torn() -> HexMesh:
 
 
 def _defects() -> dict[str, tuple[HexMesh, str]]:
-    """Return meshes that must be refused, with words of the refusal."""
+    """Return dict from name to a mesh that must be refused and words of the refusal."""
     cells, moved = BAR.cells, BAR.vertices[BAR.cells[5]]
     flat = BAR.vertices.copy()
     low = flat[cells[5][:4]]
@@ -165,7 +165,7 @@ def _defects() -> dict[str, tuple[HexMesh, str]]:
 
 
 def _parts(policy: Policy) -> Finding:
-    """Hold both of two bars: each bends as it does alone."""
+    """Return the energy error of two separate bars in one mesh, compared with a single bar."""
     mesh = _two_bars()
     driver = Driver(make_scene(mesh, MATERIAL, policy=policy))
     result = driver.step(PULL)
@@ -174,7 +174,7 @@ def _parts(policy: Policy) -> Finding:
 
 
 def _all_held(policy: Policy) -> Finding:
-    """Leave no vertex free: two rigid halves and a sheared column between them."""
+    """Return the error of a bar without free vertices: two rigid halves and a sheared layer between them."""
     left = np.flatnonzero(BAR.vertices[:, 0] < 0.19).astype(np.int32)
     right = np.setdiff1d(np.arange(BAR.n_vertices), left).astype(np.int32)
     handles = [Handle("base", left, fixed=True), Handle("tip", right)]
@@ -185,7 +185,7 @@ def _all_held(policy: Policy) -> Finding:
 
 
 def cases() -> list[Case]:
-    """Return the cases of the group."""
+    """Return the cases of the group with bad meshes."""
     found = []
     thick = bar([0.4, 0.1, 5e-4], [8, 2, 1])
     for policy in Policy:

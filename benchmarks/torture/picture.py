@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every torment as a point: how far its error is from its bound."""
+"""Picture of the torture test: every case is a point at its error divided by its bound."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ WORDS = {
     Verdict.FAILED: "failed",
 }
 FOOT, WITHOUT = 1e-8, 1e-10
-"""Heights of errors below the first, and of outcomes that have no error to compare."""
+"""Lowest drawn height of an error, and height of outcomes without an error."""
 
 
 def draw_scores(path: Path, scores: Sequence[Score]) -> None:
-    """Draw every case, by group: its error over its bound; those without one stand below the line at the foot."""
+    """Draw the error over its bound for every case of each group; cases without an error are below the lower line."""
     figure = Figure(figsize=(11.0, 5.2), dpi=150, layout="constrained")
     axes = figure.add_subplot()
     for column, group in enumerate(Group):
@@ -72,7 +72,7 @@ def _order(outcome: Outcome) -> tuple[float, str]:
 
 
 def _spread(heights: np.ndarray) -> np.ndarray:
-    """Place points of like height side by side: the offset (k,) of each from the middle of its column."""
+    """Return the horizontal offsets (k,) of points in their column, so that points of similar height do not overlap."""
     offsets, rows = np.zeros(len(heights)), np.round(3.0 * np.log10(np.maximum(heights, WITHOUT)))
     for row in np.unique(rows):
         own = np.flatnonzero(rows == row)

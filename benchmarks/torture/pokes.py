@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 10, at random: things that press on a coarse body anywhere, edges across edges, meshes into each other."""
+"""Group 10, random contacts: objects pressed into a coarse body, edges across edges, meshes into each other."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gdfe_ros.solver.contact.own_contact import DEEPEST
 from gdfe_ros.solver.settings import Policy
 
 POKES, PRESSES = 84, 42
-"""Of each thing with each friction, a thousand in all; of meshes into each other."""
+"""Number of pokes of each object with each friction, about a thousand in total; and number of presses of two meshes."""
 COARSE = """
 name: poked
 mesh: {bar: {size: [0.10, 0.05, 0.05], cells: [4, 2, 2]}}
@@ -39,23 +39,23 @@ regions: [{material: soft}]
 handles: {low: {where: {mesh: low, face: z-}, fixed: true}, high: {where: {mesh: high, face: z+}}}
 """
 ABOVE, HEIGHT = 0.2, 0.025
-"""Where a thing waits over the body's middle, and where the body ends [m]."""
+"""Initial height of an object over the body's middle, and height of the body's upper face [m]."""
 DEEP = 0.012
-"""Of a poke, at most [m]: half a cell."""
+"""Largest depth of a poke [m]: half a cell."""
 RETURNS = 4
-"""Steps in which meshes that were drawn apart must have come home."""
+"""Number of steps within which separated meshes must be undeformed again."""
 FORMS: dict[str, tuple[dict[str, Any], float]] = {
     "spheres": ({"sphere": {"radius": 0.015}}, 0.015),
     "boxes": ({"box": {"size": [0.03, 0.03, 0.03]}}, 0.015),
     "capsules": ({"capsule": {"radius": 0.008, "length": 0.04}}, 0.008),
 }
-"""Things, and how far they reach from their middle across [m]."""
+"""Dict from name to an object and its extent from the centre [m]."""
 Spot = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Where a thing's middle is over the spot that it touches, in which direction it comes, and its rotation vector."""
+"""Centre of an object that just touches the body [m], direction of its motion, and rotation vector [rad]."""
 
 
 def _anywhere(reach: float, random: np.random.Generator) -> Spot:
-    """Return a spot on one of the free faces, and any turn."""
+    """Return a random contact on one of the free faces, with a random rotation."""
     side = int(random.integers(5))
     way = np.array([[0, 0, -1], [0, 0, 1], [0, -1, 0], [0, 1, 0], [-1, 0, 0]], dtype=float)[side]
     spot = random.uniform([-0.02, -0.025, -0.025], [0.05, 0.025, 0.025])
@@ -64,7 +64,7 @@ def _anywhere(reach: float, random: np.random.Generator) -> Spot:
 
 
 def _edge_across_edge(reach: float, random: np.random.Generator) -> Spot:
-    """Return a place at which an edge of a box crosses one of the body's two upper edges at right angles, nearly."""
+    """Return a contact in which an edge of a box crosses one of the body's two upper edges almost perpendicularly."""
     side = random.choice([-1.0, 1.0])
     way = np.array([0.0, -side, -1.0]) / np.sqrt(2.0)
     spot = np.array([random.uniform(-0.03, 0.045), side * 0.025, HEIGHT])
@@ -77,7 +77,7 @@ def _edge_across_edge(reach: float, random: np.random.Generator) -> Spot:
 
 
 def _poked(form: dict[str, Any], reach: float, friction: float, pokes: int, where: Callable[..., Spot]) -> Finding:
-    """Press a thing into the body anywhere, in one step; then drag it aside or take it away; over and over."""
+    """Press an object into the body in one step, then drag it sideways or remove it; repeat this ``pokes`` times."""
     thing = {**form, "at": [0.0, 0.0, ABOVE], "friction": friction}
     driver = Driver(scene_from_text(COARSE, overrides={"obstacles": {"thing": thing}}))
     random = np.random.default_rng(3)
@@ -94,7 +94,7 @@ def _poked(form: dict[str, Any], reach: float, friction: float, pokes: int, wher
 
 
 def _pressed(friction: float, presses: int) -> Finding:
-    """Move a coarse block by more than a cell into another, and turn it, in single steps; then draw it off."""
+    """Move a coarse block by more than a cell into another and rotate it, in single steps; finally separate them."""
     driver = Driver(scene_from_text(BLOCKS, overrides={"self_contact": {"friction": friction}}))
     simulation, random, depth = driver.simulation, np.random.default_rng(3), 0.0
     inside = simulation.stepper.actuation.contacts[-1].inside
@@ -112,7 +112,7 @@ def _pressed(friction: float, presses: int) -> Finding:
 
 
 def cases(pokes: int = POKES) -> list[Case]:
-    """Return the cases; so many pokes each, and half as many of meshes into each other."""
+    """Return the cases of random contacts, with ``pokes`` pokes each, and half this number of presses of two meshes."""
     case = partial(Case, group=Group.CONTACT, policy=Policy.ENERGY, law="neo-hookean", bound=BOUND)
     found = []
     for friction in FRICTIONS:

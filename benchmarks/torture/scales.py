@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 4: other units, other places, other directions, another order of the vertices: the same results."""
+"""Group 4: the results must not depend on units, position, orientation and order of the vertices."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ LENGTH = 0.4
 POSE = Pose(translation=(0.02, 0.01, 0.06), rotation=(0.5, 0.0, 0.0))
 LENGTHS = (1e-4, 1e-2, 1e1, 1e3)
 MODULI = (1e-5, 1e-2, 1e4)
-"""Factors on 1e5 Pa: from 1 to 1e9 Pa."""
+"""Factors on the modulus of 1e5 Pa: from 1 Pa to 1e9 Pa."""
 
 
 def harder(material: Material, factor: float) -> Material:
-    """Return the same law with every modulus multiplied."""
+    """Return the same law with every modulus multiplied by a factor."""
     if isinstance(material, Linear):
         return replace(material, young=material.young * factor)
     if isinstance(material, Ogden):
@@ -39,7 +39,7 @@ def harder(material: Material, factor: float) -> Material:
 
 
 def _scaled(law: str, policy: Policy, length: float, modulus: float) -> Finding:
-    """Change the units; positions and energy must follow."""
+    """Return the error of positions and energy after a change of the units of length and modulus."""
     usual = Driver(make_scene(BAR, LAWS[law], policy=policy, tolerance=TOLERANCE)).step(POSE)
     mesh = HexMesh(BAR.vertices * length, BAR.cells)
     driver = Driver(make_scene(mesh, harder(LAWS[law], modulus), policy=policy, tolerance=TOLERANCE))
@@ -50,7 +50,7 @@ def _scaled(law: str, policy: Policy, length: float, modulus: float) -> Finding:
 
 
 def _moved(law: str, policy: Policy, turn: Rotation, shift: tuple[float, float, float]) -> Finding:
-    """Put the whole scene elsewhere; the shape must go with it."""
+    """Return the error of shape and energy after a rigid motion of the whole scene."""
     usual = Driver(make_scene(BAR, LAWS[law], policy=policy, tolerance=TOLERANCE)).step(POSE)
     mesh = HexMesh(turn.apply(BAR.vertices) + shift, BAR.cells)
     handles = [Handle("base", face(BAR, "x-"), fixed=True), Handle("tip", face(BAR, "x+"))]
@@ -63,7 +63,7 @@ def _moved(law: str, policy: Policy, turn: Rotation, shift: tuple[float, float, 
 
 
 def _permuted(law: str, policy: Policy) -> Finding:
-    """Shuffle vertices and cells."""
+    """Return the error of positions after a random permutation of vertices and cells."""
     usual = Driver(make_scene(BAR, LAWS[law], policy=policy, tolerance=TOLERANCE)).step(POSE)
     random = np.random.default_rng(4)
     order, cells = random.permutation(BAR.n_vertices), random.permutation(BAR.n_cells)
@@ -80,7 +80,7 @@ def _turned(axis: tuple[float, float, float], degrees: float) -> Rotation:
 
 
 def cases() -> list[Case]:
-    """Return the cases of the group."""
+    """Return the cases of the group with other units, positions and orders."""
     case = partial(Case, group=Group.SCALES, bound=BOUND)
     found = []
     for policy in Policy:

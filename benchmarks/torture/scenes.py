@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 8: the shipped robots thrown from one end of their ranges to the other in single steps, and let go."""
+"""Group 8: the shipped robots, commanded to both ends of their ranges in single steps, and released."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from gdfe_ros.solver.settings import Policy
 
 TOLERANCE = 1e-6
 BOUND = 1e-3
-"""Of the body's size, between two load paths to the neutral state: its webs and thin walls are far softer than its
-cells, and the tolerance is an estimate."""
+"""Largest distance between the neutral states of two load paths, over the body's size. It is above the tolerance: the
+robots' thin walls are far softer than their cells, and the tolerance applies to an estimate."""
 LET_GO = 100.0
-"""Seconds of the step back, time enough for every rate limit."""
+"""Duration of a step [s], long enough for every rate limit."""
 ROBOTS = {
     "tendon_finger": ("flexor", "extensor", "all"),
     "gripper": ("left", "all"),
@@ -25,7 +25,7 @@ ROBOTS = {
     "three_chamber_arm": ("left", "all"),
     "pneunet": ("air",),
 }
-"""What is driven to both ends of its range, by scene."""
+"""Dict from scene to the actuators that are commanded to both ends of their ranges."""
 
 
 def _scene(name: str) -> Scene:
@@ -34,13 +34,13 @@ def _scene(name: str) -> Scene:
 
 
 def _commands(scene: Scene, driven: str, neutral: dict[str, float]) -> list[dict[str, float]]:
-    """Return the two ends of the ranges of what is driven."""
+    """Return the commands at the upper and at the lower ends of the ranges of the chosen actuators."""
     chosen = [item for item in scene.actuators if driven in ("all", item.name)]
     return [{**neutral, **{item.name: end(item) for item in chosen}} for end in (lambda i: i.high, lambda i: i.low)]
 
 
 def _thrown(name: str, driven: str) -> Finding:
-    """Go to both ends and back; the neutral state must be that of a body that never moved."""
+    """Command both ends and then the neutral state; return the distance from the state of a body that never moved."""
     scene = _scene(name)
     driver, still = Driver(scene), Driver(scene)
     neutral = {item.name: driver.neutral[item.name] for item in scene.actuators}
@@ -54,7 +54,7 @@ def _thrown(name: str, driven: str) -> Finding:
 
 
 def _weightless(name: str) -> Finding:
-    """Turn gravity round at ten times its size and back."""
+    """Apply ten times the weight in both directions and then the weight; return the distance from the first state."""
     scene = _scene(name)
     driver, still = Driver(scene), Driver(scene)
     expected = still.step().positions
@@ -64,7 +64,7 @@ def _weightless(name: str) -> Finding:
 
 
 def cases() -> list[Case]:
-    """Return the cases."""
+    """Return the cases with shipped robots."""
     case = partial(Case, group=Group.ACTUATORS, policy=Policy.ENERGY, law="its own", bound=BOUND)
     found = []
     for name, driven in ROBOTS.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outcomes as a file and as tables."""
+"""Outcomes of the torture test as a file and as tables."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from benchmarks.torture.case import Case, Group, Outcome, Verdict
 
 @dataclass(frozen=True)
 class Score:
-    """An outcome and the case that it is of.
+    """The outcome of a case, with the attributes that identify the case.
 
     Attributes:
-        group: of the case.
-        name: of the case.
-        law: of the case.
-        policy: of the case.
-        outcome: what came of it.
+        group: group of the case.
+        name: name of the case.
+        law: material law of the case.
+        policy: policy of the case.
+        outcome: outcome of the case.
     """
 
     group: Group
@@ -36,17 +36,17 @@ class Score:
 
     @classmethod
     def of(cls, case: Case, outcome: Outcome) -> Score:
-        """Join the two."""
+        """Return the score of a case and its outcome."""
         return cls(case.group, case.name, case.law, case.policy.value, outcome)
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data; what is not a finite number becomes null."""
+        """Return plain data; numbers that are not finite become null."""
         values = {key: _plain(value) for key, value in asdict(self.outcome).items() if value != {}}
         return {"group": self.group.value, "name": self.name, "law": self.law, "policy": self.policy, **values}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Score:
-        """Return what `to_json` wrote."""
+        """Return the score that `to_json` wrote."""
         number = {key: math.nan if data[key] is None else float(data[key]) for key in ("error", "bound", "time")}
         counts = {key: int(data[key]) for key in ("iterations", "restarts")}
         figures = {key: float(value) for key, value in data.get("figures", {}).items()}
@@ -63,13 +63,13 @@ def _plain(value: object) -> object:
 
 
 def write_scores(path: Path, scores: Sequence[Score]) -> None:
-    """Write the outcomes as JSON, one line a case."""
+    """Write the outcomes as JSON, one line per case."""
     lines = ",\n ".join(json.dumps(score.to_json()) for score in scores)
     path.write_text('{"cases": [\n ' + lines + "\n]}\n", encoding="utf-8")
 
 
 def read_scores(path: Path) -> list[Score]:
-    """Return what `write_scores` wrote."""
+    """Return the scores that `write_scores` wrote."""
     return [Score.from_json(entry) for entry in json.loads(path.read_text(encoding="utf-8"))["cases"]]
 
 
@@ -97,9 +97,9 @@ WALK_HEADINGS = (
 
 
 def summary(scores: Sequence[Score]) -> list[tuple[str, ...]]:
-    """Return one row for each group and one for all, as text under `HEADINGS`.
+    """Return one row for each group and one row for all, as texts under `HEADINGS`.
 
-    The worst error is that nearest to its bound, or farthest beyond it, of the cases that are not reported.
+    The worst error is the one with the largest ratio to its bound, among the cases that are not reported.
     """
     rows = [_row(group.value, [score for score in scores if score.group is group]) for group in Group]
     return [*(row for row in rows if row[1] != "0"), _row("all", scores)]
@@ -118,7 +118,7 @@ def _row(group: str, scores: Sequence[Score]) -> tuple[str, ...]:
 
 
 def walk_rows(scores: Sequence[Score]) -> list[tuple[str, ...]]:
-    """Return one row for each random walk, as text under `WALK_HEADINGS`."""
+    """Return one row for each random walk, as texts under `WALK_HEADINGS`."""
     walks = [score for score in scores if score.group is Group.WALKS and score.outcome.figures]
     return [_walk_row(score.name, score.outcome.figures) for score in walks]
 
@@ -148,7 +148,7 @@ HONESTY_HEADINGS = (
 
 
 def honesty_rows(scores: Sequence[Score]) -> list[tuple[str, ...]]:
-    """Return one row for each stream of group 9, as text under `HONESTY_HEADINGS`; '-' where no step converged."""
+    """Return one row for each stream of group 9, as texts under `HONESTY_HEADINGS`; '-' if no step converged."""
     streams: dict[str, list[Score]] = {}
     for score in scores:
         if score.group is Group.HONESTY:
@@ -164,7 +164,7 @@ def honesty_rows(scores: Sequence[Score]) -> list[tuple[str, ...]]:
 
 
 def rich_table(scores: Sequence[Score]) -> Table:
-    """Return the summary for a terminal."""
+    """Return the summary as a table for a terminal."""
     table = Table(title="torture", title_justify="left")
     for i, heading in enumerate(HEADINGS):
         table.add_column(heading, justify="right" if i else "left")
@@ -175,7 +175,7 @@ def rich_table(scores: Sequence[Score]) -> Table:
 
 
 def torture_tables(data: Mapping[str, Any]) -> dict[str, str]:
-    """Return the tables of docs/torture.md by name, as Markdown, from what `write_scores` wrote."""
+    """Return dict from name to table of docs/torture.md, as Markdown, from the data that `write_scores` wrote."""
     scores = [Score.from_json(entry) for entry in data["cases"]]
     return {
         "torture": markdown_table(HEADINGS, summary(scores)),

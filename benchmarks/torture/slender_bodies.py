@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Slender and thin bodies that the solver was not made with: ring, helix, shell, truss, hairs, hinged chain."""
+"""Slender and thin bodies that were not used to develop the solver: ring, helix, shell, truss, hairs, hinged chain."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.scene import Scene, scene_from_text
 
 CLAMP = "clamp"
-"""The vertex set that is held."""
+"""Name of the fixed vertex set."""
 TEXT = """
 name: slender
 mesh: {{embedded: {mesh}}}
@@ -35,13 +35,13 @@ def _scene(mesh: HexMesh, held: NDArray[np.bool_], gravity: float, hard: str = "
 
 
 def _bent(size: tuple[float, float, float], cells: tuple[int, int, int], warp: Warp, gravity: float) -> Scene:
-    """Return a bar or plate along x that is bent to another shape and held where it begins."""
+    """Return a scene with a bar or plate along x that is warped to another undeformed shape and fixed at x = 0."""
     straight = bar(size, cells)
     return _scene(HexMesh(warp(straight.vertices), straight.cells, {}, {}), straight.vertices[:, 0] == 0.0, gravity)
 
 
 def ring() -> Scene:
-    """Return a ring of fifty times its thickness, slit at the bottom and held at one lip, that its weight opens."""
+    """Return a ring 50 times as long as thick, slit at the bottom and fixed at one lip; its weight opens it."""
 
     def warp(points: NDArray[np.float64]) -> NDArray[np.float64]:
         angle, radius = (points[:, 0] / 0.3 * 1.96 - 0.48) * np.pi, 0.05 - points[:, 2]
@@ -51,7 +51,7 @@ def ring() -> Scene:
 
 
 def helix() -> Scene:
-    """Return a spring of three turns that hangs from its upper end."""
+    """Return a helical spring with three turns that hangs from its upper end."""
 
     def warp(points: NDArray[np.float64]) -> NDArray[np.float64]:
         angle, radius = 6.0 * np.pi * points[:, 0] / 0.6, 0.03 - points[:, 1]
@@ -61,7 +61,7 @@ def helix() -> Scene:
 
 
 def shell() -> Scene:
-    """Return half a cylinder of a fiftieth of its radius, held along one edge, that its weight closes or opens."""
+    """Return half a cylinder with a thickness of 1/50 of its radius, fixed along one edge, under its weight."""
 
     def warp(points: NDArray[np.float64]) -> NDArray[np.float64]:
         angle, radius = np.pi * points[:, 0] / 0.15, 0.05 + points[:, 2]
@@ -71,7 +71,7 @@ def shell() -> Scene:
 
 
 def truss() -> Scene:
-    """Return a lattice of bars of ten times their thickness, four by two fields, held at one end."""
+    """Return a lattice with four by two fields, fixed at one end; the bars are ten times as long as thick."""
     whole = bar((0.205, 0.005, 0.105), (41, 1, 21))
     column, row = np.floor(whole.vertices[whole.cells].mean(axis=1)[:, [0, 2]] / 0.005).astype(int).T
     mesh = keep_cells(whole, (column % 10 == 0) | (row % 10 == 0))
@@ -79,7 +79,7 @@ def truss() -> Scene:
 
 
 def hairs() -> Scene:
-    """Return a block that is held at the bottom, with two hairs of fifty times their thickness at its side."""
+    """Return a block that is fixed at its bottom, with two hairs at its side that are 50 times as long as thick."""
     whole = bar((0.24, 0.04, 0.04), (60, 10, 10))
     x, y, z = np.floor(whole.vertices[whole.cells].mean(axis=1) / 0.004).astype(int).T
     mesh = keep_cells(whole, (x < 10) | ((z == 0) & ((y == -3) | (y == 2))))
@@ -88,7 +88,7 @@ def hairs() -> Scene:
 
 
 def chain() -> Scene:
-    """Return a chain of hard links that soft hinges of a quarter of their height join."""
+    """Return a chain of hard links; soft hinges of a quarter of the links' height connect them."""
     whole = bar((0.2, 0.02, 0.02), (50, 4, 4))
     column, _, row = np.floor(whole.vertices[whole.cells].mean(axis=1) / [0.004, 0.005, 0.005]).astype(int).T
     mesh = keep_cells(whole, (column % 10 < 8) | (row == 1))
@@ -110,11 +110,11 @@ program:
   actuators: {{{pulls}}}
 """
 FINGERS = {"left": -0.016, "middle": 0.0, "right": 0.016}
-"""Where the fingers of a fork lie across it [m]."""
+"""Dict from finger of a fork to its lateral position [m]."""
 
 
 def fork(shortened: Mapping[str, float]) -> Scene:
-    """Return three fingers of forty times their thickness that are one body, with cables shortened by so much [m]."""
+    """Return a body with three fingers, 40 times as long as thick; their cables are ``shortened`` [m]."""
     whole = bar((0.2, 0.036, 0.006), (50, 18, 2))
     x, y, _ = np.floor(whole.vertices[whole.cells].mean(axis=1) / [0.004, 0.002, 0.003]).astype(int).T
     mesh = keep_cells(whole, (x < 6) | (y < -7) | (y >= 7) | (y == -1) | (y == 0))

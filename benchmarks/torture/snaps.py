@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 8: shallow arches and domes loaded until they snap through, and back: each jump is reported, nothing else."""
+"""Group 8: shallow arches and domes, loaded until they snap through, and unloaded. Only the jumps may be reported."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ LAWS: dict[str, Callable[[], Material]] = {
 
 @dataclass(frozen=True)
 class Shell:
-    """A shallow shell that a weight pushes through its plane.
+    """A shallow shell that a body force pushes through its plane.
 
     Attributes:
-        size, cells: of the plate that it is bent from.
-        rise: of its middle over its edge [m].
-        edges: axes across whose ends it is clamped.
-        weight: largest acceleration [m/s^2] at 1000 kg/m^3, well past the limit point.
+        size, cells: size [m] and numbers of cells of the plate before bending.
+        rise: height of the middle above the edge [m].
+        edges: axes at whose two ends the shell is clamped.
+        weight: largest acceleration [m/s^2], with 1000 kg/m^3; it is far beyond the limit point.
     """
 
     size: tuple[float, float, float]
@@ -47,7 +47,7 @@ class Shell:
     weight: float
 
     def scene(self, material: Material, tolerance: float) -> Scene:
-        """Make the scene; its load `push` acts down."""
+        """Return the scene; its load `push` acts downward."""
         flat = bar(self.size, self.cells)
         vertices, held = flat.vertices.copy(), np.zeros(flat.n_vertices, dtype=bool)
         lift = np.full(flat.n_vertices, self.rise)
@@ -70,7 +70,7 @@ SHELLS: dict[str, Shell] = {
 
 
 def _there_and_back(shell: Shell, law: str) -> Finding:
-    """Load in small steps and unload: jumps are reported, the rest converges, and the end is undeformed."""
+    """Load and unload in small steps: jumps must be reported, all other steps converge, the end must be undeformed."""
     driver = Driver(shell.scene(LAWS[law](), TOLERANCE))
     height, flaws = driver.simulation.mesh.vertices[:, 2].mean(), []
     for share in (*np.linspace(0.0, 1.0, STEPS + 1)[1:], *np.linspace(1.0, 0.0, STEPS + 1)[1:]):
@@ -89,7 +89,7 @@ def _there_and_back(shell: Shell, law: str) -> Finding:
 
 
 def _at_once(shell: Shell, law: str) -> Finding:
-    """Load in one step: it ends where the small steps end."""
+    """Load in one step; return the distance from the final state of small steps."""
     slow, driver = (Driver(shell.scene(LAWS[law](), TOLERANCE)) for _ in range(2))
     for share in np.linspace(0.0, 1.0, STEPS + 1)[1:]:
         expected = slow.step(loads={"push": share * shell.weight})
@@ -103,7 +103,7 @@ def _at_once(shell: Shell, law: str) -> Finding:
 
 
 def cases() -> list[Case]:
-    """Return the cases."""
+    """Return the cases with snap-through."""
     case = partial(Case, group=Group.ACTUATORS, policy=Policy.ENERGY)
     found = []
     for name, shell in SHELLS.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 1: the equilibrium is found again from positions that are no shape at all."""
+"""Group 1: the equilibrium must be found from arbitrary, even meaningless vertex positions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BOUND = 1e-6
 TOLERANCE = 1e-8
 LENGTH = 0.4
 FINE = bar([0.4, 0.1, 0.1], [16, 4, 4])
-"""Too large for the explicit inverse: a sparse factor serves."""
+"""A mesh that is too large for the explicit inverse; its constant matrix has a sparse factor."""
 FINE_LAWS = {
     "linear": Policy.RELATIVE,
     "neo-hookean": Policy.ENERGY,
@@ -66,7 +66,7 @@ def _run(start: Callable[[Array], Array], law: str, policy: Policy, mesh: HexMes
 
 
 def cases() -> list[Case]:
-    """Return the cases of the group."""
+    """Return the cases of the group with arbitrary initial positions."""
     case = partial(Case, group=Group.STARTS, bound=BOUND)
     found = [
         case(name=name, policy=policy, law=law, run=partial(_run, start, law, policy))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 10: obstacles inside the body, through it, edge on edge, slippery and sticky, on hard and soft, at random."""
+"""Group 10: obstacles inside the body, through it, edge on edge, with several frictions and moduli, and at random."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gdfe_ros.solver.settings import Policy
 
 POKES, KNOCKS = 300, 30
 BOUND = 1e-4
-"""Largest distance from rest, over the body's size, once nothing touches any more."""
+"""Largest distance from the undeformed shape, over the body's size, after the contact has ended."""
 BODY = """
 name: poked
 mesh: {bar: {size: [0.10, 0.05, 0.05], cells: [8, 4, 4]}}
@@ -31,11 +31,11 @@ solver: {tolerance: 1.0e-6, max_iterations: 2000}
 """
 MOTION = {"scheme": "bdf2", "step": 0.005, "damping": {"viscosity": 300.0, "mass": 20.0}}
 CALM = 200
-"""Steps after which what is damped so is at rest."""
+"""Number of steps after which the damped motion has ended."""
 RELEASES = 6
-"""Steps in which a body that was left before its goal, as its message said, must have come home."""
+"""Number of steps within which a body, whose last step stopped early with a message, must be undeformed again."""
 DEEPEST = 1e-4
-"""Depth over the body's size to which a vertex may lie in what it touches after a step that converged."""
+"""Largest penetration depth of a vertex after a converged step, divided by the body's size."""
 _BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.02)
 FORMS: dict[str, tuple[dict[str, Any], float]] = {
     "a ball": ({"sphere": {"radius": 0.02}}, 0.02),
@@ -45,17 +45,18 @@ FORMS: dict[str, tuple[dict[str, Any], float]] = {
     "a cylinder": ({"cylinder": {"radius": 0.015, "length": 0.06}}, 0.03),
     "a mesh": ({"mesh": {"embedded": pack_surface(_BALL.vertices, _BALL.faces)}}, 0.02),
 }
-"""Things, and how far they reach below their middle [m]."""
+"""Dict from name to an obstacle and its extent below its centre [m]."""
 HEIGHT = 0.025
-"""Of the body's upper face [m]."""
+"""Height of the body's upper face [m]."""
 INTO = 0.004
-"""How deep in the body a thing begins [m]; in motion a quarter of that, which a step of time can push out."""
+"""Initial penetration depth of an obstacle [m]. In motion it is a quarter of this, because one time step must push the
+body out."""
 EDGES = {"along it": [45.0, 0.0, 0.0], "across it": [0.0, 45.0, 0.0], "a corner": [45.0, 35.264, 0.0]}
 HALVES = {"the free half": {"x": [0.05, 0.1]}, "the upper half": {"z": [0.0, HEIGHT]}}
 FRICTIONS = (0.0, 0.5, 10.0)
 UP, DOWN = Pose((0.0, 0.0, 0.5)), Pose((0.0, 0.0, -0.5))
 PARTS = 20
-"""Steps of one poke in motion."""
+"""Number of steps of one knock in motion."""
 
 
 def _driver(thing: Mapping[str, Any], **more: Any) -> Driver:
@@ -63,7 +64,7 @@ def _driver(thing: Mapping[str, Any], **more: Any) -> Driver:
 
 
 def released(driver: Driver, away: Pose = UP) -> Finding:
-    """Take the thing away: the body must go back to rest, and no step may call it settled while it lies inside."""
+    """Remove the obstacle; return the distance from the undeformed shape, and deep penetrations of converged steps."""
     if driver.simulation.scene.dynamics is None:
         for _ in range(RELEASES):
             if driver.step(away, name="thing").converged:
@@ -81,7 +82,7 @@ def released(driver: Driver, away: Pose = UP) -> Finding:
 
 
 def _inside(form: dict[str, Any], reach: float, friction: float, motion: bool) -> Finding:
-    """Begin with a thing inside of the body, hold it there, and take it away."""
+    """Start with an obstacle inside the body, keep it there for three steps, and remove it."""
     into, more = (0.25 * INTO, {"dynamics": MOTION}) if motion else (INTO, {})
     driver = _driver(
         {**form, "at": [0.06, 0.004, HEIGHT + reach - min(into, 0.5 * reach)], "friction": friction}, **more
@@ -95,7 +96,7 @@ def _inside(form: dict[str, Any], reach: float, friction: float, motion: bool) -
 
 
 def _through(form: dict[str, Any], steps: int, friction: float) -> Finding:
-    """Move a thing from above through the body and out below, in so many steps."""
+    """Move an obstacle from above through the body and out below, in ``steps`` steps."""
     driver = _driver({**form, "at": [0.06, 0.004, 0.06], "friction": friction})
     for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
         driver.step(Pose((0.0, 0.0, -0.16 * share)), name="thing")
@@ -103,7 +104,7 @@ def _through(form: dict[str, Any], steps: int, friction: float) -> Finding:
 
 
 def _edge(turn: list[float], friction: float) -> Finding:
-    """Press a box' edge or corner onto the body's upper edge, drag it along, and take it away."""
+    """Press an edge or corner of a box onto the body's upper edge, drag the box along it, and remove it."""
     thing = {"box": {"size": [0.04] * 3}, "at": [0.06, 0.025, HEIGHT + 0.03], "rotation_deg": turn}
     driver = _driver({**thing, "friction": friction})
     for way in ((0.0, 0.0, -0.01), (0.0, 0.0, -0.015), (0.01, -0.005, -0.015), (0.02, 0.005, -0.01)):
@@ -112,7 +113,7 @@ def _edge(turn: list[float], friction: float) -> Finding:
 
 
 def _contrast(ratio: float, half: dict[str, list[float]]) -> Finding:
-    """Press a ball into a body of which a half is so many times harder than the other."""
+    """Press a ball into a body with one half that is ``ratio`` times as hard as the other half."""
     hard = {
         "materials.hard": {"law": "neo_hookean", "young": 1e5 * ratio, "poisson": 0.4, "density": 1000},
         "regions": [{"material": "soft"}, {"material": "hard", "where": {"box": half}}],
@@ -124,7 +125,7 @@ def _contrast(ratio: float, half: dict[str, list[float]]) -> Finding:
 
 
 def _poked(friction: float, pokes: int) -> Finding:
-    """Put a box anywhere about the body and in any turn, over and over, then take it away."""
+    """Place a box with random poses in and around the body, ``pokes`` times, then remove it."""
     driver = _driver({**FORMS["a box"][0], "at": [0.06, 0.0, HEIGHT + 0.1], "friction": friction})
     random = np.random.default_rng(15)
     for _ in range(pokes):
@@ -134,7 +135,7 @@ def _poked(friction: float, pokes: int) -> Finding:
 
 
 def _knocked(friction: float, knocks: int) -> Finding:
-    """Knock on the body with a box that turns as it comes, and goes up again, in motion."""
+    """Knock on the body with a box that moves down, rotates and moves up again, with dynamics, ``knocks`` times."""
     thing = {**FORMS["a box"][0], "at": [0.06, 0.0, HEIGHT + 0.03], "friction": friction}
     driver, random = _driver(thing, dynamics=MOTION), np.random.default_rng(15)
     for _ in range(knocks):
@@ -145,7 +146,7 @@ def _knocked(friction: float, knocks: int) -> Finding:
 
 
 def cases(pokes: int = POKES) -> list[Case]:
-    """Return the cases; random pokes are so many, knocks in motion as much fewer as by default."""
+    """Return the cases with obstacles; there are ``pokes`` random pokes and proportionally fewer knocks in motion."""
     knocks = max(1, pokes * KNOCKS // POKES)
     case = partial(Case, group=Group.CONTACT, policy=Policy.ENERGY, law="neo-hookean", bound=BOUND)
     found = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 7: long random walks of handles and actuators: no drift, no growth of memory, no growth of the step time."""
+"""Group 7: long random walks of handles and actuators without drift, and without growth of memory and step time."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy
 
 STEPS = 100_000
-"""Of the full walk."""
+"""Number of steps of the full walk."""
 BOUND = 1e-6
-"""Largest distance from rest over the length when every command is back at zero."""
+"""Largest distance from the undeformed shape, over the body's size, when every command is zero again."""
 RETURN = 200
-"""Steps of each path back."""
+"""Number of steps of each path back to zero."""
 PACE, PULL = 0.01, 0.001
-"""Step of the walk, and by how much it is pulled home, both over the range."""
+"""Standard deviation of a step of the walk, and fraction by which each step moves the point towards zero."""
 MOST_GROWTH = 5e6
-"""Of the resident memory [bytes]."""
+"""Largest growth of the resident memory [B]."""
 MOST_SLOWING = 1.1
-"""Of median step time and of iterations of the last thousand steps over those of the first."""
+"""Largest ratio of the last thousand steps to the first, for the median step time and for the iterations."""
 WINDOW = 1000
 SETTLING = 100
-"""Steps of either that are left out: caches fill and histories are learned."""
+"""Number of steps at the start of each window that are left out, because caches and histories are still empty."""
 FINGER = """
 name: finger
 mesh: {bar: {size: [0.10, 0.02, 0.02], cells: [10, 2, 2]}}
@@ -62,12 +62,12 @@ Drive = Callable[[NDArray[np.float64]], Command]
 
 @dataclass(frozen=True)
 class Track:
-    """A scene and how a point of the cube [-1, 1]^k commands it; zero is rest.
+    """A scene, and a function from points of the cube [-1, 1]^k to commands; zero is the neutral command.
 
     Attributes:
-        scene: makes the scene.
-        width: k.
-        command: from the point.
+        scene: function that returns the scene.
+        width: dimension k of the cube.
+        command: function from a point (k,) to a command.
     """
 
     scene: Callable[[], Scene]
@@ -97,15 +97,15 @@ TRACKS: dict[str, Track] = {
 
 @dataclass(frozen=True)
 class Walk:
-    """What a walk came to.
+    """Result of a walk.
 
     Attributes:
-        last: result of the last step, with every command at zero.
-        unconverged: steps that did not converge.
-        drift: largest distance from rest over the body's size.
-        growth: of the resident memory between the first thousand steps and the end [bytes].
-        first, final: median processor time of a step in the first and the last thousand [s].
-        iterations: of the same steps of the first and of the last thousand.
+        last: result of the last step, with every command zero.
+        unconverged: number of steps that did not converge.
+        drift: largest final distance from the undeformed shape, over the body's size.
+        growth: growth of the resident memory from the first thousand steps to the end [B].
+        first, final: median processor time of a step in the first and in the last thousand steps [s].
+        iterations: sums of iterations in the first and in the last thousand steps, with the same commands.
     """
 
     last: StepResult
@@ -117,7 +117,7 @@ class Walk:
     iterations: tuple[int, int]
 
     def flaws(self) -> list[str]:
-        """Say what is wrong with it, but for the drift."""
+        """Return a message for each defect of the walk, except for the drift."""
         found = []
         if self.unconverged:
             found.append(f"{self.unconverged} steps did not converge")
@@ -131,12 +131,12 @@ class Walk:
 
 
 class Walker:
-    """A simulation that is walked through points of the cube.
+    """A simulation that is commanded by points of the cube.
 
     Attributes:
-        simulation: that is walked.
-        unconverged: steps so far that did not converge.
-        result: of the last step.
+        simulation: the simulation.
+        unconverged: number of steps so far that did not converge.
+        result: result of the last step.
     """
 
     def __init__(self, track: Track) -> None:
@@ -144,7 +144,7 @@ class Walker:
         self.unconverged = 0
 
     def step(self, point: NDArray[np.float64]) -> float:
-        """Go to a point; return the processor time [s]."""
+        """Make a step with the command of a point; return its processor time [s]."""
         command = self._track.command(point)
         started = time.thread_time()
         self.result = self.simulation.step(command)
@@ -154,16 +154,17 @@ class Walker:
 
 
 def resident() -> float:
-    """Return the resident memory of this process [bytes]."""
+    """Return the resident memory of this process [B]."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * 4096.0
 
 
 def walk(track: Track, steps: int, *, seed: int = 1) -> Walk:
-    """Walk at random and home, make the first steps of the walk again, and go home again; ``steps`` in all.
+    """Walk at random, return to zero, repeat the first steps of the walk, and return to zero; ``steps`` steps in total.
 
-    The first and the last steps get the same commands from rest. So that they are timed on the same machine, which
-    others may use as well, a new simulation makes the first ones in turn with the last ones of the old.
+    The first and the last thousand steps have the same commands and start from the undeformed shape. Their times are
+    compared under equal load of the machine: a new simulation makes the first steps, in turn with the last steps of the
+    old simulation.
     """
     walker, random = Walker(track), np.random.default_rng(seed)
     window, back = min(WINDOW, steps // 4), np.linspace(1.0, 0.0, min(RETURN, steps // 8) + 1)[1:]
@@ -189,7 +190,7 @@ def walk(track: Track, steps: int, *, seed: int = 1) -> Walk:
 
 
 def _compare(new: Walker, old: Walker, points: list[NDArray[np.float64]]) -> tuple[float, float, tuple[int, int]]:
-    """Walk both through the same points in turn; return the median times and the iterations of each."""
+    """Move both simulations through the same points in turn; return the median times [s] and the iterations of both."""
     times, iterations = np.zeros((len(points), 2)), np.zeros((len(points), 2), dtype=np.int64)
     for i, point in enumerate(points):
         for column, walker in enumerate((new, old)):
@@ -215,7 +216,7 @@ def _run(track: Track, steps: int) -> Finding:
 
 
 def cases(steps: int = STEPS) -> list[Case]:
-    """Return the cases of the group, with walks of so many steps."""
+    """Return the cases of the group, with walks of ``steps`` steps."""
     return [
         Case(
             group=Group.WALKS,

@@ -127,7 +127,7 @@ def test_strip_coils_by_growth_alone(played: Callable[[str], Played]) -> None:
 
 
 def test_joint_of_two_materials_tells_hyperelasticity(played: Callable[[str], Played]) -> None:
-    """The joint of Fig. 10 moves by 0.33 +- 0.02 of the tip's path (measured: 0.315), and by more with initial moduli."""
+    """The joint of Fig. 10 moves by 0.33 +- 0.02 of the tip's path (measured: 0.315), by more with initial moduli."""
     simulation, results = played("two_material_bar")
     probes = simulation.probe_positions()
     share = probes["joint"][0] / probes["tip"][0]
