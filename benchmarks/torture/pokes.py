@@ -97,7 +97,7 @@ def _pressed(friction: float, presses: int) -> Finding:
     """Move a coarse block by more than a cell into another and rotate it, in single steps; finally separate them."""
     driver = Driver(scene_from_text(BLOCKS, overrides={"self_contact": {"friction": friction}}))
     simulation, random, depth = driver.simulation, np.random.default_rng(3), 0.0
-    inside = simulation.stepper.actuation.contacts[-1].inside
+    inside = simulation.stepper.actuation.contacts[-1].penetration
     for _ in range(presses):
         place = random.uniform([-0.02, -0.02, -0.06], [0.02, 0.02, 0.0])
         result = driver.step(Pose(tuple(place), tuple(random.uniform(-0.4, 0.4, 3))), name="high")

@@ -103,6 +103,15 @@ class MeshModel(Choice):
         "hand from the file of a right one; all other keys refer to the reflected mesh",
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _one_mesh(cls, entry: Any) -> Any:
+        kinds = cls.model_fields.keys()
+        parts = entry.values() if isinstance(entry, dict) and not entry.keys() & kinds else ()
+        if parts and all(isinstance(part, dict) and part.keys() & kinds for part in parts):
+            raise ValueError(f"lists several meshes: {', '.join(entry)}; remedy: rename the key `mesh` to `meshes`")
+        return entry
+
     @model_validator(mode="after")
     def _options_of_a_file(self) -> MeshModel:
         given = [name for name in _OF_A_FILE if getattr(self, name)]

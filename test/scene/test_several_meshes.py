@@ -42,6 +42,14 @@ def broken(text: str) -> str:
     return "\n".join(caught.value.defects)
 
 
+def test_several_meshes_under_the_key_mesh_are_named() -> None:
+    """Named meshes under `mesh` are refused with the right key; a misspelt kind of mesh is still called unknown."""
+    assert "mesh (line 3): lists several meshes: left, right; remedy: rename" in broken(
+        PAIR.replace("meshes:", "mesh:")
+    )
+    assert "mesh.barr" in broken(PAIR.replace("meshes:", "mesh: {barr: {size: [1, 1, 1]}}\nold:"))
+
+
 def test_every_place_may_be_told_in_the_frame_of_a_mesh() -> None:
     """Positions in the frame of a named mesh work in every section of a scene."""
     scene = scene_from_text(

@@ -52,7 +52,7 @@ class OwnContact(ContactTerm):
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
         self.surface = OwnSurface(body, meant.quads)
-        self.inside = Inside(body, self.surface.topology, meant)
+        self.penetration = Inside(body, self.surface.topology, meant)
         self._vertices, self._quads = self.surface.topology.vertices, self.surface.topology.quads
         count = len(self._vertices)
         reals = np.zeros(law.HEAD + law.STRIDE * count)
@@ -230,7 +230,7 @@ class OwnContact(ContactTerm):
 
         Every surface vertex is checked, also a vertex without a pair in the solve. The attribute ``buried`` is set.
         """
-        depth, text = self.inside.told(positions, DEEPEST * self._body.size)
+        depth, text = self.penetration.told(positions, DEEPEST * self._body.size)
         self.buried = depth > BURIED * self._body.size
         return text
 
@@ -241,11 +241,11 @@ class OwnContact(ContactTerm):
         it out through its nearest face.
         """
         within = min(REACH * self._body.size, self.surface.topology.depth)
-        depths = self.inside.depths(positions, within)[0]
+        depths = self.penetration.depths(positions, within)[0]
         self._sunk = np.zeros(len(depths), dtype=np.bool_)
         if not depths.any():
             return depths
-        before = self.inside.depths(self._from, DEEPEST * self._body.size)[0]
+        before = self.penetration.depths(self._from, DEEPEST * self._body.size)[0]
         self._sunk = before > 0.0
         self._reach = max(self._reach, CLEAR * float(before.max()))
         return np.where(self._sunk, 0.0, depths)

@@ -32,7 +32,7 @@ def the_contact(simulation: Simulation) -> OwnContact:
 def deepest(simulation: Simulation) -> float:
     """Return the largest depth of a vertex inside another part, divided by the body's size."""
     term = the_contact(simulation)
-    inside = term.inside
+    inside = term.penetration
     return float(inside.depths(simulation.state.positions, 0.0)[0].max()) / simulation.mesh.size
 
 
@@ -50,7 +50,7 @@ def test_depths_are_those_of_cubes_in_each_other(low: int, high: int, depth: flo
     term, x = the_contact(simulation), simulation.mesh.vertices.copy()
     vertices, above = term.surface.topology.vertices, x[:, 2] > 0.0
     x[above] += [0.004, 0.003, -depth - 2e-4]
-    inside = term.inside
+    inside = term.penetration
     found, cells = inside.depths(turned(x), 0.0)
     for side in (above, ~above):
         corner = x[~side].min(axis=0)
@@ -67,9 +67,10 @@ def test_nothing_is_inside_at_rest(name: str) -> None:
     """No vertex of an undeformed shipped scene is inside other cells, nor is one at positions that are not finite."""
     simulation = Simulation(load_scene(name, overrides={"self_contact": {}}))
     assert deepest(simulation) == 0.0
+    assert simulation.state.summary.converged, simulation.state.summary.message
     term = the_contact(simulation)
     lost = np.full_like(simulation.state.positions, np.nan)
-    assert not term.inside.depths(lost, 0.0)[0].any()
+    assert not term.penetration.depths(lost, 0.0)[0].any()
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
