@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pictures of docs/contact.md: ``python -m docs.scripts.contact_scenes`` plays the scenes and draws them."""
+"""Draw the pictures of docs/contact.md and docs/gripper.md: ``python -m docs.scripts.contact_scenes``."""
 
 from __future__ import annotations
 
@@ -50,6 +50,7 @@ class Shot:
 SHOTS = {
     "finger_press": Shot(moments=(1.0, 3.0)),
     "grasp": Shot(moments=(0.0, 1.2, 5.0, 14.5), size=(2.4, 3.2), zoom=1.5),
+    "ball_gripper": Shot(moments=(0.0, 1.2, 4.0), view=(10.0, -60.0), size=(2.9, 3.2), zoom=1.4),
     "ball_drop": Shot(moments=(0.0, 0.1, 0.4, 1.2), view=(8.0, -86.0), size=(6.5, 1.25), zoom=3.6, below=True),
     "crawler": Shot(moments=(0.2, 0.4, 0.6, 0.8), size=(6.5, 1.15), zoom=4.2, below=True),
     "soft_pinch": Shot(moments=(0.005, 1.2, 2.5, 4.9), view=(6.0, -84.0), size=(2.4, 3.0), zoom=1.4),

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from gdfe_ros import Simulation, load_scene
 from gdfe_ros.mesh import check_mesh
 from gdfe_ros.solver.result import StepResult
 
-SCENES = ["finger_press", "grasp", "ball_drop", "crawler", "peg_in_soft_hole", "soft_pinch"]
+SCENES = ["finger_press", "grasp", "ball_gripper", "ball_drop", "crawler", "peg_in_soft_hole", "soft_pinch"]
 Played = tuple[Simulation, list[StepResult], list[np.ndarray]]
 
 
@@ -131,6 +132,26 @@ def test_soft_fingers_carry_a_soft_ball(played: Callable[[str], Played]) -> None
     assert felt[1, 0] == pytest.approx(-felt[0, 0], rel=1e-3)
     assert felt[1, 0] > 0.2
     assert not results[-1].contacts["(self)"].vertices.size
+
+
+def test_three_fingers_lift_the_ball(played: Callable[[str], Played]) -> None:
+    """The fingers lift the ball with the palm by 5 cm, share its weight, and hold it without slip."""
+    simulation, results, places = played("ball_gripper")
+    last, weight = results[-1], 9.81 * 500 * 4.0 / 3.0 * np.pi * 0.02**3
+    np.testing.assert_allclose(places[-1], [0.0, 0.0, 0.05], atol=0.003)
+    assert last.reactions["ball"][2] == pytest.approx(-weight, rel=0.01)
+    assert not last.reactions["table"].any()
+    assert not last.contacts["ball"].slips.any()
+    tip = simulation.scene.sensors["front_tip"].wrench(last)
+    assert tip[2] == pytest.approx(-weight / 3.0, rel=0.02)
+    assert tip[0] > 0.2
+
+
+def test_the_page_about_the_gripper_has_the_shipped_scene() -> None:
+    """The scene on docs/gripper.md is the shipped one, to the letter."""
+    root = Path(__file__).parents[2]
+    scene = (root / "config" / "scenes" / "ball_gripper.yaml").read_text(encoding="utf-8")
+    assert f"```yaml\n{scene}```" in (root / "docs" / "gripper.md").read_text(encoding="utf-8")
 
 
 def test_the_peg_widens_the_hole(played: Callable[[str], Played]) -> None:
