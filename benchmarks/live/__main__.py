@@ -25,7 +25,7 @@ from gdfe_ros.scene import Scene, load_scene
 _CELLS = [28, 8, 8]
 """Cells of a bar whose steps take little time."""
 _WINDOW = (900, 500)
-"""Size of the browser's window [px]. It is small because the processor draws."""
+"""Size of the browser's window [px]. It is small because pages are rendered without a graphics card."""
 
 
 def main() -> None:
@@ -163,7 +163,7 @@ def _finish(browser: Browser, scene: Scene, arguments: argparse.Namespace) -> No
 
 
 def _delays(browser: Browser, *, moves: int = 9) -> tuple[float, float]:
-    """Move the first slider repeatedly; return median times [ms] until the changed body arrives, and is drawn."""
+    """Move the first slider; return two median delays [ms]: until the changed body arrives, and until it is drawn."""
     reached, drawn = [], []
     for _ in range(moves):
         browser.settle()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moments of the material in each cube of a grid that a closed surface cuts: volume, centroid, second moments."""
+"""Volume, centroid and second moments of the material that a closed surface leaves in each cube of a grid."""
 
 from __future__ import annotations
 

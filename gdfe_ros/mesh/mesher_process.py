@@ -111,7 +111,7 @@ def _gmsh_cells(gmsh) -> dict[str, np.ndarray]:
 
 
 def _name(gmsh, dimension: int, entity: int, noun: str) -> str:
-    """Return a set's name: a surface's name in the file without its path, or else ``noun`` and the entity's tag."""
+    """Return the name of a set: the surface's own name, without leading folders, or ``noun`` and the entity's tag."""
     given = gmsh.model.getEntityName(dimension, entity).rpartition("/")[2].strip()
     return given if given and dimension == 2 else f"{noun}_{entity}"
 

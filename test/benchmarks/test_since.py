@@ -10,7 +10,7 @@ from gdfe_ros.simulation import Simulation
 
 
 def test_a_play_is_the_same_each_time() -> None:
-    """Two plays of a small bar have the same steps, iterations and final bits."""
+    """A small bar's scene, played twice, has the same steps and iterations, and bit-identical last positions."""
     small = PLAYS["bend5 10x1x1, streamed"]
     simulation = Simulation(load_scene(small.scene, overrides=small.overrides))
     first, second = (play(simulation, 5) for _ in range(2))

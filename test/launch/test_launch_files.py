@@ -134,7 +134,7 @@ def test_only_what_is_given_is_put_over_the_parameter_file(sim: Any, tmp_path: P
 
 
 def test_rviz_is_given_the_topics_of_the_node(sim: Any) -> None:
-    """With a node in a namespace, RViz's displays are remapped to it, and its fixed frame is the node's."""
+    """For a node in a namespace, RViz's displays get the node's topics, and RViz's fixed frame is the node's frame."""
     _, rviz = _nodes(sim, rviz="true", namespace="left", frame_id="left/base")
     assert (rviz.named["package"], rviz.named["executable"]) == ("rviz2", "rviz2")
     assert ("/gdfe_sim/mesh", "/left/gdfe_sim/mesh") in rviz.named["remappings"]

@@ -48,7 +48,7 @@ def test_options_reach_the_material() -> None:
 
 @pytest.mark.parametrize(("name", "law"), [("rubber", Law.OGDEN), ("cheetah", Law.LINEAR)])
 def test_unknown_presets_are_refused(name: str, law: Law) -> None:
-    """An unknown preset or law is refused with the known ones."""
+    """An unknown preset or law is refused, and the message lists the known ones."""
     with pytest.raises(ValueError, match=r"presets: ninjaflex, cheetah, ecoflex_00_30, .*; laws: ogden, curve"):
         preset(name, law=law, poisson=0.4)
 

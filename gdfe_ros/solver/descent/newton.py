@@ -61,7 +61,7 @@ LONGEST = 10.0
 AWAY = 0.02
 """Length, divided by the body's size, of a step along negative curvature if no other direction is known."""
 FREE = 4
-"""Number of products of each Newton step that do not count towards the renewal of the tangent."""
+"""Number of matrix-vector products in each Newton step that are not counted; the others lead to a new tangent."""
 
 
 class Why(IntEnum):

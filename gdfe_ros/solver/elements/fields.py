@@ -179,10 +179,10 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
 def volume_pressures(
     body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
 ) -> NDArray[np.float64]:
-    """Return the pressures p_e (m,) [Pa] with which the kernels' volume term has the slope U'(J) of the volume energy.
+    """Return the pressures p_e (m,) [Pa] for which the derivative of the kernels' volume term by J is U'(J).
 
-    For an incompressible element p_e is 0, because the shape does not determine it. The volume term is then that of a
-    material with nu = 0.45.
+    U(J) is the volume energy density [Pa] of the material law. For an incompressible element p_e is 0, because the
+    positions do not determine its pressure. Its volume term is then that of a material with nu = 0.45.
     """
     pressure = np.zeros(len(body.material))
     _full_pressures(positions, (operators or body).shape, body.material, body.table, pressure)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 CALIBRATION = (-0.4141, 1.42245, 0.0017)
 """Eq. 7, R_G = 0.0017 R_M^2 + 1.42245 R_M - 0.4141, coefficients ascending."""
 CALIBRATED_TO = 90.0
-"""Largest R_G of the calibration, Sec. 4.2.1."""
+"""Largest ratio of shape factors for which Eq. 7 was calibrated (paper, Sec. 4.2.1)."""
 LARGEST_RATIO = 1e3
 """Largest ratio of moduli that shape factors represent; omega would be below 4e-4 for larger ratios."""
 

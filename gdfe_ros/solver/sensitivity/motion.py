@@ -22,7 +22,7 @@ from gdfe_ros.solver.terms.term import TermTable, terms_energy
 Kept = Mapping[str, Mapping[str, NDArray[np.float64]]]
 """Dict from term name to the term's stored state, itself a dict from name to array."""
 MOST_LENGTHS = 4
-"""Number of step lengths whose tangents are cached."""
+"""Largest number of time step lengths [s] for which tangents are cached."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
