@@ -46,7 +46,7 @@ def vertex_forces(body: Body, x: NDArray[np.float64], pressure: float = 0.0) -> 
 
 
 def crumpled(mesh: HexMesh, amount: float, seed: int = 0) -> NDArray[np.float64]:
-    """Return positions deformed by `GRADIENT`, with each vertex displaced at random by up to ``amount`` edge lengths."""
+    """Return positions deformed by `GRADIENT`, each vertex displaced at random by up to ``amount`` edge lengths."""
     random = np.random.default_rng(seed)
     edge = mesh.size / np.sqrt(3.0) / np.cbrt(mesh.n_cells)
     return mesh.vertices @ GRADIENT.T + amount * edge * random.uniform(-1.0, 1.0, mesh.vertices.shape)
