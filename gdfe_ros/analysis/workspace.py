@@ -75,12 +75,15 @@ def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, flo
     """Return the least and largest command (a, 2) of the actuators ``names``, from ``given`` or from the scene.
 
     Raises:
-        GdfeError: there is no such actuator, its range is not finite, or a given range exceeds that of the scene.
+        GdfeError: there is no such actuator, its range is not finite, a given range exceeds that of the scene, or is
+            given for an actuator that is not in ``names``.
     """
     known = {actuator.name: actuator for actuator in scene.actuators}
     for name in (*names, *given):
         if name not in known:
             raise GdfeError(f"no actuator {name!r} in scene {scene.name!r}; actuators: {', '.join(known) or 'none'}")
+    if unused := [name for name in given if name not in names]:
+        raise GdfeError(f"--range {unused[0]}: this actuator keeps its neutral command; add it to --actuators")
     found = [given.get(name, (known[name].low, known[name].high)) for name in names]
     for name, (low, high) in zip(names, found, strict=True):
         if not (math.isfinite(low) and math.isfinite(high)):

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
@@ -46,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="linear",
         help="loss function of the residuals (default: linear, the sum of their squares)",
     )
-    parser.add_argument("--workers", type=int, default=2, help="number of processes on this machine (default: 2)")
+    add_workers(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="directory for the results (default: <name>_fit)")
     tensile = parser.add_argument_group("a material from a tensile test")
     tensile.add_argument(
@@ -131,7 +132,8 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
     for recording in recordings:
         for text in recording.remarks:
             console.print(f"{recording.name}: {text}", markup=False, highlight=False)
-    with open_pool(scene.source, arguments.workers) as pool:
+    starts = ", ".join(f"{parameter.key} = {parameter.start:.4g}" for parameter in parameters)
+    with open_pool(scene.source, arguments.workers) as pool, waiting(f"simulating and searching, from {starts}"):
         fit = fit_scene(
             scene,
             fitted,

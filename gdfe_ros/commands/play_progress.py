@@ -11,9 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gdfe_ros.commands.convergence import Outcome
+from gdfe_ros.commands.waiting import INTERVAL
 
-INTERVAL = 10.0
-"""Time [s] between two lines where standard error is no terminal."""
 TERMINAL_INTERVAL = 0.2
 """Time [s] between two updates of the text at a terminal."""
 

@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from gdfe_ros.analysis.sweep.archive import Archive
 from gdfe_ros.analysis.sweep.cases import Case, grid_cases, read_axes, read_list
 from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 
@@ -39,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, help="directory for the results; a second run continues in it"
     )
-    parser.add_argument("--workers", type=int, default=2, help="number of processes on this machine (default: 2)")
+    add_workers(parser)
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="address of the scheduler of your own dask cluster, instead of --workers"
     )

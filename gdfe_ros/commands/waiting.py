@@ -1,35 +1,45 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A line of text at the terminal while a command is waiting."""
+"""A line about what a command is doing while it takes long."""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from threading import Timer
+from threading import Event, Thread, Timer
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 SILENT = 1.0
-"""Time [s] before the text appears; most scenes are loaded earlier."""
+"""Time [s] before the text appears at a terminal; most scenes are ready earlier."""
+INTERVAL = 10.0
+"""Time [s] between two lines where standard error is no terminal."""
 
 
 @contextmanager
-def waiting(text: str, *, console: Console | None = None, silent: float = SILENT) -> Iterator[None]:
-    """Show a text and the elapsed time during a ``with`` block; remove both at its end.
+def waiting(
+    text: str, *, console: Console | None = None, silent: float = SILENT, interval: float = INTERVAL
+) -> Iterator[None]:
+    """Show a text and the elapsed time while the body of the `with` statement runs.
 
-    Nothing is shown if standard error is not a terminal.
+    A terminal shows one line, which is removed at the end. A file or pipe receives a line every ten seconds.
 
     Args:
-        text: description of the work, e.g. "loading gripper".
-        console: console for the text; by default that of standard error.
-        silent: time before the text appears [s].
+        text: what is being done, e.g. "loading gripper".
+        console: to write to; by default that of standard error.
+        silent: time before the text appears at a terminal [s].
+        interval: time between two lines where the console is no terminal [s].
     """
-    if not (sys.stderr.isatty() if console is None else console.is_terminal):
+    terminal = sys.stderr.isatty() if console is None else console.is_terminal
+    with _at_a_terminal(text, console, silent) if terminal else _in_a_file(text, console, interval):
         yield
-        return
+
+
+@contextmanager
+def _at_a_terminal(text: str, console: Console | None, silent: float) -> Iterator[None]:
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -45,3 +55,20 @@ def waiting(text: str, *, console: Console | None = None, silent: float = SILENT
         timer.cancel()
         timer.join()
         progress.stop()
+
+
+@contextmanager
+def _in_a_file(text: str, console: Console | None, interval: float) -> Iterator[None]:
+    ended, started, file = Event(), time.monotonic(), sys.stderr if console is None else console.file
+
+    def write() -> None:
+        while not ended.wait(interval):
+            print(f"{text} ({time.monotonic() - started:.0f} s)", file=file, flush=True)
+
+    thread = Thread(target=write, name="waiting", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()

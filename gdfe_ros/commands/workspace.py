@@ -13,6 +13,7 @@ from rich.table import Table
 
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="range of an actuator's command, instead of the scene's",
     )
     parser.add_argument("--count", type=int, default=200, help="approximate number of commands (default: 200)")
-    parser.add_argument("--workers", type=int, default=2, help="number of processes on this machine (default: 2)")
+    add_workers(parser)
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key, e.g. mesh.bar.cells=[25,2,2]"
     )
@@ -59,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.count < 2:
         raise GdfeError(f"--count {arguments.count}; allowed: 2 or more")
     probe = arguments.probe or next(iter(scene.probes))
-    limits = ranges(scene, names, dict(_read_range(entry) for entry in arguments.range))
+    limits = ranges(scene, names, _read_ranges(arguments.range, names))
     commands = command_samples(limits, arguments.count)
     found = find_workspace(scene, probe, names, commands, workers=arguments.workers)
     out = arguments.out or Path(f"{scene.name}_workspace")
@@ -77,6 +78,14 @@ def run(arguments: argparse.Namespace) -> int:
         console.print(f"{len(missing)} commands have no equilibrium, first: {missing[0]}", style="yellow", markup=False)
     console.print(f"written  {out}, {time.perf_counter() - started:.3g} s", highlight=False)
     return UNREACHED if missing else 0
+
+
+def _read_ranges(entries: list[str], names: list[str]) -> dict[str, tuple[float, float]]:
+    given = [_read_range(entry) for entry in entries]
+    for option, words in (("--actuators", names), ("--range", [name for name, _ in given])):
+        if twice := {word for word in words if words.count(word) > 1}:
+            raise GdfeError(f"{option} names {', '.join(sorted(twice))} twice; give each name once")
+    return dict(given)
 
 
 def _read_range(entry: str) -> tuple[str, tuple[float, float]]:

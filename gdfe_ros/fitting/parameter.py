@@ -8,7 +8,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.document import parse_document
+from gdfe_ros.scene.keys import known_keys
+from gdfe_ros.scene.report import suggest
 from gdfe_ros.scene.scene import Scene
 
 _FORM = "--vary takes KEY=LOW..HIGH or KEY=LOW..START..HIGH, e.g. materials.silicone.young=1e5..1e6"
@@ -59,6 +62,7 @@ def read_parameters(entries: Iterable[str], scene: Scene) -> list[FittedParamete
 
     Raises:
         GdfeError: there is no entry, one is malformed, two have the same key, or the scene's value is not a number.
+        SceneError: the scene does not have a key, or does not allow an initial value.
     """
     data = parse_document(scene.source, heading=f"scene {scene.name}").data
     found = [_parameter(entry, data) for entry in entries]
@@ -67,6 +71,8 @@ def read_parameters(entries: Iterable[str], scene: Scene) -> list[FittedParamete
     keys = [parameter.key for parameter in found]
     if twice := {key for key in keys if keys.count(key) > 1}:
         raise GdfeError(f"--vary names {', '.join(sorted(twice))} twice; give each key once")
+    starts = {parameter.key: parameter.start for parameter in found}
+    scene_from_text(scene.source, origin=f"with {', '.join(starts)} from --vary", overrides=starts)
     return found
 
 
@@ -82,10 +88,23 @@ def _parameter(entry: str, data: object) -> FittedParameter:
     low, high = numbers[0], numbers[-1]
     if not low < high or not low <= numbers[1] <= high:
         raise GdfeError(f"--vary {key}: {interval}; allowed: LOW < HIGH, and START between them")
+    _require_names(key, data)
     own = _look_up(key, data)
     middle = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
     start = numbers[1] if len(numbers) == 3 else own if own is not None and low <= own <= high else middle
     return FittedParameter(key, low, high, start)
+
+
+def _require_names(key: str, data: object) -> None:
+    """Raise GdfeError if ``key`` contains a name, e.g. of a material, that the scene does not have."""
+    parts = key.split(".")
+    for depth, part in enumerate(parts[:-1]):
+        if not isinstance(data, dict):
+            return
+        if part not in data and depth and not known_keys(tuple(parts[:depth])):
+            place = ".".join(parts[:depth])
+            raise GdfeError(f"--vary {key}: the scene has no {part!r} in {place}{suggest(part, list(data))}")
+        data = data.get(part)
 
 
 def _look_up(key: str, data: object) -> float | None:

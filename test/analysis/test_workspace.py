@@ -81,6 +81,9 @@ def test_the_command_writes_table_and_picture(tmp_path: Path, capsys: Any) -> No
         (["--range", "side=1"], "--range takes NAME=LOW..HIGH"),
         (["--range", "upper=-1..1", "--actuators", "upper"], "allowed: from 0 to 0.6"),
         (["--count", "1"], "allowed: 2 or more"),
+        (["--actuators", "upper", "upper"], "--actuators names upper twice"),
+        (["--range", "side=0..0.4", "--range", "side=0..0.5"], "--range names side twice"),
+        (["--range", "side=0..0.5", "--actuators", "upper"], "--range side: this actuator keeps its neutral command"),
     ],
 )
 def test_what_cannot_be_is_refused(given: list[str], message: str, tmp_path: Path, capsys: Any) -> None:

@@ -31,8 +31,16 @@ def test_a_long_wait_is_shown() -> None:
         assert screen.seen.wait(60.0)
 
 
-def test_a_short_wait_and_a_file_show_nothing() -> None:
-    """Short work, and an output that is no terminal, show nothing; errors pass."""
+def test_a_file_receives_a_line_while_the_work_lasts() -> None:
+    """An output that is no terminal receives the text and the elapsed time during long work."""
+    screen = Screen()
+    with waiting("loading hand", console=Console(file=screen), interval=0.01):
+        assert screen.seen.wait(60.0)
+    assert "loading hand (0 s)" in screen.getvalue()
+
+
+def test_a_short_wait_shows_nothing() -> None:
+    """Short work shows nothing at a terminal or in a file; errors pass."""
     screen = Screen()
     with pytest.raises(ValueError, match="broken"), waiting("loading hand", console=Console(file=screen)):
         raise ValueError("broken")

@@ -84,6 +84,7 @@ def test_match_files_that_do_not_fit(
         ("materials.rubber.young=8e5..5e4", "allowed: LOW < HIGH"),
         ("materials.rubber.law=1..2", "'neo_hookean' there; a number is needed"),
         ("materials.rubber.jung=1..2", "jung (override): unknown key"),
+        ("materials.ruber.young=1e5..2e5", "no 'ruber' in materials; did you mean 'rubber'? allowed: rubber"),
         ("materials.rubber.density=900..1200", "no influence on the measured values"),
     ],
 )
