@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from time import monotonic
 
 import numpy as np
@@ -13,7 +13,6 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.obstacle import Obstacle
@@ -78,7 +77,7 @@ class Stage:
         self._size = scene.mesh.size * self._scale
         self.surface = DrawnSurface(scene.mesh, scale=self._scale)
         self._space = server.scene
-        server.initial_camera.look_at, server.initial_camera.position = first_view(scene.mesh, scene.arms)
+        server.initial_camera.look_at, server.initial_camera.position = first_view(scene)
         self._light()
         first = self.surface.pack(scene.mesh.vertices, np.zeros(self.surface.count))
         self._bodies = [self._space.add_glb(f"/body/{place}", first, visible=not place) for place in range(2)]
@@ -264,12 +263,20 @@ def scale_of(mesh: HexMesh) -> float:
     return 10.0 ** round(-math.log10(mesh.size))
 
 
-def first_view(mesh: HexMesh, arms: Sequence[Arm] = ()) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the camera's initial target (3,) and position (3,) in the units of the view; arms are wholly visible."""
-    links = [frame.origin for arm in arms for frame in arm.rest.values()]
-    corners = np.vstack([mesh.bounds, *links]) if links else mesh.bounds
+def first_view(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the camera's initial target (3,) and position (3,) in the units of the view.
+
+    The camera sees the undeformed body, the arms, the rigid bodies, and the body moved by each pose of the program.
+    """
+    mesh, program = scene.mesh, scene.program
+    bodily = {handle.name for handle in scene.handles if handle.section == "handles"}
+    frames = program.keyframes if program is not None else {}
+    moves = [key.pose.translation for name, keys in frames.items() if name in bodily for key in keys]
+    places = [frame.origin for arm in scene.arms for frame in arm.rest.values()]
+    places += [body.origin for body in scene.handles if isinstance(body, RigidBody)]
+    corners = np.vstack([mesh.bounds, *(mesh.bounds + move for move in moves), *places])
     middle, extent = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), np.ptp(corners, axis=0).max()
-    extent = extent if links else mesh.extent
+    extent = max(extent, mesh.extent)
     return scale_of(mesh) * middle, scale_of(mesh) * (middle + extent * _EYE)
 
 

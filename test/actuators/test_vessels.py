@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -12,6 +14,8 @@ from gdfe_ros import Simulation
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command
+from gdfe_ros.solver.stepping.attempt import Attempt
+from gdfe_ros.solver.stepping.way import SHORTEST_SUBSTEP, AttemptOutcome, Goal, Way
 
 SHEAR = 1e6 / (2 * 1.4999)
 RUBBER = """
@@ -186,3 +190,21 @@ def test_relative_policy_refuses_forces() -> None:
     """The policy ``relative`` refuses an actuator that exerts forces, and names it."""
     with pytest.raises(SceneError, match=r"cannot take air.*policy: energy"):
         Simulation(scene_from_text(SPHERE.replace("solver: {", "solver: {policy: relative, ") + PRESSURE))
+
+
+def test_the_cause_is_named_if_only_a_longer_increment_inflated_the_chamber() -> None:
+    """If the shortest increment ends in folds, but a longer one inflated the chamber without bound, the chamber is named.
+
+    Which of the two the shortest increment does depends on rounding (2 of 40 shifts of the vertices by 1e-13).
+    """
+    commands = {"air": 2e5}
+    goal = Goal(poses={}, commands=commands, tolerance=1e-6)
+    way = Way(poses={}, commands={"air": 1e5}, goal=goal, budget=1000, length=SHORTEST_SUBSTEP, unstable="air")
+    began = SimpleNamespace(sound=True, anchor=None, commands={"air": 1e5})
+    folded = SimpleNamespace(
+        converged=False, error_estimate=1.0, min_det=-0.1, buried=False, exhausted=True, lost=False, diverged=False,
+        cut=False, message="elements folded",
+    )  # fmt: skip
+    attempt = Attempt(way=way, began=began, solution=folded, jumps=False, unstable="", spent=False, patient=False)
+    assert attempt.verdict is AttemptOutcome.WITHDRAW
+    assert attempt.reason_to_withdraw.startswith("chamber 'air' lost its stability between 100000 and")

@@ -111,7 +111,7 @@ def test_the_report_works_in_a_browser(
     )
     _slide(browser, 5)
     before = _intensity(browser)
-    Select(browser.find_element(By.ID, "field")).select_by_visible_text("energy_density [J/m^3]")
+    Select(browser.find_element(By.ID, "field")).select_by_visible_text("energy density [J/m^3]")
     assert max(_intensity(browser)) > 100 * max(before)
     headings = [heading.text for heading in browser.find_elements(By.CSS_SELECTOR, "#charts h2")]
     assert set(headings) >= CHARTS

@@ -24,14 +24,28 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
+from gdfe_ros.live.stage import first_view, scale_of
 from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
+
+
+@pytest.mark.parametrize("name", ["ball_gripper", "gripper", "grasp", "pneunet"])
+def test_the_first_view_shows_the_whole_program(name: str) -> None:
+    """At first the camera sees the undeformed body, the rigid bodies, and the body at each pose of the program."""
+    scene = load_scene(name)
+    target, eye = first_view(scene)
+    moves = [key.pose.translation for keys in scene.program.keyframes.values() for key in keys]
+    places = [body.origin for body in scene.handles if isinstance(body, RigidBody)]
+    seen = np.vstack([scene.mesh.vertices, *(scene.mesh.vertices + move for move in moves), *places])
+    rays, axis = scale_of(scene.mesh) * seen - eye, (target - eye) / np.linalg.norm(target - eye)
+    assert (rays @ axis / np.linalg.norm(rays, axis=1)).min() > np.cos(np.radians(30.0))
 
 
 def test_a_slider_moves_the_body(live: Callable[..., Any]) -> None:

@@ -20,6 +20,17 @@ from gdfe_ros.scene import Scene
 MOST_FRAMES = 400
 BUDGET = 12 << 20
 """Limit of the size of all frames [B], before base64 adds a third."""
+LABELS = {
+    "eps_eq": "equivalent strain",
+    "J": "volume ratio J",
+    "omega": "shape factor",
+    "tangent": "tangent modulus",
+    "energy_density": "energy density",
+    "ux": "displacement along x",
+    "uy": "displacement along y",
+    "uz": "displacement along z",
+}
+"""Dict from published field to its name on the page."""
 _NOT_COLOURS = frozenset({"x", "y", "z"})
 
 
@@ -99,7 +110,12 @@ class Animation:
             noise = NOISE * (self.mesh.size if unit_of(name) == "m" else 1.0)
             least, most, colours = to_levels(np.array(frames).reshape(-1, 1), least_span=noise)
             arrays[f"field-{topic}-{name}"] = to_text(colours)
-            entry = {"id": f"field-{topic}-{name}", "name": name, "unit": unit_of(name)}
+            entry = {
+                "id": f"field-{topic}-{name}",
+                "name": name,
+                "label": LABELS.get(name, name),
+                "unit": unit_of(name),
+            }
             description["fields"].append(entry | {"low": float(least[0]), "high": float(most[0])})
         return description, arrays
 

@@ -77,8 +77,8 @@ class Attempt:
     def reason_to_withdraw(self) -> str:
         """The reason why the step returns to the last sound state."""
         way, message = self.way, self.solution.message
-        if self.unstable:
-            return inflated(self.unstable, self.began.commands, way.aim[1])
+        if way.unstable:
+            return inflated(way.unstable, self.began.commands, way.aim[1])
         if self.solution.diverged and not way.folded:
             return message
         what = ENTERS if self.solution.buried and self.solution.min_det > 0.0 else FOLDS

@@ -182,12 +182,13 @@ class Stepper:
         jumps = way.moves and jumped(state, solution, self.equilibrium.handles, self.body.size)
         way, before = way.tried(solution, jumps=jumps), state.unfinished.iterations if state.unfinished else 0
         patient = before + way.iterations < patience
+        unstable = "" if solution.cut and patient else self._unstable_chamber(state, solution, commands)
         return Attempt(
-            way=way,
+            way=changed(way, unstable=unstable or way.unstable),
             began=state,
             solution=solution,
             jumps=jumps,
-            unstable="" if solution.cut and patient else self._unstable_chamber(state, solution, commands),
+            unstable=unstable,
             spent=spent,
             patient=patient,
         )

@@ -62,6 +62,7 @@ class Way:
         folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
         leap: length of the first attempt from the present state that jumped to a sound equilibrium; 0 for none.
         leaping: whether this jump is accepted, because shorter attempts failed.
+        unstable: name of a chamber that lost its stability in an attempt; empty for none.
     """
 
     poses: Mapping[str, Pose]
@@ -76,6 +77,7 @@ class Way:
     folded: bool = False
     leap: float = 0.0
     leaping: bool = False
+    unstable: str = ""
 
     @classmethod
     def between(cls, state: State, goal: Goal, increments: int, limit: int) -> Way:

@@ -93,7 +93,7 @@ function outlines(axes) {
 }
 
 function fieldLabel(field) {
-  return field.unit ? `${field.name} [${field.unit}]` : field.name;
+  return field.unit ? `${field.label} [${field.unit}]` : field.label;
 }
 
 function chosenField() {
