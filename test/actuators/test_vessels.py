@@ -193,7 +193,7 @@ def test_relative_policy_refuses_forces() -> None:
 
 
 def test_the_cause_is_named_if_only_a_longer_increment_inflated_the_chamber() -> None:
-    """If the shortest increment ends in folds, but a longer one inflated the chamber without bound, the chamber is named.
+    """If the shortest increment ends in folds, but a longer one inflated a chamber without bound, the chamber is named.
 
     Which of the two the shortest increment does depends on rounding (2 of 40 shifts of the vertices by 1e-13).
     """
