@@ -102,6 +102,7 @@ class Simulation:
         self.origin = working_origin(scene.mesh)
         body = scene_body(scene, self.origin, self.settings.torsion)
         self.stepper = make_stepper(scene, self.settings, body, terms)
+        self._trail: Trail | None = None
         self.reset()
 
     @property
@@ -141,7 +142,6 @@ class Simulation:
         self.commands = dict(self.state.commands)
         self.commands.update({load.name: LOAD_FACTOR for load in self.scene.loads})
         self._neutral = dict(self.commands)
-        self._trail: Trail | None = None
         self._last: _Step | None = None
         self.result: StepResult | None = None
 
@@ -255,7 +255,7 @@ class Simulation:
         """Make a step; update the derivatives if `follow` requested them."""
         given: dict[str, Any] = {"duration": dt, "deadline": limit}
         if self._trail is not None:
-            self._trail.begin()
+            self._trail.begin(self.state)
             given["observer"] = self._trail.observe
         march = self.stepper.step(self.state, targets, commands, **given)
         if isinstance(self.stepper, MotionStepper):
@@ -434,7 +434,7 @@ class Simulation:
         if self._last is None or self._last.found.positions is not self.state.positions:
             raise GdfeError("no derivative: no step in motion led here; remedy: step first")
         trail = self._derivatives.trail(self._last.start, parameters)
-        trail.begin()
+        trail.begin(self._last.start)
         deadline = Deadline(interrupted=interrupted) if interrupted else None
         self._last.again(self.stepper, trail.observe, deadline)
         if deadline is not None and deadline.passed():
@@ -447,8 +447,9 @@ class Simulation:
         """Update derivatives in all further steps; `sensitivities` then returns those of the motion from now on.
 
         Effects of a parameter before this call are not included: a modulus counts as changed from the present time, a
-        command from the next step. Without dynamics this method has no effect, because the derivatives of an
-        equilibrium do not depend on earlier steps.
+        command from the next step. After the state was replaced, e.g. by `restore` or `reset`, and a step was made,
+        `sensitivities` raises an error until this method is called again. Without dynamics this method has no effect,
+        because the derivatives of an equilibrium do not depend on earlier steps.
 
         Args:
             parameters: names from `parameter_names`; None: all actuators.

@@ -98,8 +98,9 @@ def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, flo
 def command_samples(limits: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return about ``count`` commands (k, a) that fill the ranges (a, 2).
 
-    For up to `MOST_GRID` actuators they are a grid. For more, they are the corners of the ranges and points of Sobol's
-    sequence. Each command is close to the previous one, because the solver starts from the previous equilibrium.
+    For up to `MOST_GRID` actuators they are a grid. For more, they are the corners of the ranges, if these are at most
+    half of the commands, and points of Sobol's sequence. Each command is close to the previous one, because the solver
+    starts from the previous equilibrium.
     """
     dimensions = len(limits)
     if dimensions <= MOST_GRID:
@@ -107,8 +108,10 @@ def command_samples(limits: NDArray[np.float64], count: int) -> NDArray[np.float
         axes = [np.linspace(low, high, side) for low, high in limits]
         rows = np.array(list(product(*axes)))
         return rows if dimensions == 1 else np.concatenate(_to_and_fro(rows.reshape(side, side, dimensions)))
-    corners = np.array(list(product((0.0, 1.0), repeat=dimensions)))[:count]
-    rest = max(0, count - len(corners))
+    corners = np.zeros((0, dimensions))
+    if 2 ** (dimensions + 1) <= count:
+        corners = np.array(list(product((0.0, 1.0), repeat=dimensions)))
+    rest = count - len(corners)
     inside = qmc.Sobol(dimensions, scramble=False).random(1 << math.ceil(math.log2(rest + 1)))[1 : rest + 1]
     unit = np.concatenate([corners, inside])
     return limits[:, 0] + unit[_tour(unit)] * (limits[:, 1] - limits[:, 0])

@@ -107,22 +107,29 @@ class InverseControl:
     def reach(self, goals: ArrayLike) -> Reach:
         """Change the commands until the targets are at their goals, or as close as possible, in any number of steps.
 
-        If goals are out of reach, the commands are those of the closest point, and the message is not empty.
+        If goals are out of reach, the commands are those of the closest point, and the message is not empty. The search
+        also ends, with a message, at a state that has no derivative.
 
         Args:
             goals: (t, 3), one row for each target in the target's unit.
 
         Raises:
             CommandError: the shape is wrong, or a value is not finite; the state is unchanged.
-            GdfeError: an intermediate state has no derivative, e.g. because it is a saddle; the state is unchanged.
+            GdfeError: the present state has no derivative, e.g. because it is a saddle; the state is unchanged.
         """
-        wanted, tries, stuck = self._stack.checked(goals), 0, False
+        wanted, tries, stuck, reason = self._stack.checked(goals), 0, False, ""
         with self._all_or_nothing():
             error = self._errors(wanted)
             while tries < MOST_TRIES and not stuck and not self._stack.reached(error):
-                moved, error, spent = self._nearer(wanted, error)
+                try:
+                    moved, error, spent = self._nearer(wanted, error)
+                except GdfeError as flaw:
+                    if not tries:
+                        raise
+                    reason = str(flaw)
+                    break
                 tries, stuck = tries + spent, not moved
-        return self._told(error, tries)
+        return self._told(error, tries, reason)
 
     def move(self, goals: ArrayLike, dt: float) -> Reach:
         """Change the commands once towards the goals, as far as the rates allow in ``dt`` [s]; for control loops.
@@ -208,13 +215,14 @@ class InverseControl:
         """Return the exact Jacobian (m, n) of the errors in `Stack`."""
         return self._stack.jacobian(self.names)
 
-    def _told(self, error: Array, tries: int) -> Reach:
+    def _told(self, error: Array, tries: int, reason: str = "") -> Reach:
         now = self._now()
+        message = self._stack.message(error, self._stack.values(), self._limits.ended(now))
         return Reach(
             commands=dict(zip(self.names, now.tolist(), strict=True)),
             distances=self._stack.distances(error),
             reached=self._stack.reached(error),
-            message=self._stack.message(error, self._stack.values(), self._limits.ended(now)),
+            message="; ".join(filter(None, (message, reason))),
             tries=tries,
         )
 

@@ -46,12 +46,14 @@ class CommandLimits:
         """Return the limits of the actuators ``names`` of a scene.
 
         Raises:
-            CommandError: there is no such actuator, or none is named.
+            CommandError: there is no such actuator, none is named, or one is named twice.
         """
         known = {actuator.name: actuator for actuator in scene.actuators}
         for name in names:
             if name not in known:
                 raise CommandError(f"no actuator {name!r} in scene {scene.name!r}; actuators: {', '.join(known)}")
+        if len(set(names)) < len(names):
+            raise CommandError(f"actuators named twice: {', '.join(names)}; give each name once")
         if not names:
             raise CommandError(f"inverse control needs an actuator; actuators of {scene.name!r}: {', '.join(known)}")
         return cls([known[name] for name in names], slew=slew)

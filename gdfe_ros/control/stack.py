@@ -119,6 +119,6 @@ class Stack:
             return ""
         named = [f"{self.targets[i].name} {distances[i]:.3g} {self.targets[i].unit}" for i in far]
         parts = [f"nearest point so far, from the goal: {', '.join(named)}"]
-        parts += [text for i in far if (text := self.targets[i].obstacle(values[i]))]
+        parts += [text for i in far if (text := self.targets[i].obstacle(self._simulation, values[i]))]
         parts += [f"at the end of their range: {', '.join(ended)}"] if ended else []
         return "; ".join(parts)

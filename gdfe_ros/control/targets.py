@@ -44,8 +44,9 @@ class Aim(ABC):
     """SI unit of goals."""
 
     def __post_init__(self) -> None:
-        if not self.axes or not set(self.axes) <= {0, 1, 2}:
-            raise ValueError(f"axes of target {self.name!r} must be some of 0, 1, 2, got {self.axes!r}")
+        whole = all(isinstance(axis, int | np.integer) for axis in self.axes)
+        if not self.axes or not whole or sorted({0, 1, 2} & set(self.axes)) != sorted(self.axes):
+            raise ValueError(f"axes of target {self.name!r} must be some of 0, 1, 2, each once, got {self.axes!r}")
         for what, value in (("weight", self.weight), ("tolerance", self.tolerance)):
             if value is not None and not 0.0 < value < np.inf:
                 raise ValueError(f"the {what} of target {self.name!r} must be positive and finite, got {value!r}")
@@ -84,8 +85,8 @@ class Aim(ABC):
         """Return the derivative of the target (3, n), from the derivative of its output (k, n)."""
         return output[:3]
 
-    def obstacle(self, value: Array) -> str:
-        """Return the reason if no command can change the target's ``value`` (3,); empty otherwise."""
+    def obstacle(self, simulation: Simulation, value: Array) -> str:
+        """Return the reason why commands may not change the target's ``value`` (3,); empty if there is none."""
         return ""
 
 
@@ -225,6 +226,14 @@ class ForceTarget(Aim):
         """Return the larger of the magnitudes of the goal and of the present force [N]."""
         return max(float(np.linalg.norm(goal)), float(np.linalg.norm(value)), 1e-300)
 
-    def obstacle(self, value: Array) -> str:
-        """Return a message if nothing touches the obstacle; empty otherwise."""
-        return "" if value.any() else f"nothing touches {self.contact}: bring the body there first"
+    def obstacle(self, simulation: Simulation, value: Array) -> str:
+        """Return a message if nothing touches the obstacle, or if points slip on it; empty otherwise."""
+        if not value.any():
+            return f"nothing touches {self.contact}: bring the body there first"
+        touch = simulation.result.contacts.get(self.contact) if simulation.result else None
+        if touch is None or not touch.slips.any():
+            return ""
+        return (
+            f"points slip on {self.contact}, so that the force depends on the path: if the force has to fall, release "
+            "the contact, and approach the goal from smaller forces"
+        )

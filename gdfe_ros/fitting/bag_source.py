@@ -74,9 +74,26 @@ def _series(source: Source, scene: Scene, values: TopicValues, name: str, model:
         found = _cloud_values(observable, clouds[::every], scene, where)
     else:
         times, found = values.of(model, where)
-        found = found[::every, : along.shape[0] if along is not None else 1]
+        found = _components(found[::every], along, model.topic, where)
     sigma = model.sigma and model.sigma * factor
     return Series(name, observable, times[::every] - start, factor * found, labels, along, sigma)
+
+
+def _components(
+    found: NDArray[np.float64], along: NDArray[np.float64] | None, topic: str, where: str
+) -> NDArray[np.float64]:
+    """Return the components (m, c) of m messages along c directions (c, 3); the single numbers (m, 1) for None.
+
+    Raises:
+        GdfeError: a message has one number where a vector is needed, or a vector where one number is needed.
+    """
+    if found.shape[1] >= 3:
+        if along is None:
+            raise GdfeError(f"{where}: topic {topic} has vectors; an actuator has one number: name another topic")
+        return found[:, :3] @ along.T
+    if along is not None and len(along) > 1:
+        raise GdfeError(f"{where}: topic {topic} has one number a message; along what? give `along: [x, y, z]`")
+    return found[:, :1]
 
 
 def _cloud_values(

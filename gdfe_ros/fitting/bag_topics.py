@@ -120,6 +120,8 @@ def _label(part: Any) -> str:
 
 def _parts(message: Any, model: CompareModel | CommandModel) -> list[Any]:
     """Return the parts of a message that ``model`` selects: a frame's transform, a marker, or the whole message."""
+    if model.joint and hasattr(message, "effort"):  # several publishers may each name their own joints
+        return [message] if model.joint in message.name else []
     wanted = model.frame_id or model.marker
     return [part for part in _every(message) if wanted is None or _label(part) == wanted]
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.observable import POSITIONS, QuantityKind
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import Trajectory
@@ -94,6 +95,11 @@ def first_own(recording: Recording, trajectory: Trajectory) -> Own:
             sound = np.isfinite(points).all(axis=1) & np.isfinite(given).all(axis=1)
             ours.append(points[sound])
             theirs.append(given[sound])
+    if not ours:
+        raise GdfeError(
+            f"recording {recording.name}: `frame` needs positions of known points to begin with, and there is only a "
+            "cloud on the surface; remedy: compare a probe as well, or state the cloud in the scene's frame"
+        )
     before, after = np.concatenate(ours), np.concatenate(theirs)
     turn = Rotation.identity()
     if recording.frame == 6:

@@ -50,7 +50,7 @@ def _curves(problem: FitProblem, point: FitPoint, *, held_out: bool) -> Iterator
     for number, recording in enumerate(problem.recordings):
         values = predicted(recording, point.trajectories[number], point.own[number])
         for place, series in enumerate(recording.series):
-            unit = "" if series.observable.unit == "SI" else series.observable.unit
+            unit = series.observable.unit
             common = (recording.name, held_out, series.times)
             if len(series.labels) != series.values.shape[-1] or series.values.ndim == 3:
                 distance = _distance(parts[number][place] * problem.sigmas[number][place])

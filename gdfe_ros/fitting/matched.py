@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.actuators import Cable, Chamber
 from gdfe_ros.errors import GdfeError, MeshError
 from gdfe_ros.fitting.match_schema import AXES, CompareModel
 from gdfe_ros.fitting.observable import CLOUDS, POSITIONS, Observable, QuantityKind, require_known
@@ -32,7 +33,16 @@ def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observa
     kind = QuantityKind(value) if key == "cloud" else QuantityKind(key)
     name = "" if key == "cloud" else value
     require_known(kind, name, scene, where)
-    return Observable(kind, name, displacement=model.displacement)
+    return Observable(kind, name, displacement=model.displacement, actuator_unit=_actuator_unit(kind, name, scene))
+
+
+def _actuator_unit(kind: QuantityKind, name: str, scene: Scene) -> str:
+    """Return the SI unit of an actuator's effort or extent; empty for other quantities and for growth."""
+    units = {Cable: ("N", "m"), Chamber: ("Pa", "m^3")}
+    actuator = next((each for each in scene.actuators if each.name == name), None)
+    if kind not in (QuantityKind.EFFORT, QuantityKind.EXTENT):
+        return ""
+    return units.get(type(actuator), ("", ""))[kind is QuantityKind.EXTENT]
 
 
 def along_of(
@@ -48,7 +58,7 @@ def along_of(
         return ("",), None
     if not vector:
         raise GdfeError(f"{where}: an actuator has one number; give `column`, not `columns`")
-    if model.columns or model.topic:
+    if model.columns or (model.topic and model.along is None):
         axes = [axis for axis in AXES if not model.columns or axis in model.columns]
         return tuple(axes), np.array([[float(axis == other) for other in AXES] for axis in axes])
     if model.along is None:

@@ -43,17 +43,19 @@ class Observable:
         name: name of the probe, handle or actuator.
         vertices: indices (k,) of the vertices whose mean position is the quantity.
         displacement: whether positions are relative to the undeformed body.
+        actuator_unit: SI unit of an actuator's quantity.
     """
 
     kind: QuantityKind
     name: str = ""
     vertices: NDArray[np.int32] | None = None
     displacement: bool = False
+    actuator_unit: str = ""
 
     @property
     def unit(self) -> str:
-        """SI unit of the values. For an actuator it is the text ``SI``, because the unit depends on the actuator."""
-        return "m" if self.kind in POSITIONS else "N" if self.kind is QuantityKind.FORCE else "SI"
+        """SI unit of the values."""
+        return "m" if self.kind in POSITIONS else "N" if self.kind is QuantityKind.FORCE else self.actuator_unit
 
     def of(self, simulation: Simulation) -> NDArray[np.float64]:
         """Return the present values: (3,) for a point or a force, (1,) for an actuator, (3 n,) for n vertices."""

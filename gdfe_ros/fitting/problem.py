@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import Own, SurfaceDistances, first_own, residuals
+from gdfe_ros.fitting.observable import POSITIONS
 from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.pool import Pool
 from gdfe_ros.fitting.recording import Recording
@@ -219,7 +220,7 @@ def require_motion(recording: Recording, size: float) -> None:
             raise GdfeError(
                 f"{where}: the data do not move: every value is {finite[0]:g}; nothing can be fitted to them"
             )
-        if series.observable.unit != "m" or recording.frame:
+        if series.observable.kind not in POSITIONS or recording.frame:
             continue
         if np.abs(finite).max() > FARTHEST * size:
             raise GdfeError(

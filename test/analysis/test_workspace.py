@@ -39,6 +39,14 @@ def test_samples_fill_their_ranges() -> None:
         np.testing.assert_allclose([found.min(axis=0), found.max(axis=0)], bounds.T)
 
 
+def test_many_actuators_all_move() -> None:
+    """With more corners than commands, every command of nine actuators still covers its range."""
+    found = command_samples(np.array([[0.0, 1.0]] * 9), 200)
+    assert len(found) == 200
+    assert found.min(axis=0).max() < 0.05
+    assert found.max(axis=0).min() > 0.95
+
+
 def test_points_are_equilibria() -> None:
     """Each point of a workspace is that of a simulation from the undeformed state, within the tolerance."""
     scene = scene_from_text(TENDONS)

@@ -12,6 +12,7 @@ from scipy.optimize import lsq_linear
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.control import InverseControl, Target
 from gdfe_ros.control.programme import least_squares
+from gdfe_ros.control.stack import Stack
 from gdfe_ros.errors import CommandError, DependencyError, GdfeError
 
 TIP = Target(probe="tip", axes=(0, 2))
@@ -163,6 +164,27 @@ def test_a_state_without_derivative_ends_nothing_halfway() -> None:
     assert control.reach([goal]).reached
 
 
+def test_a_search_that_meets_a_state_without_derivative_keeps_its_best_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If only a later state of the search has no derivative, the search ends there, nearer to the goal, and says so."""
+    simulation = finger()
+    control, goal = InverseControl(simulation, [TIP]), simulation.probe_positions()["tip"] + np.array([0, 0, 0.02])
+    before, exact, calls = np.linalg.norm([0, 0, 0.02]), Stack.jacobian, []
+
+    def jacobian(stack: Stack, actuators: tuple[str, ...]) -> np.ndarray:
+        calls.append(actuators)
+        if len(calls) > 1:
+            raise GdfeError("no derivative: the equilibrium is unstable")
+        return exact(stack, actuators)
+
+    monkeypatch.setattr(Stack, "jacobian", jacobian)
+    found = control.reach([goal])
+    assert len(calls) == 2
+    assert not found.reached
+    assert found.distances[0] < before
+    assert found.message.endswith("no derivative: the equilibrium is unstable")
+    assert simulation.result.converged
+
+
 def test_wrong_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Unknown names, invalid goals, a scene in motion and a solver that is not installed are refused."""
     simulation = Simulation(load_scene("tendon_finger"))
@@ -170,8 +192,11 @@ def test_wrong_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         InverseControl(simulation, ["nail"])
     with pytest.raises(CommandError, match="no actuator 'muscle' in scene 'tendon_finger'; actuators: flexor"):
         InverseControl(simulation, ["tip"], actuators=["muscle"])
-    with pytest.raises(ValueError, match=r"axes of target 'tip' must be some of 0, 1, 2, got \(3,\)"):
-        Target(probe="tip", axes=(3,))
+    with pytest.raises(CommandError, match="actuators named twice: flexor, flexor"):
+        InverseControl(simulation, ["tip"], actuators=["flexor", "flexor"])
+    for axes in ((3,), (2.0,), (2, 2)):
+        with pytest.raises(ValueError, match="axes of target 'tip' must be some of 0, 1, 2, each once, got"):
+            Target(probe="tip", axes=axes)
     with pytest.raises(CommandError, match="remedy: a scene without dynamics"):
         InverseControl(Simulation(load_scene("silicone_beam")), ["tip"])
     with pytest.raises(CommandError, match=r"goals must be finite and of shape \(1, 3\)"):

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from gdfe_ros.cli import main
+from gdfe_ros.fitting.match_schema import CompareModel
+from gdfe_ros.fitting.matched import matched_observable
 from gdfe_ros.scene import load_scene
 
 YOUNG, VISCOSITY = "materials.rubber.young", "dynamics.damping.viscosity"
@@ -132,3 +134,14 @@ def test_a_robust_loss_forgives_outliers(write_scene: Callable, write_table: Cal
         assert _fit(write_scene(), data, *given) == 0
         found[loss] = abs(_values(tmp_path / loss)[YOUNG]["value"] / 2e5 - 1.0)
     assert found["cauchy"] < 0.01 < found["linear"]
+
+
+def test_pressures_and_volumes_have_units_of_their_own() -> None:
+    """Efforts and extents of cables and chambers are weighted apart: N, m, Pa and m^3."""
+    scene = load_scene("pneunet")
+    chamber = next(iter(scene.actuators)).name
+    units = [matched_observable(CompareModel(**{key: chamber}), scene, "here").unit for key in ("effort", "extent")]
+    assert units == ["Pa", "m^3"]
+    finger = load_scene("tendon_finger")
+    units = [matched_observable(CompareModel(**{key: "flexor"}), finger, "here").unit for key in ("effort", "extent")]
+    assert units == ["N", "m"]

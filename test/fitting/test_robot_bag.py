@@ -32,6 +32,7 @@ TOPICS = {
     "/tf": "tf2_msgs/msg/TFMessage",
     "/markers": "visualization_msgs/msg/MarkerArray",
     "/points": "sensor_msgs/msg/PointCloud2",
+    "/height": "std_msgs/msg/Float64MultiArray",
 }
 
 
@@ -78,6 +79,7 @@ def _messages(second: float, force: float, tip: np.ndarray, cloud: np.ndarray) -
     fields = [field(name, 4 * place, 7, 1) for place, name in enumerate("xyz")]
     empty = np.zeros(0)
     return {
+        "/height": _type(TOPICS["/height"])(_type("std_msgs/msg/MultiArrayLayout")([], 0), np.array([tip[2]])),
         "/cmd": _type(TOPICS["/cmd"])(head, ["motor"], empty, empty, np.array([force])),
         "/pose": _type(TOPICS["/pose"])(head, pose(_point("Point", tip), _straight())),
         "/tf": _type(TOPICS["/tf"])(frames),
@@ -113,6 +115,8 @@ def robot_bag(pulled_text: str, tmp_path: Path) -> Path:
         "{probe: tip, topic: /tf, frame_id: tip}",
         "{probe: tip, topic: /markers, marker: body/3}",
         "{cloud: surface, topic: /points}",
+        "{probe: tip, topic: /height, along: [0, 0, 1]}",
+        "{probe: tip, topic: /pose, along: [0, 0, -2]}",
     ],
 )
 def test_a_robot_is_fitted(entry: str, robot_bag: Path, write_scene: Callable, tmp_path: Path) -> None:
@@ -134,11 +138,12 @@ def test_a_robot_is_fitted(entry: str, robot_bag: Path, write_scene: Callable, t
         (
             "{probe: tip, topic: /pose}",
             "{topic: /cmd, joint: moter}",
-            "`joint: moter` is not in topic /cmd; it has motor",
+            "topic /cmd never has 'moter'; it has motor",
         ),
         ("{probe: tip, topic: /pose}", "{topic: /cmd, joint: motor, field: position}", "has no position of motor"),
         ("{cloud: vertices, topic: /points}", "{topic: /cmd, joint: motor}", "remedy: cloud: surface"),
         ("{cloud: surface, topic: /pose}", "{topic: /cmd, joint: motor}", "a PointCloud2 is needed"),
+        ("{probe: tip, topic: /height}", "{topic: /cmd, joint: motor}", "has one number a message; along what?"),
     ],
 )
 def test_what_a_topic_does_not_have(

@@ -112,6 +112,18 @@ def test_looking_changes_no_bit_of_what_is_stable(monkeypatch: pytest.MonkeyPatc
     assert run(look=True) == run(look=False)
 
 
+def test_a_cable_at_the_edge_of_slack_makes_nothing_unstable() -> None:
+    """A gripper with one tendon just slack is not called unstable: pushed aside, it returns."""
+    simulation = Simulation(load_scene("gripper"))
+    result = simulation.step(Command(actuators={"left": 0.001439, "right": 0.001784, "upper": 0.0}))
+    assert result.converged
+    assert result.stable is not False
+    assert result.message == ""
+    there, noise = simulation.positions.copy(), np.random.default_rng(0).standard_normal(simulation.positions.shape)
+    simulation.set_positions(there + 1e-3 * simulation.mesh.size * noise)
+    assert np.abs(simulation.step().positions - there).max() < 1e-4 * simulation.mesh.size
+
+
 def test_a_policy_without_energy_does_not_say() -> None:
     """The policy ``relative``, which has no energy, reports no stability."""
     text = f"{COLUMN}solver: {{policy: {Policy.RELATIVE.value}}}\n"

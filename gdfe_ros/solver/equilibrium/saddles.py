@@ -87,6 +87,10 @@ class Saddles:
             soft, history = SoftDirection(direction=seen.direction, asked=0, looked=0), whole.keeper.export()
             if seen.value > -FLAT:
                 return _told(found, soft, stable=True if seen.known else None)
+            if not self._stability.curves_down(
+                task, seen.direction
+            ):  # a kink misled the search, e.g. a just slack cable
+                return _told(found, soft, stable=None)
             down = None if past(solve.problem.deadline) else self._stability.leave(task, seen.direction)
             if down is None or found.iterations >= solve.problem.limit:
                 break

@@ -21,6 +21,7 @@ from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
 Kept = Mapping[str, Mapping[str, NDArray[np.float64]]]
 """Dict from term name to the term's stored state, itself a dict from name to array."""
+REPLACED = "no derivative: the state was replaced after `follow`, by restore, reset or set_positions; remedy: follow"
 MOST_LENGTHS = 4
 """Largest number of time step lengths [s] for which tangents are cached."""
 
@@ -66,8 +67,10 @@ class Trail:
         self.columns = [still for _ in parameters]
         self._began = [0.0 for _ in parameters]
 
-    def begin(self) -> None:
-        """Record the beginning of a step of the simulation, from which commands change linearly."""
+    def begin(self, state: State) -> None:
+        """Record ``state``, the beginning of a step of the simulation, from which commands change linearly."""
+        if state.positions is not self.state.positions:
+            self.flaw = REPLACED
         self._began = [column.share for column in self.columns]
 
     def observe(self, stage: InternalStep) -> None:

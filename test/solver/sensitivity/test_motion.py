@@ -165,6 +165,25 @@ def test_the_jacobian_of_the_last_step() -> None:
     np.testing.assert_allclose(exact, difference, rtol=0, atol=NEAR * np.abs(difference).max())
 
 
+@pytest.mark.parametrize(
+    "replaced", [lambda s, there: s.restore(there), lambda s, there: s.reset()], ids=["restore", "reset"]
+)
+def test_a_replaced_state_ends_the_following(replaced: Callable[[Simulation, Any], None]) -> None:
+    """After a restore or reset, derivatives of the abandoned motion are refused until `follow` is called again."""
+    simulation = Simulation(scene_from_text(BAR))
+    simulation.follow(["loads.weight"])
+    simulation.step()
+    there = simulation.snapshot()
+    simulation.step()
+    replaced(simulation, there)
+    simulation.step()
+    with pytest.raises(GdfeError, match=r"state was replaced after `follow`.*remedy: follow"):
+        simulation.sensitivities()
+    simulation.follow(["loads.weight"])
+    simulation.step()
+    assert np.abs(simulation.sensitivities().matrix).max() > 0.0
+
+
 def test_what_has_no_derivative() -> None:
     """A derivative before the first step, or by a parameter that is not followed, is refused with one clear error."""
     simulation = Simulation(scene_from_text(BAR))
@@ -172,5 +191,7 @@ def test_what_has_no_derivative() -> None:
         simulation.sensitivities()
     simulation.follow(["loads.weight"])
     simulation.step(PULL)
+    with pytest.raises(CommandError, match=r"derivatives need a parameter; parameters of this scene: actuators.a"):
+        simulation.follow([])
     with pytest.raises(CommandError, match=r"'actuators.a' is not followed; followed: loads.weight"):
         simulation.sensitivities(None, ["actuators.a"])
