@@ -424,6 +424,10 @@ class Simulation:
         """
         derivatives, trail = self._derivatives, self._trail
         if not isinstance(self.stepper, MotionStepper):
+            if self.result is None and self.commands != self.state.commands:
+                raise GdfeError(
+                    "no derivative: the first commands, as of loads, are not solved yet; remedy: step first"
+                )
             return derivatives.found(self.state, outputs, parameters, interrupted=interrupted)
         if trail is None or trail.state.positions is not self.state.positions:
             trail = self._last_step_followed(parameters, interrupted)
@@ -455,10 +459,11 @@ class Simulation:
             parameters: names from `parameter_names`; None: all actuators.
 
         Raises:
-            CommandError: there is no such parameter.
+            CommandError: there is no such parameter, or none is named.
         """
         derivatives = self._derivatives
-        derivatives.named(parameters)
+        if not derivatives.named(parameters):
+            raise CommandError(f"nothing to follow; parameters of this scene: {', '.join(self.parameter_names)}")
         if isinstance(self.stepper, MotionStepper):
             self._trail = derivatives.trail(self.state, parameters)
 

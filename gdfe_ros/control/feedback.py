@@ -87,7 +87,7 @@ class FeedbackControl:
         self._stack = Stack(simulation, targets, tolerance)
         self.names = tuple(simulation.actuator_names if actuators is None else actuators)
         self._limits = CommandLimits.of_scene(simulation.scene, self.names, slew=slew)
-        if not simulation.settled:
+        if simulation.result is None or not simulation.settled:
             simulation.step()
         self._rows, self._learning = self._stack.jacobian(self.names), learning
         self._costs = np.maximum(self._limits.costs(self._rows), 1e-300)

@@ -155,7 +155,7 @@ class InverseControl:
         """Solve for an equilibrium first; restore the initial state if an error occurs inside the ``with`` block."""
         before = self.simulation.snapshot()
         try:
-            if not self.simulation.settled:
+            if self.simulation.result is None or not self.simulation.settled:
                 self.simulation.step()
             yield
         except GdfeError:

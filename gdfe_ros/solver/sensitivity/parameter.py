@@ -120,13 +120,11 @@ class Parameters:
         """Return parameters by their names.
 
         Raises:
-            CommandError: there is no such parameter, or none is named.
+            CommandError: there is no such parameter.
         """
-        known = ", ".join(self._made) or "none"
-        if not names:
-            raise CommandError(f"derivatives need a parameter; parameters of this scene: {known}")
         for name in names:
             if name not in self._made:
+                known = ", ".join(self._made) or "none"
                 raise CommandError(f"no parameter {name!r} in this scene; parameters: {known}")
         return [self._made[name] for name in names]
 

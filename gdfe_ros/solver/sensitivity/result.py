@@ -31,7 +31,13 @@ class Sensitivities:
 
     @property
     def matrix(self) -> NDArray[np.float64]:
-        """All rows (sum of k, p), output by output."""
+        """All rows (sum of k, p), output by output.
+
+        Raises:
+            CommandError: no parameter was requested, e.g. because the scene has no actuators.
+        """
+        if not self.parameters:
+            raise CommandError("no derivatives: no parameter was named, and the scene may have no actuators")
         rows = [self.values[name] for name in self.outputs]
         return np.concatenate(rows) if rows else np.zeros((0, len(self.parameters)))
 

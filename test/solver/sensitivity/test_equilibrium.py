@@ -11,7 +11,7 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import CommandError, GdfeError
-from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.solver.tangent.level import TangentLevel
 
 NEAR = 1e-4
@@ -298,3 +298,19 @@ def test_a_warm_column_needs_a_few_solves_and_no_factor(
     assert counts["solve"] <= min(before, most * len(names))
     assert not seen_by_solver
     np.testing.assert_array_equal(warm, cold)
+
+
+def test_there_is_no_derivative_before_the_first_step() -> None:
+    """With gravity, the undeformed state is no equilibrium, and derivatives are refused until a step has been made."""
+    simulation = Simulation(load_scene("tendon_finger"))
+    for _ in range(2):
+        with pytest.raises(GdfeError, match="not solved yet; remedy: step first"):
+            simulation.sensitivities()
+        simulation.step()
+        assert simulation.sensitivities().matrix.shape == (3, 2)
+        with pytest.raises(CommandError, match="no parameter was named"):
+            _ = simulation.sensitivities(None, []).matrix
+        there = simulation.snapshot()
+        simulation.restore(there)
+        assert simulation.sensitivities().matrix.shape == (3, 2)
+        simulation.reset()

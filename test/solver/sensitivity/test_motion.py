@@ -191,7 +191,7 @@ def test_what_has_no_derivative() -> None:
         simulation.sensitivities()
     simulation.follow(["loads.weight"])
     simulation.step(PULL)
-    with pytest.raises(CommandError, match=r"derivatives need a parameter; parameters of this scene: actuators.a"):
+    with pytest.raises(CommandError, match=r"nothing to follow; parameters of this scene: actuators.a"):
         simulation.follow([])
     with pytest.raises(CommandError, match=r"'actuators.a' is not followed; followed: loads.weight"):
         simulation.sensitivities(None, ["actuators.a"])
