@@ -113,7 +113,7 @@ def _drag(arguments: argparse.Namespace) -> None:
         browser.settle()
         before = list(browser.wire.arrivals())[-1]
         handle = next(handle for handle in scene.handles if is_commanded(handle))
-        browser.drag_control(scene.mesh, handle, (0, 0, 1), pixels=60.0)
+        browser.drag_control(scene, handle, (0, 0, 1), pixels=60.0)
         seen: list[Arrival] = []
 
         def arrived() -> bool:

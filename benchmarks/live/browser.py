@@ -18,7 +18,7 @@ from benchmarks.live.wire import Wire
 from gdfe_ros.constraints import Handle
 from gdfe_ros.live.stage import CONTROL, first_view, scale_of
 from gdfe_ros.live.surface import DrawnSurface
-from gdfe_ros.mesh import HexMesh
+from gdfe_ros.scene import Scene
 
 _FIELD = np.radians(75.0)
 """Vertical field of view of viser's camera [rad]."""
@@ -131,16 +131,17 @@ class Browser:
             self._mouse("mouseMoved", place, buttons=1)
         self._mouse("mouseReleased", places[-1])
 
-    def drag_control(self, mesh: HexMesh, handle: Handle, axis: Sequence[float], *, pixels: float) -> None:
+    def drag_control(self, scene: Scene, handle: Handle, axis: Sequence[float], *, pixels: float) -> None:
         """Drag the head of an arrow of a handle's control in the direction of the arrow.
 
         Args:
-            mesh: mesh of the body; the camera must not have moved since the page was opened.
+            scene: scene of the page; the camera must not have moved since the page was opened.
             handle: handle in its rest pose.
             axis: direction of the arrow (3,).
             pixels: length of the path [px].
         """
-        scale, view = scale_of(mesh), first_view(mesh)
+        mesh, view = scene.mesh, first_view(scene)
+        scale = scale_of(mesh)
         foot = scale * handle.centre(mesh.vertices)
         head = foot + 0.9 * CONTROL * scale * mesh.size * np.array(axis)
         start, end = np.array(self._project(foot, view)), np.array(self._project(head, view))

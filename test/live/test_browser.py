@@ -35,7 +35,7 @@ def test_a_user_drags_a_handle(live: Callable[..., Any]) -> None:
         browser.open(page.page.port)
         browser.wait(lambda: "converged" in browser.text(), "the page")
         browser.dismiss()
-        browser.drag_control(mesh, session.scene.handles[1], (0, 0, 1), pixels=60.0)
+        browser.drag_control(session.scene, session.scene.handles[1], (0, 0, 1), pixels=60.0)
         browser.wait(lambda: session.simulation.targets["tip"].translation[2] > 0.1 * mesh.size, "the drag")
         browser.settle()
         x, y, z = session.simulation.targets["tip"].translation
