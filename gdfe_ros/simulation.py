@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gdfe_ros.actuators import ActuatorState, Gravity
-from gdfe_ros.arms.carriers import Carriers, JointReading
+from gdfe_ros.actuators import ActuatorState, total_gravity
+from gdfe_ros.arms.carriers import Carriers, JointReading, Motions
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.command import Command, Orders, checked_positions, require_snapshot
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.coupling.coupling import Coupling
 from gdfe_ros.errors import ENDED, CommandError, GdfeError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
@@ -102,6 +103,14 @@ class Simulation:
         self.origin = working_origin(scene.mesh)
         body = scene_body(scene, self.origin, self.settings.torsion)
         self.stepper = make_stepper(scene, self.settings, body, terms)
+        self._coupling = Coupling(
+            scene.arms,
+            self.stepper,
+            dynamics=scene.dynamics,
+            loads=scene.loads,
+            tolerance=self.settings.tolerance,
+            origin=self.origin,
+        )
         self._trail: Trail | None = None
         self.reset()
 
@@ -137,6 +146,7 @@ class Simulation:
         """Restore the initial state at time 0."""
         self.state = self.stepper.at_rest()
         self._joints, self._cuts = self._carriers.at_rest(), {}
+        self._links = self._coupling.at_rest()
         self.time = 0.0
         self.targets = {handle.name: Pose() for handle in self.scene.handles}
         self.commands = dict(self.state.commands)
@@ -179,7 +189,7 @@ class Simulation:
     def snapshot(self) -> Snapshot:
         """Return all data that change during a run, as an immutable value for `restore`."""
         given = {"targets": self.targets, "commands": self.commands, "scene": self._orders.text}
-        return Snapshot(state=self.state, time=self.time, joints=self._joints, **given)
+        return Snapshot(state=self.state, time=self.time, joints=self._joints, links=self._links, **given)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of a simulation of the same scene; raise `CommandError` if its scene is another one."""
@@ -188,6 +198,7 @@ class Simulation:
         self._orders.require_own(snapshot)
         self.state, self.time, self.result = state, snapshot.time, None
         self._joints, self._cuts = self._carriers.restored(snapshot.joints), {}
+        self._links = self._coupling.restored(snapshot.links)
         self.targets, self.commands = dict(snapshot.targets), dict(snapshot.commands)
 
     def warm_up(self) -> None:
@@ -230,17 +241,20 @@ class Simulation:
         targets |= moved.poses
         commands = self._orders.values(command, self.commands)
         limited = self._orders.within_rates(commands, self.state.commands, dt)
-        rests = not places and self.stepper.rests(self.state, targets, limited)
+        rests = not places and self._rests(moved.motions, targets, limited)
         if moves and not rests:
             require_countable(dt=dt, step=moves.step)
         self.state = self.stepper.put(self.state, places) if places else self.state
-        self.targets, self.commands = targets, commands
+        former, self.targets, self.commands = self.targets, targets, commands
         before, self._joints, self._cuts = self._joints, moved.motions, moved.cuts
         limit = Deadline.of(started, deadline, cut_after, interrupted)
         march = None
-        rests = rests or (bool(places) and self.stepper.rests(self.state, targets, limited))
+        rests = rests or (bool(places) and self._rests(self._joints, targets, limited))
         if not rests and (dt or not moves):
-            march = self._stepped(targets, limited, dt, limit)
+            if self._coupling:
+                march = self._coupled((before, self._joints), (former, targets), limited, dt, limit)
+            else:
+                march = self._stepped(targets, limited, dt, limit)
             self.state = march.state
             if march.simulated is not None and march.simulated < dt:
                 self._joints = self._carriers.part_way(before, self._joints, march.simulated / dt)
@@ -248,6 +262,25 @@ class Simulation:
         given = {"time": self.time, "origin": self.origin, "settings": self.settings}
         self.result = step_result(self.stepper, self.state, march, **given, started=started, limit=limit)
         return self.result
+
+    def _rests(self, motions: Motions, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
+        """Return whether body and yielding joints are at rest, and would stay at rest at these commands."""
+        return self._coupling.rests(motions, self._links) and self.stepper.rests(self.state, targets, commands)
+
+    def _coupled(
+        self,
+        motors: tuple[Motions, Motions],
+        targets: tuple[Mapping[str, Pose], Mapping[str, Pose]],
+        commands: Mapping[str, float],
+        dt: float,
+        limit: Deadline | None,
+    ) -> March:
+        """Make a step of the body and the yielding joints; ``motors`` and ``targets`` are before and after the step."""
+        given = {"links": self._links, "motors": motors, "targets": targets, "commands": commands}
+        outcome = self._coupling.step(self.state, **given, duration=dt, deadline=limit)
+        self._links = outcome.links
+        self.targets = {**self.targets, **outcome.poses}
+        return outcome.march
 
     def _stepped(
         self, targets: Mapping[str, Pose], commands: Mapping[str, float], dt: float, limit: Deadline | None
@@ -265,7 +298,7 @@ class Simulation:
     @property
     def settled(self) -> bool:
         """Whether the state stays constant without a new command."""
-        if not self._carriers.arrived(self._joints):
+        if not (self._carriers.arrived(self._joints) and self._coupling.rests(self._joints, self._links)):
             return False
         if isinstance(self.stepper, MotionStepper):
             return self.stepper.settled(self.state, self.targets, self.commands)
@@ -362,16 +395,21 @@ class Simulation:
     @property
     def joint_positions(self) -> dict[str, float]:
         """Dict from joint of an arm to its present position [rad] or [m]."""
-        return self._carriers.parts(self._joints, "positions")
+        return self._carriers.parts(self._shown, "positions")
 
     @property
     def joint_velocities(self) -> dict[str, float]:
         """Dict from joint of an arm to its mean velocity in the last step [rad/s] or [m/s]."""
-        return self._carriers.parts(self._joints, "velocities")
+        return self._carriers.parts(self._shown, "velocities")
 
     def link_frames(self) -> dict[str, LinkFrame]:
         """Return dict from link of an arm to its frame in the world."""
-        return self._carriers.frames(self._joints)
+        return self._carriers.frames(self._shown)
+
+    @property
+    def _shown(self) -> Motions:
+        """Motions of the joints on the side of the links; for rigid joints they are those of the motors."""
+        return self._coupling.on_links(self._joints, self._links)
 
     def joint_states(self) -> dict[str, JointReading]:
         """Return dict from joint of an arm to its position, velocity and effort, and the limits that restricted it.
@@ -381,13 +419,10 @@ class Simulation:
         """
         if not self._carriers:
             return {}
-        summary = self.state.summary
         contacts = self.result.contacts if self.result is not None else {}
-        weights = (
-            self.commands[each.name] * each.acceleration for each in self.scene.loads if isinstance(each, Gravity)
-        )
-        loaded = {"reactions": summary.reactions, "contacts": contacts, "gravity": sum(weights, start=np.zeros(3))}
-        return self._carriers.readings(self._joints, self.targets, **loaded, cuts=self._cuts)
+        loaded = {"reactions": self.state.summary.reactions, "contacts": contacts}
+        gravity = total_gravity(self.scene.loads, self.commands)
+        return self._carriers.readings(self._shown, self.targets, **loaded, gravity=gravity, cuts=self._cuts)
 
     def probe_positions(self) -> dict[str, NDArray[np.float64]]:
         """Return dict from probe to its present position (3,) [m]."""
@@ -422,6 +457,7 @@ class Simulation:
             CommandError: there is no such output or parameter.
             GdfeError: there is no derivative, e.g. at a saddle or after a step that has not converged; or interrupted.
         """
+        self._require_rigid_joints()
         derivatives, trail = self._derivatives, self._trail
         if not isinstance(self.stepper, MotionStepper):
             if self.result is None and self.commands != self.state.commands:
@@ -461,11 +497,19 @@ class Simulation:
         Raises:
             CommandError: there is no such parameter, or none is named.
         """
+        self._require_rigid_joints()
         derivatives = self._derivatives
         if not derivatives.named(parameters):
             raise CommandError(f"nothing to follow; parameters of this scene: {', '.join(self.parameter_names)}")
         if isinstance(self.stepper, MotionStepper):
             self._trail = derivatives.trail(self.state, parameters)
+
+    def _require_rigid_joints(self) -> None:
+        """Raise `GdfeError` if an arm has yielding joints: derivatives assume that its flange does not move."""
+        for arm in self.scene.arms:
+            if arm.springs is not None:
+                remedy = f"remedy: an arm {arm.name!r} without `compliance`"
+                raise GdfeError(f"no derivative: it would leave out the yielding joints of arm {arm.name!r}; {remedy}")
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -500,6 +544,7 @@ class Simulation:
         Raises:
             GdfeError: there is no such probe or actuator, there is no derivative, or interrupted.
         """
+        self._require_rigid_joints()
         points, names = self._orders.probes(probes), self.actuator_names if actuators is None else actuators
         chosen = [self._orders.actuator(name) for name in names]
         if not chosen:

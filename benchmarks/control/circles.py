@@ -90,6 +90,6 @@ def robot(circle: Circle, modulus: float = 1.0) -> Simulation:
 
 
 def measured(circle: Circle, simulation: Simulation) -> np.ndarray:
-    """Return the positions (t, 3) [m] of a circle's targets."""
+    """Return the present positions (t, 3) [m] of the probes."""
     places = simulation.probe_positions()
     return np.array([places[target.probe] for target in circle.targets])

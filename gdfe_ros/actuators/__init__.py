@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Growth, Mode
 from gdfe_ros.actuators.embedding import Embedding, embed
-from gdfe_ros.actuators.load import AttachedMass, Gravity, Load, PointLoad, SurfaceLoad
+from gdfe_ros.actuators.load import AttachedMass, Gravity, Load, PointLoad, SurfaceLoad, total_gravity
 from gdfe_ros.actuators.reading import Readings
 
 __all__ = [
@@ -23,4 +23,5 @@ __all__ = [
     "Readings",
     "SurfaceLoad",
     "embed",
+    "total_gravity",
 ]

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -196,3 +196,9 @@ def _collect(count: int, owners: NDArray[np.int32], forces: NDArray[np.float64])
     total = np.zeros((count, 3))
     np.add.at(total, owners.ravel(), forces.reshape(-1, 3))
     return total
+
+
+def total_gravity(loads: Iterable[Load], commands: Mapping[str, float]) -> NDArray[np.float64]:
+    """Return the acceleration (3,) [m/s^2] by all loads of gravity, at load factors ``commands``."""
+    weights = (commands[load.name] * load.acceleration for load in loads if isinstance(load, Gravity))
+    return sum(weights, start=np.zeros(3))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gdfe_ros.arms.description import Joint
 from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
 from gdfe_ros.arms.limits import JointLimits
+from gdfe_ros.arms.springs import JointSprings
 from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.constraints.turn import nearest_turn, quaternion_of
@@ -51,6 +52,7 @@ class Arm:
         handle: name of the handle.
         centre: centre of the handle in its rest pose (3,) [m].
         start: initial positions of the arm's commanded joints (n,) [rad] or [m].
+        springs: of the joints that yield; None if all joints are rigid.
         links: obstacles with the shapes of those links that can touch the body.
         visuals: drawn shapes of the arm's links.
     """
@@ -61,6 +63,7 @@ class Arm:
     handle: str
     centre: Vector
     start: Vector
+    springs: JointSprings | None = None
     links: tuple[ArmLink, ...] = ()
     visuals: tuple[Visual, ...] = ()
 
@@ -120,6 +123,12 @@ class Arm:
         mounted = self.dynamics.description.rigid_with(self.dynamics.description.root)
         pieces = [(piece.name, piece.link, np.array(piece.origin), piece.link in mounted) for piece in self.links]
         return [(self.handle, self.flange, self.centre, False), *pieces]
+
+    def flange_distance(self, one: Vector, other: Vector, size: float) -> float:
+        """Return how far [m] the flange or a body of ``size`` [m] on it moves between joint positions (n,) each."""
+        first, second = (self.dynamics.frames(q)[self.flange] for q in (one, other))
+        turn = np.linalg.norm(second.axes - first.axes) / np.sqrt(2.0)
+        return float(np.linalg.norm(second.origin - first.origin) + turn * size)
 
 
 def _whole_turns(last: Pose | None) -> tuple[float, float, float]:

@@ -144,7 +144,9 @@ class Carriers:
 
     @staticmethod
     def part_way(before: Motions, after: Motions, fraction: float) -> Motions:
-        """Return the motions with positions at ``fraction`` of a step, the part completed before a deadline."""
+        """Return the motions at a ``fraction`` of a step; velocities and accelerations are those of the step."""
+        if fraction == 1.0:
+            return after
         return {
             name: now._replace(positions=before[name].positions + fraction * (now.positions - before[name].positions))
             for name, now in after.items()
@@ -177,7 +179,7 @@ class Carriers:
         found = {}
         for arm in self._arms:
             motion = motions[arm.name]
-            pushes = _pushes(arm, poses, reactions, contacts)
+            pushes = link_pushes(arm, poses, reactions, contacts)
             efforts = arm.dynamics.efforts(*motion[1:], gravity=gravity, pushes=pushes)
             for i, joint in enumerate(arm.joints):
                 told = [f"{cuts[joint.name]} cut to its limit"] if joint.name in cuts else []
@@ -188,7 +190,7 @@ class Carriers:
         return found
 
 
-def _pushes(
+def link_pushes(
     arm: Arm, poses: Mapping[str, Pose], reactions: Mapping[str, Vector], contacts: Mapping[str, Touch]
 ) -> dict[str, Push]:
     """Return dict from link to the wrench of soft and rigid bodies on it; moments are about the world's origin."""

@@ -109,6 +109,11 @@ class LinkDynamics:
             efforts -= self._jacobian(name).T @ self._wrench(name, push)
         return self._spread.T @ efforts
 
+    def mass_matrix(self, q: Vector) -> Vector:
+        """Return the mass matrix M (n, n) [kg m^2] or [kg] of the commanded joints."""
+        upper = np.triu(self._pin.crba(self._model, self._data, self._full(q)))
+        return self._spread.T @ (upper + np.triu(upper, 1).T) @ self._spread
+
     def kinetic_energy(self, q: Vector, v: Vector) -> float:
         """Return the kinetic energy of the links [J]."""
         return float(self._pin.computeKineticEnergy(self._model, self._data, self._full(q), self._spread @ v))

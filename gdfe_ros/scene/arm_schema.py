@@ -25,6 +25,8 @@ _LOW = Quantity("smallest position, in rad or m", least=-1e6, most=1e6)
 _HIGH = Quantity("largest position, in rad or m", least=-1e6, most=1e6)
 _FAST = Quantity("largest velocity, in rad/s or m/s", above=0.0, most=1e6)
 _HARD = Quantity("largest acceleration, in rad/s^2 or m/s^2", above=0.0, most=1e9)
+_STIFF = Quantity("stiffness, in N m/rad or N/m", above=0.0, most=1e12)
+_DAMPED = Quantity("viscous damping, in N m s/rad or N s/m", least=0.0, most=1e12)
 _STRONG = Quantity("largest effort, in N m or N", above=0.0, most=1e9)
 
 
@@ -36,6 +38,13 @@ class JointLimitsModel(Entry):
     velocity: Annotated[float, _FAST] | None = None
     acceleration: Annotated[float, _HARD] | None = None
     effort: Annotated[float, _STRONG] | None = None
+
+
+class SpringModel(Entry):
+    """A spring and a damper between a joint's motor, which is at the commanded position, and the joint's link."""
+
+    stiffness: Annotated[float, _STIFF]
+    damping: Annotated[float, _DAMPED] = 0.0
 
 
 class ArmModel(Entry):
@@ -57,6 +66,11 @@ class ArmModel(Entry):
         None, description="largest acceleration of joints without a limit of their own; default: the acceleration that "
         "reaches the joint's largest velocity in 0.1 s"
     )  # fmt: skip
+    compliance: dict[str, SpringModel] = Field(
+        {},
+        description="joints that yield under load, by name, e.g. {elbow: {stiffness: 4000, damping: 20}}; all other "
+        "joints are rigid",
+    )
     links: tuple[str, ...] | None = Field(
         None,
         description="links whose collision shapes the soft body and rigid bodies touch; default: all that have one, "

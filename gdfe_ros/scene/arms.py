@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from gdfe_ros.arms.description import Description, Joint
 from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
 from gdfe_ros.arms.meshes import Surface, find_mesh, read_surface
 from gdfe_ros.arms.shapes import touching_links, visuals
+from gdfe_ros.arms.springs import JointSprings
 from gdfe_ros.arms.urdf import parse_urdf
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import ArmError, MeshError
@@ -82,7 +83,7 @@ class _Builder:
         try:
             robot = self._read()
             self._require_flange(robot)
-            start = self._start(robot)
+            start, springs = self._start(robot), self._springs(robot)
             self._surfaces = self._surfaces if model.urdf is None else self._meshes(robot)
             turn = Rotation.from_rotvec(np.radians(model.rotation_deg)).as_matrix()
             dynamics = LinkDynamics(robot, LinkFrame(np.array(model.at), turn))
@@ -103,6 +104,7 @@ class _Builder:
             handle=model.handle,
             centre=handle.centre(mesh.vertices),
             start=start,
+            springs=springs,
             links=links,
             visuals=shapes,
         )
@@ -179,13 +181,7 @@ class _Builder:
     def _start(self, robot: Description) -> NDArray[np.float64] | None:
         """Return the initial positions [rad] or [m] of the commanded joints; None if there are defects."""
         joints = {joint.name: joint for joint in robot.commanded}
-        sound = True
-        for name in self._model.start:
-            if name not in joints:
-                sound = False
-                self._report.add(
-                    (*self._path, "start", name), f"there is no such joint{suggest(name, joints)}", value=NO_VALUE
-                )
+        sound = self._require_joints("start", self._model.start, joints)
         for joint in joints.values():
             value, limits = self._model.start.get(joint.name, 0.0), joint.limits
             if not limits.lower <= value <= limits.upper:
@@ -193,6 +189,26 @@ class _Builder:
                 allowed = f"allowed by its limits: {limits.lower:g} to {limits.upper:g} {joint.unit}"
                 self._report.add((*self._path, "start", joint.name), f"{value!r}; {allowed}", value=NO_VALUE)
         return np.array([float(self._model.start.get(name, 0.0)) for name in joints]) if sound else None
+
+    def _springs(self, robot: Description) -> JointSprings | None:
+        """Return the springs of the joints; None if all joints are rigid."""
+        joints, given = [joint.name for joint in robot.commanded], self._model.compliance
+        self._require_joints("compliance", given, joints)
+        rows = [(place, given[name]) for place, name in enumerate(joints) if name in given]
+        if not rows:
+            return None
+        return JointSprings(
+            yielding=np.array([place for place, _ in rows]),
+            stiffness=np.array([model.stiffness for _, model in rows]),
+            damping=np.array([model.damping for _, model in rows]),
+        )
+
+    def _require_joints(self, key: str, names: Iterable[str], joints: Collection[str]) -> bool:
+        """Report each of the names below ``key`` that is not a commanded joint; return whether there is none."""
+        unknown = [name for name in names if name not in joints]
+        for name in unknown:
+            self._report.add((*self._path, key, name), f"there is no such joint{suggest(name, joints)}", value=NO_VALUE)
+        return not unknown
 
     def _touching(self, robot: Description) -> list[str]:
         """Return the names of the links in contact: the given links, or all with a shape that are not on the flange."""

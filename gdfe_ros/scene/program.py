@@ -31,7 +31,7 @@ class Point:
 
 @dataclass(frozen=True)
 class JointPoint:
-    """The position of a joint [rad] or [m], and its velocity there [rad/s] or [m/s], at a time [s]."""
+    """Position [rad] or [m] and velocity [rad/s] or [m/s] of a joint at a time [s]."""
 
     time: float
     value: float

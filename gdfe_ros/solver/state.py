@@ -290,6 +290,8 @@ class Snapshot:
         commands: dict from actuator or load name to commanded value, before rate limits.
         scene: text of the scene, policy and torsion.
         joints: dict from arm name to goals, positions, velocities and accelerations of its joints.
+        links: dict from arm name to the motion of its yielding joints on the side of the links, as in
+            `gdfe_ros.coupling.link_motion.LinkMotion`.
     """
 
     state: State
@@ -298,3 +300,4 @@ class Snapshot:
     commands: Mapping[str, float]
     scene: str = ""
     joints: Mapping[str, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
+    links: Mapping[str, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)

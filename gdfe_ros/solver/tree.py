@@ -47,7 +47,7 @@ _RENAMED = {states.Summary: {"residual": "error_estimate"}}
 
 _ADDED = {
     Tangent: {"ends", "ways", "softest", "positions"},
-    states.Snapshot: {"scene", "joints"},
+    states.Snapshot: {"scene", "joints", "links"},
     states.State: {"soft"},
     states.Summary: {"stable"},
     Ledger: {"bound"},

@@ -15,7 +15,7 @@ from docs.scripts import generate
 from gdfe_ros.solver.equilibrium import slender
 
 OLDER: dict[str, str] = {}
-"""Dict from table name to reason, for tables made by an older solver as their pages say; remove remeasured ones."""
+"""Dict from a table that an older solver made (its page says so) to the reason; remove it when remeasured."""
 
 
 def _current(table: Table) -> object:

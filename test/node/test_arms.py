@@ -39,8 +39,12 @@ def held_block(tmp_path: Path) -> Path:
     return path
 
 
-def test_joints_are_commanded_and_reported(held_block: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "springs", ["", "compliance: {lift: {stiffness: 200, damping: 2}}, "], ids=["rigid", "yielding"]
+)
+def test_joints_are_commanded_and_reported(held_block: Path, tmp_path: Path, springs: str) -> None:
     """Joint commands in lockstep give the library's states bit for bit, and the bag replays with equal efforts."""
+    held_block.write_text(held_block.read_text().replace("flange: tip, ", f"flange: tip, {springs}"))
     simulation, steps = Simulation(load_scene(held_block)), []
     commands = [Command(joints={"lift": 1.5}), Command(), Command(joints={"bend": 0.2}), Command()]
     with Simulator(held_block, bag=tmp_path / "bag") as simulator:

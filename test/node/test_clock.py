@@ -79,7 +79,7 @@ def test_an_idle_node_takes_next_to_nothing_of_a_core(case: str) -> None:
 def test_fast_steps_until_the_motion_is_over(
     client: Any, start: Callable, coarse: dict, records_of: Callable, tmp_path: Path
 ) -> None:
-    """With the fast clock, a turn over 2 s of simulation time is 200 steps, and then time stops."""
+    """With the fast clock, time stops one step after a turn that lasts 2 s of simulation time."""
     bag = tmp_path / "bag"
     process = start(**coarse, clock="fast", heartbeat=0.0, velocity_timeout=2.0, record=True, bag_path=str(bag))
     _twist(client, turn=2.0)

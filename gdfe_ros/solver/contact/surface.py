@@ -18,8 +18,8 @@ SHAPE = np.stack([0.25 * (1.0 + GAUSS * SIGNS * point).prod(axis=1) for point in
 """(4, 4) weights of a face's corners at each of its Gauss points."""
 
 TURNED = 6.0
-"""Bound of the displacement of a rigid body's point, divided by the largest displacement of the body's four vertices.
-It holds also for the displacement relative to another rigid body.
+"""Bound of the displacement of a rigid body's point, also relative to another rigid body, divided by the largest
+displacement of any vertex of the bodies.
 """
 
 

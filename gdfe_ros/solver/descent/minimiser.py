@@ -28,7 +28,7 @@ from gdfe_ros.solver.tangent.tangent import Tangent
 SAFETY = 0.1
 """Assumed least ratio of the quasi-Newton step to the distance to the equilibrium. Slender bodies come close to it."""
 PATIENT_ITERATIONS = 20
-"""Number of iterations between two checks of the moments on hard inclusions."""
+"""Least number of iterations between two checks of the moments on hard inclusions."""
 LEARNED = 2
 """Number of iterations, per pair that it can keep, after which an emptied history contains the softest modes again."""
 FLOOR = 1e-3

@@ -126,7 +126,7 @@ class TangentLevel:
         return self._loaded is None or not np.array_equal(self._springs(x).ends, self._loaded.ends)
 
     def turn(self, x: NDArray[np.float64]) -> None:
-        """Rotate the loaded tangent with its vertices from its own positions to the positions ``x`` (n, 3) [m]."""
+        """Rotate the loaded tangent with each vertex, from the tangent's positions to ``x`` (n, 3) [m]."""
         if self._loaded.positions is None:
             return
         before, unknowns, held = self._loaded.positions, self._unknowns, bool(self._body.handles)

@@ -110,7 +110,7 @@ def test_a_cut_step_goes_on_from_a_checkpoint_to_the_last_bit(moving: Callable) 
 
 
 def test_a_deadline_makes_no_energy(moving: Callable) -> None:
-    """With a deadline that passes at once, each step makes one internal step, as without a deadline bit by bit."""
+    """A step whose deadline passes at once makes one internal step, with the same bits as without deadline."""
     hurried, calm = (moving(handles=HELD, loads=WEIGHT) for _ in range(2))
     for _ in range(20):
         result = hurried.step(dt=0.01, deadline=1e-9)

@@ -97,7 +97,7 @@ def test_without_springs_nothing_changes() -> None:
 
 
 def test_what_a_term_saves_is_part_of_the_state() -> None:
-    """A run saved during a motion continues elsewhere with the same bits, including the term's saved count."""
+    """A run saved between two steps continues elsewhere with the same bits, with the term's saved count."""
     first, second = _simulation(2.0), _simulation(2.0)
     first.step(LIFT)
     load_state(second, save_state(first))

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Balance of forces in yielding joints at the end of a step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.arms.arm import Arm
+from gdfe_ros.arms.carriers import Motions, link_pushes
+from gdfe_ros.arms.limits import JointMotion
+from gdfe_ros.constraints.pose import Pose
+from gdfe_ros.coupling.link_motion import LinkMotion
+from gdfe_ros.solver.contact.touch import Touch
+from gdfe_ros.solver.motion.flight import ROUNDING
+from gdfe_ros.solver.motion.scheme import Rule
+from gdfe_ros.solver.state import State
+
+Vector = NDArray[np.float64]
+Links = Mapping[str, LinkMotion]
+"""Dict from arm to the motion of its yielding joints."""
+Wrenches = Callable[[State], tuple[Mapping[str, Vector], Mapping[str, Touch]]]
+"""Function that returns the reactions of handles and obstacles in a state, and the contacts, for `link_pushes`."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointBalance:
+    """Yielding joints in a step: q (y,) are their positions at the end, of all arms one after the other.
+
+    In balance, the efforts of the links equal the torques of the springs:
+
+        M(q) q'' + C(q, q') q' + g(q) - sum_k J_k^T w_k = k (theta - q) + d (theta' - q')
+
+    theta are the positions of the motors. q' and q'' follow from q by the time scheme; without dynamics they are those
+    of the motors.
+
+    Attributes:
+        arms: arms with yielding joints.
+        size: of the body [m].
+        before, after: motions of the motors.
+        links: motion of the yielding joints before the step.
+        rules: dict from arm to the rule of its time scheme; empty without dynamics.
+        gravity: (3,) [m/s^2] at the end.
+        h: duration [s].
+        last: poses of handles and of obstacles of links before the step.
+        wrenches: function that returns the wrenches on the links in a state of the body.
+    """
+
+    arms: tuple[Arm, ...]
+    size: float
+    before: Motions
+    after: Motions
+    links: Links
+    rules: Mapping[str, Rule]
+    gravity: Vector
+    h: float
+    last: Mapping[str, Pose]
+    wrenches: Wrenches
+
+    def predicted(self) -> Vector:
+        """Return the positions (y,) by constant velocities; without dynamics, the springs keep their stretch."""
+        found = []
+        for arm in self.arms:
+            now, soft = self.links[arm.name], arm.springs.yielding
+            turned = (self.after[arm.name].positions - self.before[arm.name].positions)[soft]
+            found.append(now.positions + (self.h * now.velocities if self.rules else turned))
+        return np.concatenate(found)
+
+    def first_derivative(self, q: Vector) -> Vector:
+        """Return k + theta_v d + kappa M (y, y): the derivative of `gap` without that of the body's wrench."""
+        whole, begin = np.zeros((len(q), len(q))), 0
+        for arm, own in self._split(q):
+            block, soft = np.diag(arm.springs.stiffness), arm.springs.yielding
+            if self.rules:
+                rule = self.rules[arm.name]
+                mass = arm.dynamics.mass_matrix(self._positions(arm, own))[np.ix_(soft, soft)]
+                block += rule.theta * np.diag(arm.springs.damping) + rule.kappa * mass
+            end = begin + len(own)
+            whole[begin:end, begin:end] = block
+            begin = end
+        return whole
+
+    def gap(self, q: Vector, state: State) -> Vector:
+        """Return the efforts of the links minus the torques of the springs (y,) [N m] or [N], in a state."""
+        found, (reactions, contacts) = [], self.wrenches(state)
+        for arm, own in self._split(q):
+            soft, motor = arm.springs.yielding, self.after[arm.name]
+            link = self._after(arm, own)
+            pushes = link_pushes(arm, state.poses, reactions, contacts)
+            moving = on_links(arm, motor, link)
+            efforts = arm.dynamics.efforts(*moving[1:], gravity=self.gravity, pushes=pushes)[soft]
+            stretch, rate = motor.positions[soft] - own, motor.velocities[soft] - link.velocities
+            found.append(efforts - arm.springs.torques(stretch, rate))
+        return np.concatenate(found)
+
+    def poses(self, q: Vector) -> dict[str, Pose]:
+        """Return dict from handle or obstacle of a link to its pose."""
+        found: dict[str, Pose] = {}
+        for arm, own in self._split(q):
+            found |= arm.poses(self._positions(arm, own), self.last)
+        return found
+
+    def length(self, q: Vector, correction: Vector) -> float:
+        """Return the largest motion [m] of a flange by a correction (y,) of ``q``."""
+        pairs = zip(self._split(q), self._split(correction), strict=True)
+        return max(distance(arm, self.after, own, own + more, self.size) for (arm, own), (_, more) in pairs)
+
+    def swing(self) -> float:
+        """Return the largest motion h^2 |a| [m] of a flange by the accelerations before the step."""
+        moves = ((arm, self.links[arm.name]) for arm in self.arms)
+        return max(
+            distance(arm, self.after, now.positions, now.positions + self.h**2 * now.balanced, self.size)
+            for arm, now in moves
+        )
+
+    def moved(self, q: Vector, simulated: float | None) -> Links:
+        """Return the motion of the yielding joints after the step, or after the ``simulated`` part [s] of it."""
+        found = {}
+        for arm, own in self._split(q):
+            before, after = self.links[arm.name], self._after(arm, own)
+            cut = simulated is not None and simulated < self.h * (1.0 - ROUNDING)
+            found[arm.name] = before.part_way(after, simulated / self.h) if cut else after
+        return found
+
+    def _after(self, arm: Arm, own: Vector) -> LinkMotion:
+        """Return the motion of an arm's yielding joints at their positions ``own`` (y,) at the end."""
+        if self.rules:
+            return self.links[arm.name].after(self.rules[arm.name], own, self.h)
+        motor, soft = self.after[arm.name], arm.springs.yielding
+        still = LinkMotion.at(own)
+        return still._replace(velocities=motor.velocities[soft], balanced=motor.accelerations[soft])
+
+    def _positions(self, arm: Arm, own: Vector) -> Vector:
+        """Return the positions (n,) of all joints of an arm at the end."""
+        q = self.after[arm.name].positions.copy()
+        q[arm.springs.yielding] = own
+        return q
+
+    def _split(self, q: Vector) -> Iterator[tuple[Arm, Vector]]:
+        """Return pairs of each arm and its own part of ``q`` (y,)."""
+        ends = np.cumsum([len(arm.springs.yielding) for arm in self.arms])[:-1]
+        return zip(self.arms, np.split(q, ends), strict=True)
+
+
+def on_links(arm: Arm, motor: JointMotion, link: LinkMotion) -> JointMotion:
+    """Return the motion of an arm's joints on the side of the links, with the accelerations by the forces."""
+    found = [part.copy() for part in motor[1:]]
+    for values, own in zip(found, (link.positions, link.velocities, link.balanced), strict=True):
+        values[arm.springs.yielding] = own
+    return JointMotion(motor.goals, *found)
+
+
+def distance(arm: Arm, motors: Motions, one: Vector, other: Vector, size: float) -> float:
+    """Return how far [m] a body of ``size`` [m] on the flange moves between two positions (y,) of the joints."""
+    first, second = motors[arm.name].positions.copy(), motors[arm.name].positions.copy()
+    first[arm.springs.yielding], second[arm.springs.yielding] = one, other
+    return arm.flange_distance(first, second, size)

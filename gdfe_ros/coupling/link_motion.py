@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motion of the yielding joints of an arm, on the side of the links."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.scheme import Kinematics, Rule
+
+Vector = NDArray[np.float64]
+
+
+class LinkMotion(NamedTuple):
+    """Yielding joints of an arm at the end of a step, on the side of the links; (y,) each.
+
+    Attributes:
+        positions: q [rad] or [m].
+        velocities: [rad/s] or [m/s].
+        accelerations: of the time scheme [rad/s^2] or [m/s^2].
+        balanced: accelerations [rad/s^2] or [m/s^2] by the forces.
+        before, velocities_before: positions and velocities at the end of the previous step.
+        step: (1,) duration of the previous step [s]; 0 if there is none.
+    """
+
+    positions: Vector
+    velocities: Vector
+    accelerations: Vector
+    balanced: Vector
+    before: Vector
+    velocities_before: Vector
+    step: Vector
+
+    @classmethod
+    def at(cls, positions: Vector) -> LinkMotion:
+        """Return links that do not move, at ``positions`` (y,)."""
+        none = np.zeros(len(positions))
+        return cls(positions, none, none, none, positions, none, np.zeros(1))
+
+    def rule(self, dynamics: Dynamics, h: float) -> Rule:
+        """Return the rule of the body's time scheme for a step of ``h`` [s]."""
+        now = Kinematics(
+            velocity=self.velocities,
+            acceleration=self.accelerations,
+            balanced=self.balanced,
+            before=self.before,
+            velocity_before=self.velocities_before,
+        )
+        if h != self.step[0]:
+            now = now.restarted(self.positions, h)
+        return Rule.of(dynamics, h, self.positions, now)
+
+    def after(self, rule: Rule, positions: Vector, h: float) -> LinkMotion:
+        """Return the links after a step of ``h`` [s] to ``positions`` (y,)."""
+        return LinkMotion(
+            positions=positions,
+            velocities=rule.velocity(positions),
+            accelerations=rule.acceleration(positions),
+            balanced=rule.balanced(positions),
+            before=self.positions,
+            velocities_before=self.velocities,
+            step=np.array([h]),
+        )
+
+    def part_way(self, after: LinkMotion, fraction: float) -> LinkMotion:
+        """Return the links at a ``fraction`` of the step to ``after``; the next step starts without a previous one."""
+        if fraction == 0.0:
+            return self
+        positions = self.positions + fraction * (after.positions - self.positions)
+        return after._replace(positions=positions, before=positions, step=np.zeros(1))
