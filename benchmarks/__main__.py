@@ -63,7 +63,7 @@ def main() -> int:
 
 
 def probe() -> dict[str, float]:
-    """Return figures of cold solves: every scene on our coarsest and on the paper's mesh, and the smallest size."""
+    """Return figures of cold solves: every scene on our coarsest mesh and on the paper's, and the first of `SIZES`."""
     found = scaling_probe(SIZES[:1])
     for name in CaseName:
         case, reference = get_case(name), load_reference(name)

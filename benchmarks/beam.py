@@ -24,8 +24,9 @@ DAMPINGS = {
     "viscosity and mass": {"viscosity": 260.0, "mass": 2.0},
     "one Prony branch": None,
 }
-"""Damping parameters that are fitted to the decay of the beam without load. The pair is fitted to the decay with all
-three loads, because it needs more than one frequency."""
+"""Dict from name to damping parameters, fitted to the decay of the beam without load. Viscosity and mass together are
+fitted to the decays with all three loads, because this fit needs more than one frequency. None stands for `PRONY`.
+"""
 SHOWN = "viscosity and mass"
 """The entry of `DAMPINGS` that the picture shows."""
 PRONY = [{"share": 0.25, "time": 0.035}]

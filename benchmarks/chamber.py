@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot with a pressure chamber, compared with FElupe on the same mesh, over the robot's whole program.
+"""A robot with a pressure chamber, compared with FElupe on the same mesh, at pressures of the robot's whole program.
 
 ``python -m benchmarks.chamber [--out FILE]`` runs both (a few minutes), writes ``bending_tube_felupe.npz`` into
 runs/chamber, and prints the table of docs/benchmark.md.
@@ -43,7 +43,7 @@ class Followed:
 
 
 def follow(scene: Scene, pressures: Sequence[float], *, tolerance: float | None = None, pace: int = PACE) -> Followed:
-    """Solve for ascending pressures [Pa] with our solver, in ``pace`` steps each; ``tolerance`` None is the scene's."""
+    """Solve for ascending pressures [Pa], in ``pace`` steps each, by default with the tolerance of the scene."""
     tolerance = scene.solver.tolerance if tolerance is None else tolerance
     simulation = Simulation(scene, settings=dataclasses.replace(scene.solver, tolerance=tolerance))
     simulation.warm_up()

@@ -57,7 +57,7 @@ def solve_chamber(
 
 
 class _Walk:
-    """Load path over the pressure [MPa]: Newton's method from extrapolated positions; a failed increment is halved."""
+    """Load path of rising pressure [MPa]: Newton's method from extrapolated positions; failed increments are halved."""
 
     def __init__(self, felupe: Any, solid: Any, pressure: Any, field: Any, boundaries: Any, solver: Any) -> None:
         self._felupe, self._items, self._pressure, self._field = felupe, [solid, pressure], pressure, field
@@ -115,7 +115,7 @@ def _on_walls(scene: Scene, chamber: Chamber, points: NDArray[np.float64]) -> ND
 
 
 def _held(scene: Scene, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return whether each of the ``points`` (n, 3) [mm] is in the fixed handle, (n,); it is normal to an axis."""
+    """Return whether each of the ``points`` (n, 3) [mm] is in the plane of the fixed handle, which is flat; (n,)."""
     held = scene.mesh.vertices[scene.handles[0].vertices] * MILLIMETRES
     axis = int(np.ptp(held, axis=0).argmin())
     return np.abs(points[:, axis] - held[0, axis]) < SAME

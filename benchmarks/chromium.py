@@ -26,7 +26,7 @@ def start(size: tuple[int, int], *, reachable: str = "") -> webdriver.Chrome:
 
     Args:
         size: size of the window [px].
-        reachable: reachable address; empty for none.
+        reachable: reachable address; empty if no address is reachable.
 
     Raises:
         GdfeError: Chromium or its driver is not installed.

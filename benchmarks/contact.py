@@ -38,10 +38,10 @@ SETTLED, STUCK = 5.0, 60.0
 
 
 def slide(friction: float) -> dict[str, Any]:
-    """Release a slab on a slope; return its acceleration [m/s^2] in the second half and, if it sticks, its drift [m/s].
+    """Release a slab on a slope; return its acceleration [m/s^2] from 1 s to 2 s and, if it sticks, its drift [m/s].
 
-    The drift is the largest displacement of a vertex from `SETTLED` to `STUCK`, divided by this time. No solve is
-    skipped.
+    The drift is the largest displacement of a vertex from `SETTLED` to `STUCK`, divided by the duration of this
+    interval. No solve is skipped.
     """
     simulation, path, iterations = _slab(friction), [], 0
     for _ in range(400):

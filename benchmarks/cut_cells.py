@@ -89,7 +89,7 @@ def bending_stiffness(fineness: int, cells: str, direction: float) -> dict[str, 
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return dict from name to table of a report; a convergence order is that between two rows of one direction."""
+    """Return dict from name to table of a report."""
     rows = []
     for direction in DIRECTIONS:
         whole, cut = (report[f"{kind} {direction:g}"] for kind in KINDS)

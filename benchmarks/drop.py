@@ -63,7 +63,7 @@ _FLEX = {1: "trilinear", 2: "quadratic"}
 
 
 def path_error(times: NDArray[np.float64], path: NDArray[np.float64]) -> float:
-    """Return the rms distance of a tip path (n, 3) [m] from the reference, over the reference's largest motion."""
+    """Return the rms distance of a tip path (n, 3) [m] from the reference, relative to the latter's largest motion."""
     reference = np.load(REFERENCE)
     tip = reference["tip_centre"]
     away = path - CubicSpline(reference["t"], tip)(times)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processor time over simulated time in each phase of the scene `grasp`, and the times of the solver's parts."""
+"""Processor time divided by simulated time in each phase of the scene `grasp`, and the times of the solver's parts."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PARTS = {
     "tangents": (TangentLevel, "take"),
     "points that may touch": (Contact, "begin"),
 }
-"""Dict from part of the solver to the timed class and method. The rest of the time is that of everything else."""
+"""Dict from part of the solver to the timed class and method. The table shows all other time as "everything else"."""
 
 
 def measure() -> dict[str, Any]:

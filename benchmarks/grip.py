@@ -32,8 +32,9 @@ solver: {skip: []}
 HELD = {1.02: 60.0, 0.98: 1.0}
 """Dict from friction, divided by the least friction that holds the box, to the duration of the hold [s]."""
 PEER_DEMANDS, PEER_HELD = (1.02, 2.0, 10.0, 46.0), 1.0
-"""Frictions, divided by the least one, and duration of the hold [s] for MuJoCo. It drops the box at 1.02, and the box
-creeps at larger values."""
+"""Frictions in MuJoCo, divided by the least friction that holds the box, and duration of the hold [s]. In MuJoCo the
+box falls at 1.02, and creeps at larger values.
+"""
 
 
 def grip(friction: float, *, seconds: float) -> dict[str, float]:

@@ -84,7 +84,8 @@ class Outcome:
         steps: number of steps.
         stopped: number of steps that simulated less than their duration.
         unconverged: number of steps that did not converge, stopped steps included.
-        most, least: largest and least energy (kinetic + elastic + potential above the floor) over the initial energy.
+        most, least: largest and least energy (kinetic + elastic + potential above the floor), divided by the initial
+            energy.
         min_det: least volume ratio of a corner.
         iterations: mean number of iterations of a step.
         seconds: processor time of all steps [s].

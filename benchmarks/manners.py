@@ -17,7 +17,7 @@ SCRIPT = ROOT / "test" / "manners"
 
 
 def probe() -> dict[str, float | str]:
-    """Return the digest of the checks, which the script computes."""
+    """Return the digest of the checks that the script in ``test/manners`` computes."""
     code = "import runpy, sys; print(runpy.run_path(sys.argv[1])['questions']())"
     command = [sys.executable, "-c", code, str(SCRIPT / "__main__.py")]
     return {"questions": subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()}

@@ -54,7 +54,7 @@ COLOURS = {"gdfe_ros": "#1b6ca8", "MuJoCo": "#edae49", "CalculiX": "#66a182"}
 
 
 def measure_energy() -> dict[str, float]:
-    """Return the largest change of the total energy of `drop` over the largest kinetic energy, with `newmark`."""
+    """Return the largest change of the total energy of `drop` with `newmark`, divided by the largest kinetic energy."""
     simulation = Simulation(load_scene("drop", overrides={"dynamics.scheme": "newmark", "dynamics.step": LONG_STEP}))
     total, kinetic = [], []
     while simulation.time < LONG - 1e-9:
@@ -65,7 +65,7 @@ def measure_energy() -> dict[str, float]:
 
 
 def measure_spin() -> dict[str, float]:
-    """Return the largest changes of a spinning body's momenta, over its angular momentum and mass * rim speed."""
+    """Return the largest changes of angular momentum (relative) and linear momentum / (mass * rim speed) in a spin."""
     simulation = Simulation(load_scene("drop", overrides=SPINNING))
     mass, rest = simulation.stepper.mass, simulation.mesh.vertices
     centre, weights = rest.mean(axis=0), np.asarray(mass.sum(axis=0)).ravel()
@@ -83,7 +83,7 @@ def measure_spin() -> dict[str, float]:
 
 
 def measure_robot(name: str, step: float) -> dict[str, Any]:
-    """Return simulated time over processor time, and mean iterations, in the first half second of a robot's program."""
+    """Return simulated time / processor time, and mean iterations, in the first half second of a robot's program."""
     simulation = _moving(name, step)
     simulation.warm_up()
     started, results = time.process_time(), []

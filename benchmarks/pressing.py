@@ -27,8 +27,9 @@ from gdfe_ros.simulation import Simulation
 
 REFERENCE = Path(__file__).parents[1] / "test" / "data" / "reference" / "contact_block_on_ball.npz"
 QUADRATIC = {0.006: 30.3, 0.008: 45.1, 0.01: 64.4, 0.012: 84.8, 0.014: 106.7, 0.016: 128.9, 0.018: 153.0, 0.02: 178.8}
-"""Dict from displacement of the ball [m] to the force on the cube [N], with quadratic elements on 16^3 cells, by the
-authors of the reference."""
+"""Dict from displacement of the ball [m] to the force on the cube [N]. The authors of the reference computed the forces
+with quadratic elements on 16^3 cells.
+"""
 CUBE = """
 name: cube
 mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [16, 16, 16]}}
@@ -59,12 +60,13 @@ QUADRATIC_CELLS, AROUND = 12, 16
 """Numbers of CalculiX' cells along the cube's edges, and along an eighth of the ball's circumference."""
 _MOVES = (0.002, 0.004, *QUADRATIC)
 GRADING = 1.3
-"""Exponent of the grading of the ball's mesh: lattice coordinates are raised to it, so that cells near the poles are
-smaller."""
+"""Exponent of the grading of the ball's mesh: lattice coordinates are raised to this power, so that cells near the
+poles are smaller.
+"""
 
 
 def press_cube(cells: int, gaps: str, *, moves: int | None = None) -> list[dict[str, Any]]:
-    """Press a cube of ``cells``^3 cells onto a ball; return displacement [m], force [N], work and time of each step.
+    """Press a ball into a cube of ``cells``^3 cells; return force [N], depth [m], iterations and time [s] of each step.
 
     ``moves`` is the number of steps; None means all steps.
     """

@@ -56,8 +56,8 @@ class Error:
     """Error of a solution; both values are fractions (0.01 is one per cent).
 
     Attributes:
-        mean: mean over vertices of ``|x - x_ref|`` over the mean of ``|u_ref|``.
-        maximum: the maximum of ``|x - x_ref|`` over the maximum of ``|u_ref|``.
+        mean: mean of ``|x - x_ref|`` over all vertices, divided by the mean of ``|u_ref|``.
+        maximum: maximum of ``|x - x_ref|``, divided by the maximum of ``|u_ref|``.
     """
 
     mean: float

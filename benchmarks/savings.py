@@ -61,7 +61,8 @@ class Saving:
         left: number of elements that the skip leaves out in the median step.
         time_without, time_with: median processor time of a step [s].
         mean_without, mean_with: mean processor time of a step [s], including steps that make frozen elements active.
-        error: mean distance between the two final states over the largest displacement; None for two materials.
+        error: mean distance between the two final states, divided by the largest displacement; None if the two runs
+            have different materials.
     """
 
     scene: str
@@ -84,7 +85,7 @@ class Saving:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Time with the skip over time without it, for the median and for the mean time of a step."""
+        """Time with the skip divided by time without it, for the median and for the mean time of a step."""
         return self.time_with / self.time_without, self.mean_with / self.mean_without
 
 
@@ -142,7 +143,7 @@ def dormant_savings() -> list[Saving]:
 
 
 def small_savings() -> list[Saving]:
-    """Return the savings of a bar with half of it in a handle, without pressures, and with constant shape factors."""
+    """Return the savings of three bars: half of it in a handle, without pressures, with constant shape factors."""
     return [
         saving("bar, half of it in a handle", Skip.HANDLES, _bar(RUBBER, held=0.5), _lift),
         saving("bar, nu 0.3", Skip.PRESSURES, _bar(NeoHookean(young=1e5, poisson=0.3)), _lift),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Third part of the benchmark: twist90_uniform from 500 to 100 000 elements, and over Poisson's ratio.
+"""Third part of the benchmark: twist90_uniform with 500 to 100 000 elements, and with several Poisson's ratios.
 
 ``python -m benchmarks.scaling CELLS POISSON THREADS`` measures one size in this process and prints JSON.
 """
@@ -21,7 +21,7 @@ from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
 
 SIZES = ((20, 5, 5), (40, 10, 10), (80, 20, 20), (116, 30, 30))
-"""500, 4000, 32 000 and 104 400 elements."""
+"""Numbers of cells along x, y, z of meshes with 500, 4000, 32 000 and 104 400 elements."""
 RATIOS = (0.3, 0.45, 0.49, 0.499, 0.4999)
 TOLERANCE = 1e-4
 _SCENE = "twist90_uniform"
@@ -29,7 +29,7 @@ _TIMEOUT = 900.0
 
 
 def measure_scaling(sizes: Iterable[tuple[int, int, int]] = SIZES) -> list[dict[str, Any]]:
-    """Return the measurements of several sizes at nu = 0.45, with one thread and a new process for each."""
+    """Return the measurements of several meshes at nu = 0.45, each in a new process with one thread."""
     return [measure_size(cells) for cells in sizes]
 
 

@@ -54,8 +54,8 @@ class Run:
         results: results of the steps.
         seconds: processor time [s].
         size: size of the body [m].
-        error: true error: largest distance of a vertex from its true position in any step, over the body's size; NaN
-            for the stream that defines the true positions.
+        error: true error: largest distance of a vertex from its true position in any step, divided by the body's size;
+            NaN for the stream that defines the true positions.
     """
 
     tolerance: float

@@ -82,7 +82,7 @@ def press_blocks(low: int, high: int) -> dict[str, Any]:
 
 
 def close_notches(tensions: Sequence[float] = TENSIONS) -> list[dict[str, float]]:
-    """Pull the shipped finger's tendon; return tip position, normal force, penetration depth and work of each step."""
+    """Pull the finger's tendon; return tip position, normal force, penetration depth, iterations, time of each step."""
     simulation, rows = Simulation(load_scene("tendon_finger", overrides={"self_contact": {}})), []
     simulation.warm_up()
     for tension in tensions:

@@ -23,11 +23,11 @@ CASES: Mapping[str, Command] = {
     "bend5": Command(handles={"tip": Pose((0.0, 0.0, 0.02))}),
 }
 COLUMNS = 6
-"""Number of columns of each scene: those of its first parameters."""
+"""Number of columns of each scene; they belong to its first parameters."""
 
 
 def measured(scene: str, command: Command) -> list[float]:
-    """Return times [ms] of a cold solve, the factor and a warm column, its ratio to the first [%], and its solves."""
+    """Return times [ms] of cold solve, factor and warm column, ratio of third to first [%], solves per column."""
     simulation = Simulation(load_scene(scene))
     simulation.step(command)  # compiles
     simulation.sensitivities(["positions"], simulation.parameter_names[:1])

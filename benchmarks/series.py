@@ -19,7 +19,7 @@ ELONGATION = 1.0
 
 @dataclass(frozen=True)
 class Joint:
-    """Position of the joint between the two halves, over the deformed length, and the mean strain of each half."""
+    """Position of the joint between the halves as a fraction of the deformed length, and mean strain of each half."""
 
     label: str
     position: float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``make bench-since COMMIT=...``: run times of this tree over those of another commit, both played in turn.
+"""``make bench-since COMMIT=...``: ratio of run times of this tree to those of another commit, both played in turn.
 
 Each tree plays with its own package in a separate process with one thread. Both processes run on the same core in turn,
 so that other work on the machine slows down both. The median of the ratios of pairs is more reliable than a pair of
@@ -76,7 +76,7 @@ class Comparison:
         name: name of the play.
         steps: number of steps of a run.
         before, after: median processor time of a run [s], in the commit's tree and in this tree.
-        ratio: median over the pairs of after / before.
+        ratio: median of after / before of all pairs.
         iterations: numbers of iterations of a run, before and after.
         same: whether the final positions are bit-identical.
     """

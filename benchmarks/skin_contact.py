@@ -29,13 +29,15 @@ obstacles:
   bottom: {{plane: [0, 0, 1], at: [0, 0, -{radius}]}}
 """
 CALCULIX = {0.06: 6.027, 0.1: 13.586}
-"""Dict from approach of each plate over the radius to CalculiX' force [N], neo-Hookean (docs/theory/contact.md)."""
+"""Dict from approach of each plate, divided by the radius, to CalculiX' force [N] with the neo-Hookean law
+(docs/theory/contact.md).
+"""
 KINDS = {"skin": ("cut", "skin: {file: ball.stl}"), "staircase": ("whole", "")}
 COUNTS = (8, 12, 16)
 
 
 def press_ball(cells_across: int, kind: str, detail: int = 5) -> dict[float, float]:
-    """Return dict from approach of each plate over the radius to the force on the lower plate [N]."""
+    """Return dict from approach of each plate, divided by the radius, to the force on the lower plate [N]."""
     cells, skin = KINDS[kind]
     cell = 2.0 * RADIUS / cells_across
     text = BALL.format(cell=cell, cells=cells, skin=skin, radius=RADIUS, near=0.9 * cell)

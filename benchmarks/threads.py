@@ -20,7 +20,7 @@ REPEATS = 3
 
 
 def measure(cells: tuple[int, int, int], threads: int) -> dict[str, Any]:
-    """Solve with one thread and with several, in turn; return times of an iteration [s] and whether bits are equal."""
+    """Solve in turn with one and several threads; return times per iteration [s], and whether results are identical."""
     runs = [(measure_size(cells), measure_size(cells, threads=threads)) for _ in range(REPEATS)]
     one, several = zip(*runs, strict=True)
     return {

@@ -39,7 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a subcommand and return its exit status.
 
     Returns:
-        0; 2 for bad input, after one clear message; 3 if a solve did not converge; 130 if it was interrupted.
+        0 for success; 1 if a subcommand finds a difference, a defect or a failure; 2 for bad input, after one clear
+        message; 3 if a solve did not converge; 130 if the subcommand was interrupted.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     parser = _parser(given)

@@ -35,7 +35,10 @@ def colour_range(low: float, high: float, *, noise: float = NOISE) -> tuple[floa
 
 
 def colour(values: NDArray[np.float64], low: float | None = None, high: float | None = None) -> NDArray[np.float64]:
-    """Return red, green and blue (m, 3), 0 to 1, of values (m,) in a range; None: the least or largest value."""
+    """Return red, green and blue (m, 3), 0 to 1, of values (m,) in the range from ``low`` to ``high``.
+
+    None means the least or the largest of the values.
+    """
     low = values.min() if low is None else low
     span = (values.max() if high is None else high) - low
     place = np.clip((values - low) / span, 0.0, 1.0) if span > 0.0 else np.zeros_like(values)

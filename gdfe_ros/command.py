@@ -55,7 +55,7 @@ class Orders:
 
     Args:
         scene: scene with the handles, actuators and loads.
-        settings: of the solver.
+        settings: settings of the solver.
 
     Attributes:
         text: scene file, policy and torsion, which together determine the equilibria.
@@ -105,7 +105,8 @@ class Orders:
         """Return dict from handle to its target after a command, given the ``last`` targets.
 
         Raises:
-            CommandError: the argument is not a `Command`; a handle is unknown or fixed, or its target is out of reach.
+            CommandError: the argument is not a `Command`. Or a handle is unknown, fixed, carried by an arm, or a rigid
+                body, or its target is farther than `FARTHEST`.
         """
         if command is not None and not isinstance(command, Command):
             raise CommandError(f"a step follows a Command, or None; got {command!r}")
@@ -132,7 +133,7 @@ class Orders:
         """Return dict from rigid body to the pose to which a command teleports it.
 
         Raises:
-            CommandError: a body is unknown, or its pose is not a `Pose` or out of reach.
+            CommandError: a body is unknown, or its pose is not a `Pose` or is farther than `FARTHEST`.
         """
         places = dict(command.bodies if command else {})
         known = [each.name for each in self._scene.handles if isinstance(each, RigidBody)]

@@ -35,7 +35,7 @@ class ContactSensor:
     """A part of the body's surface whose contact forces are summed, e.g. a fingertip.
 
     Attributes:
-        name: of the sensor.
+        name: name of the sensor.
         vertices: vertices of the sensor's faces (k,) int32.
         numbers: indices (p,) int32 of the sensor's points among the contact points of a skin; empty without a skin.
         points: embedding of these points in the cells; None without a skin.

@@ -50,7 +50,7 @@ class CommandError(GdfeError):
 
 
 class OverlapError(CommandError):
-    """A rigid body that would be placed inside another object; the state is unchanged."""
+    """A rigid body that would be inside another object; the teleport or reset that would cause it is not made."""
 
 
 class DependencyError(ImportError):

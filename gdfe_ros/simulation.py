@@ -402,6 +402,11 @@ class Simulation:
         """Dict from joint of an arm to its mean velocity in the last step [rad/s] or [m/s]."""
         return self._carriers.parts(self._shown, "velocities")
 
+    @property
+    def motor_velocities(self) -> dict[str, float]:
+        """Dict from joint of an arm to its motor's mean velocity in the last step [rad/s] or [m/s]."""
+        return self._carriers.parts(self._joints, "velocities")
+
     def link_frames(self) -> dict[str, LinkFrame]:
         """Return dict from link of an arm to its frame in the world."""
         return self._carriers.frames(self._shown)

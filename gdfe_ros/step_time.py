@@ -15,13 +15,14 @@ MOST_STEPS = 100_000
 
 
 def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
-    """Check the duration ``dt`` [s], the ``deadline`` [s] and the count ``cut_after``; None means no limit.
+    """Check the duration ``dt`` [s] of a step, and its limits ``deadline`` [s] and ``cut_after``; None means no limit.
 
     Returns:
         ``dt`` in double precision. In lower precision, the sum of many time steps stops growing.
 
     Raises:
-        CommandError: a time is not finite, below zero, or above `LONGEST`, or the count is no whole number.
+        CommandError: a time is not finite, below zero or above `LONGEST`, or ``cut_after`` is negative or not a whole
+            number.
     """
     for name, value in (("dt", dt), ("deadline", 0.0 if deadline is None else deadline)):
         if not (is_number(value) and is_finite(value) and 0.0 <= value <= LONGEST):
@@ -35,7 +36,7 @@ def require_countable(*, dt: float, step: float) -> None:
     """Check that ``dt`` [s] has at most `MOST_STEPS` internal steps of ``step`` [s].
 
     Raises:
-        CommandError: it has more internal steps.
+        CommandError: ``dt`` has more internal steps.
     """
     if dt > MOST_STEPS * step:
         raise CommandError(

@@ -31,7 +31,7 @@ def make_stepper(
 
     Args:
         scene: scene with the actuators, loads and dynamics.
-        settings: of the solver.
+        settings: settings of the solver.
         body: discretised body.
         makers: functions that make further terms; each is called with the body.
     """

@@ -53,7 +53,7 @@ LONG = (
     "test_folds",
     "test_threads",
 )
-"""Files that compute longest. They start first, so that none is left over when the other workers are done."""
+"""Files with the longest computing times. They start first, so that all workers finish at about the same time."""
 APART = ("materials", "mesh", "packaging")
 """Folders whose tests neither solve nor start nodes."""
 KERNELS = (
@@ -85,7 +85,7 @@ def _domain() -> str:
 
 
 def _lock(domain: int) -> bool:
-    """Reserve a domain until this process ends, by an abstract socket, whose scope is the network's (Linux)."""
+    """Bind an abstract socket (Linux) that reserves a domain until this process ends; return whether it was free."""
     lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
         lock.bind(f"\0gdfe_ros_test_domain_{domain}")
@@ -262,7 +262,7 @@ def ros() -> Iterator[RosSession]:
 
 @pytest.fixture
 def kept_bags() -> dict[Path, float]:
-    """Return a dict from each bag in bags/ to README's factor on the tolerance for other machines."""
+    """Return a dict from each bag in bags/ to its factor on the tolerance, for replays elsewhere (bags/README.md)."""
     folder = Path(__file__).parents[1] / "bags"
     text = (folder / "README.md").read_text(encoding="utf-8")
     cells = [re.split(r"\s*\|\s*", line) for line in text.splitlines() if line.startswith("| `")]

@@ -51,7 +51,7 @@ COMPUTING = (
 )
 """Folders and files of tests whose results depend on rounding."""
 WIDE = ("X86_V4", "AVX512")
-"""First letters of NumPy's names for features of processors with AVX-512."""
+"""Prefixes of NumPy's names for processor features of AVX-512."""
 CHOOSING = ("NUMBA_CPU_NAME", "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GDFE_TEST_SHIFT")
 """Environment variables that determine the rounding."""
 

@@ -30,7 +30,7 @@ def _command(step: int) -> Command:
 @pytest.mark.parametrize("scene", ["bend5", "twist90", "tensile_curve"])
 @pytest.mark.parametrize("policy", ["energy", "relative"])
 def test_a_restored_simulation_goes_on_to_the_bit(scene: str, policy: str) -> None:
-    """A state saved during a motion and restored into a fresh simulation gives the same steps."""
+    """A state saved after six steps and restored into a fresh simulation gives the same further steps."""
     first, second = (_simulation(scene, **{"solver.policy": policy}) for _ in range(2))
     for step in range(6):
         first.step(_command(step), dt=0.1)
@@ -94,7 +94,7 @@ def test_a_state_is_an_archive_of_arrays() -> None:
 
 @pytest.mark.parametrize("damage", ["noise", "cut", "flipped", "no array", "another class", "hostile", "old"])
 def test_damaged_and_hostile_states_are_refused(damage: str) -> None:
-    """Noise, a damaged state, one with other parts, and pickles are refused without execution or a change."""
+    """Noise, a damaged or incomplete state, another class, and a pickle are refused; no code runs, nothing changes."""
     simulation = _simulation()
     before, state = simulation.step(_command(2)).positions, save_state(simulation)
     flipped = bytearray(state)

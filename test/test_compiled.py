@@ -24,7 +24,7 @@ def _both(values):
 
 
 def test_a_kernel_rounds_the_same_whoever_has_it_compiled() -> None:
-    """Sums inside a kernel that may reorder them keep their order."""
+    """A sum in a kernel of its own, or inlined, keeps its order inside a kernel that may reorder sums."""
     values = np.random.default_rng(1).normal(size=1000)
     in_order = 0.0
     for value in values:

@@ -51,7 +51,7 @@ def test_sensors_share_what_a_lid_presses() -> None:
 
 
 def test_what_begins_inside_is_pushed_out_by_the_first_step() -> None:
-    """A lid that starts 1 mm inside the slab is not settled, and the slab is below it after one step."""
+    """With a lid 1 mm inside the slab the first state is not settled; after one step the slab is below the lid."""
     simulation = Simulation(scene_from_text(SLAB, overrides={"obstacles.lid.at": [0, 0, 0.019]}))
     assert not simulation.settled
     touch = simulation.step().contacts["lid"]
@@ -83,6 +83,6 @@ def test_nothing_touches_where_there_is_nothing_to_touch() -> None:
 
 
 def test_a_sensor_without_faces_is_refused() -> None:
-    """A sensor without boundary faces is refused with the file's key and what is there."""
+    """A sensor without boundary faces is refused with its key in the file and the extent of the mesh."""
     with pytest.raises(SceneError, match=r"sensors\.left\.where[\s\S]*no boundary face is there; the mesh spans"):
         scene_from_text(SLAB, overrides={"sensors.left.where": {"box": {"x": [1.0, 2.0]}}})

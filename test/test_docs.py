@@ -122,7 +122,7 @@ def test_shell_code_calls_what_is_there(text: str) -> None:
 
 
 def test_no_file_of_somewhere_else_is_cited() -> None:
-    """Outside of the solver, no design document is cited that is not in this repository."""
+    """Outside of the solver, no source file cites the document DESIGN, which is not in this repository."""
     sources = [path for room in ("gdfe_ros", "benchmarks", "docs") for path in (ROOT / room).rglob("*.py")]
     citing = [path for path in sources if re.search(r"\bDESIGN\b", path.read_text(encoding="utf-8"))]
     assert [path for path in citing if "solver" not in path.parts] == []

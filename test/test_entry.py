@@ -59,7 +59,7 @@ def test_an_interrupt_during_a_command_leaves_no_traceback() -> None:
 
 
 def test_the_imports_are_kept_out_of_the_search_for_cycles() -> None:
-    """Imports of commands, successful or not, leave garbage collection enabled, and imported objects out of it."""
+    """Imports of commands, also failed ones, leave garbage collection enabled and exclude imported objects from it."""
     code = (
         "import gc\n"
         "from gdfe_ros import entry\n"

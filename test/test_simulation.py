@@ -168,7 +168,7 @@ def test_results_are_snapshots(simulate: MakeSimulation) -> None:
 
 
 def test_a_snapshot_is_solved_on_to_a_smaller_tolerance(simulate: MakeSimulation) -> None:
-    """An equilibrium at tolerance 1e-3, restored where 1e-8 is set, is not converged until the next step."""
+    """An equilibrium with tolerance 1e-3, restored where 1e-8 is set, is not settled; the next step reaches 1e-8."""
     rough, fine = simulate(solver__tolerance=1e-3), simulate(settings=SolverSettings(tolerance=1e-8))
     rough.step(tip(z=0.02))
     given = replace(rough.snapshot(), scene=fine.snapshot().scene)
@@ -291,7 +291,7 @@ def test_an_unfinished_step_is_not_skipped(simulate: MakeSimulation) -> None:
 
 @pytest.mark.parametrize("policy", list(Policy))
 def test_a_deadline_returns_a_finite_state_that_goes_on_later(simulate: MakeSimulation, policy: Policy) -> None:
-    """A step without any time is finite and not converged, with a reason; later steps reach the target."""
+    """A step with a deadline of zero ends finite and unconverged, with a reason; the next step reaches the target."""
     simulation = simulate(solver__policy=policy.value)
     hurried = simulation.step(tip(z=0.04), dt=0.1, deadline=0.0)
     assert not hurried.converged
@@ -357,7 +357,7 @@ def test_the_way_does_not_matter(simulate: MakeSimulation) -> None:
 
 
 def test_a_program_is_played_keyframe_by_keyframe(simulate: MakeSimulation) -> None:
-    """Play with the energy policy: one step for each keyframe, the program's end reached."""
+    """With the energy policy, a program is played with one step for each keyframe, and reaches its end."""
     simulation = simulate()
     results = list(simulation.play())
     assert [result.time for result in results] == [1.0, 2.0]
@@ -366,7 +366,7 @@ def test_a_program_is_played_keyframe_by_keyframe(simulate: MakeSimulation) -> N
 
 
 def test_a_program_is_played_in_as_many_steps_as_wanted(simulate: MakeSimulation) -> None:
-    """A program played in five steps, by argument or by the scene, has equal time steps and the same end."""
+    """A program played in five steps, set by argument or by the scene, has equal time steps and the same final bits."""
     by_argument = list(simulate().play(5))
     by_scene = list(simulate(solver__steps=5).play())
     np.testing.assert_allclose([result.time for result in by_argument], [0.4, 0.8, 1.2, 1.6, 2.0])
@@ -503,7 +503,7 @@ def test_the_sign_of_a_quaternion_does_not_matter() -> None:
 
 
 def test_a_solve_that_was_interrupted_is_made_again_to_the_bit(simulate: MakeSimulation) -> None:
-    """A solve interrupted after three queries says so, its replay ends there, and the query alone changes nothing."""
+    """A solve interrupted at its fourth query is repeated to the bit with ``cut_after=3``; queries change no bit."""
     turn = Command(handles={"tip": Pose(rotation=(2.0, 0.0, 0.0))})
     answers = iter([False, False, False, True])
     cut = simulate().step(turn, interrupted=lambda: next(answers))

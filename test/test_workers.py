@@ -11,7 +11,7 @@ from gdfe_ros.workers import THREAD_COUNTS, open_workers
 
 
 def test_workers_are_told_to_use_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two fresh workers have one thread in their environment, and this process has its own settings."""
+    """Two fresh workers have one thread in their environment, and this process's environment is unchanged."""
     monkeypatch.setenv("NUMBA_NUM_THREADS", "7")
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     with open_workers(2) as executor:

@@ -109,7 +109,7 @@ def test_what_is_no_command_and_no_snapshot_is_named(given: Any) -> None:
 
 
 def test_a_time_of_too_many_internal_steps_is_refused() -> None:
-    """A year in one step is refused with what is allowed for a body with mass, and accepted without dynamics."""
+    """A year in one step is refused with the allowed range for a body with mass, and accepted once it is settled."""
     simulation = Simulation(scene_from_text(SCENE.partition("loads")[0] + "dynamics: {step: 1.0e-3}"))
     with pytest.raises(CommandError, match=r"3.15e\+10 internal steps of 0.001 s.*allowed: 0 to 100 s"):
         simulation.step(Command(actuators={"pull": 0.1}), dt=3.15e7)

@@ -21,7 +21,7 @@ CELLS = {
 
 
 TWISTED = (CaseName.TWIST90, CaseName.TWIST90_UNIFORM)
-"""Scenes of which the handle's moment is compared; of all others the handle's force is compared."""
+"""Scenes in which the handle's moment is compared; in all other scenes, the handle's force is compared."""
 
 
 def all_bars() -> list[dict[str, str | float]]:

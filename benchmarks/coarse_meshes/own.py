@@ -21,7 +21,7 @@ class NodalForces:
     """A dead load with a given force on each vertex.
 
     Attributes:
-        name: of the load.
+        name: name of the load.
         values: forces (n, 3) [N].
     """
 

@@ -59,7 +59,7 @@ class Problem:
         mesh: mesh of the body.
         poisson: Poisson's ratio.
         held: dict from name to held vertices.
-        forces: dead forces on the vertices (n, 3) [N]; None for none.
+        forces: dead forces on the vertices (n, 3) [N]; None if there are none.
         measure: function from a solution to the measured quantity divided by its exact value.
     """
 

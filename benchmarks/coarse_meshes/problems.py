@@ -15,7 +15,7 @@ from gdfe_ros.constraints import Axis, Pose
 from gdfe_ros.mesh import HexMesh, bar
 
 SIDE = 0.02
-"""Side of the bar, height of the pad, inner radius of the tube, and thickness of the tube's wall [m]."""
+"""Common value of the bar's side, the pad's height, the tube's inner radius and the thickness of its wall [m]."""
 SLENDERNESS, TURN = 6, 1e-3
 """Length of the bar divided by its width, and rotation of each end [rad]."""
 MIDDLE = 0.25
@@ -25,8 +25,9 @@ SAINT_VENANT = {1: 0.14057702, 2: 0.45736336}
 WIDTH, PRESSED = 4, 1e-4
 """Width of the pad divided by its height, and compression of the pad divided by its height."""
 PAD = 3.108
-"""Mean stress / (E * mean strain) of the pad: limit of FElupe's triquadratic hexahedra with refinement, as printed by
-``python -m benchmarks.coarse_meshes --reference``."""
+"""Mean stress / (E * mean strain) of the pad: the value to which FElupe's triquadratic hexahedra converge with
+refinement, as printed by ``python -m benchmarks.coarse_meshes --reference``.
+"""
 CONFINED = 0.495
 """Poisson's ratio of the pad and of the tube."""
 AROUND, PRESSURE = 8, 10.0

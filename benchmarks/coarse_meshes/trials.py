@@ -111,7 +111,7 @@ class Elements:
 
 
 def _along(operator: Matrix, axis: int) -> Matrix:
-    """Return the operator on scalar fields (m, n) as operator (m, 3 n) on the displacement components along an axis."""
+    """Convert an operator (m, n) on scalar fields to (m, 3 n): it acts on the displacement component along an axis."""
     vertices = np.arange(operator.shape[1])
     pick = sparse.csr_matrix(
         (np.ones(len(vertices)), (vertices, 3 * vertices + axis)), shape=(len(vertices), 3 * len(vertices))
@@ -134,14 +134,14 @@ def over_patches(elements: Elements) -> Matrix:
 
 
 def at_vertices(elements: Elements) -> Matrix:
-    """Return the stiffness with a pressure at each vertex, for the mean volume of its cells (Bonet and Burton)."""
+    """Return the stiffness with a pressure at each vertex, from the mean volume of its cells (Bonet and Burton)."""
     cells = elements.body.cells
     share = np.full(cells.size, 0.125)
     return _pressures(elements, sparse.csr_matrix((share, (cells.ravel(), np.repeat(np.arange(len(cells)), 8)))))
 
 
 def _pressures(elements: Elements, patch: Matrix) -> Matrix:
-    """Return the stiffness with one pressure per patch (p, m), and the remaining bulk modulus in each cell."""
+    """Return the stiffness with one pressure for each patch (p, m); the cells keep the rest of the bulk modulus."""
     shear, bulk, kept = elements.moduli
     gradient = elements.gradient
     own = elements.hourglass + elements.distortion(gradient, shear) + elements.volume(gradient, kept)
@@ -149,7 +149,7 @@ def _pressures(elements: Elements, patch: Matrix) -> Matrix:
 
 
 def linear_in_cells(elements: Elements) -> Matrix:
-    """Return the stiffness with a pressure that is linear in each cell, for the divergence of the bending modes."""
+    """Return the stiffness with a linear pressure in each cell, which resists the divergence of the bending modes."""
     body, (_, bulk, _) = elements.body, elements.moduli
     shape, total = body.shape, as_shipped(elements)
     rate = 2.0 / shape.edge_lengths * 8.0**-0.5
@@ -181,7 +181,7 @@ def curved_faces(elements: Elements) -> Matrix:
 
 
 def _face_gradients(rest: Array, cells: Array) -> Array:
-    """Return the contributions (3, m, 8, 3) of the two faces normal to each axis to V times the mean gradient."""
+    """Return the cell volume times the mean gradient as contributions (3, m, 8, 3) of the two faces along each axis."""
     found = np.zeros((3, len(cells), 8, 3))
     for face, corners in enumerate(HEX_FACES):
         quads = rest[cells[:, corners]]
@@ -194,7 +194,7 @@ def _face_gradients(rest: Array, cells: Array) -> Array:
 
 
 def _second_difference(elements: Elements, axis: int) -> Matrix:
-    """Return the operator (n, n) of second differences along an axis; an end vertex has that of its neighbour."""
+    """Return the operator (n, n) of second differences along an axis; end vertices take their neighbours' values."""
     cells, count = elements.body.cells, len(elements.body.rest)
     after, before = np.full(count, -1), np.full(count, -1)
     for low in np.flatnonzero(CORNERS[:, axis] < 0.0):
@@ -215,7 +215,7 @@ WAYS: dict[str, Callable[[Elements], Matrix]] = {
     "pressures linear in each cell": linear_in_cells,
     "mean gradients from curved faces": curved_faces,
 }
-"""By name."""
+"""Dict from the name of a trial to the function that returns its stiffness."""
 
 
 def trial(way: str, name: str, across: int) -> float:

@@ -52,7 +52,7 @@ class Followed:
         return float(np.mean(self.errors)) / self.radius
 
     def row(self) -> list[str]:
-        """Return median, 95th percentile and maximum of the times [ms]; mean and largest error over the radius [%]."""
+        """Return median, 95th percentile and maximum of the times [ms]; mean and largest error / radius [%]."""
         times, errors = 1e3 * np.array(self.times), 100.0 * np.array(self.errors) / self.radius
         numbers = statistics.median(times), np.percentile(times, 95), max(times), errors.mean(), errors.max()
         return [f"{number:.2f}" for number in numbers]

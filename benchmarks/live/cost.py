@@ -42,11 +42,12 @@ def page_of(scene: Scene) -> Iterator[tuple[Page, LiveSession]]:
 
 
 def shares(scene: Scene, *, rounds: int) -> dict[str, float]:
-    """Play the same steps without a viewer, with one viewer, and with one that receives nothing, in turn.
+    """Play the same steps without a viewer, with one viewer, and with one viewer that receives nothing, in turn.
 
     Returns:
-        Dict from case to the median of wall time over wall time without viewers. ``processor`` is the processor time of
-        the page's threads over that of the stepper, with one viewer.
+        Dict from case to the median of the wall time, divided by the wall time without viewers. ``processor`` is the
+        processor time of the page's threads with one viewer, divided by the processor time of the stepper: the least of
+        all rounds.
     """
     with page_of(scene) as (page, session):
         _play(session)

@@ -45,7 +45,7 @@ class Table:
         return [name for name in self.needs if find_spec(name) is None]
 
     def replay(self) -> Probe:
-        """Return the probe of the present code."""
+        """Run the table's probe with the present code, and return its figures."""
         return self.replay_function()()
 
     def replay_function(self) -> Callable[[], Probe]:
@@ -77,6 +77,7 @@ TABLES = (
         minutes=3,
     ),
     Table(name="motion", module="benchmarks.motion", minutes=3),
+    Table(name="arm_grasp", module="benchmarks.arm_grasp", minutes=3, needs=("pinocchio",)),
     Table(name="contact", module="benchmarks.contact", minutes=5),
     Table(
         name="bench_node",

@@ -61,7 +61,7 @@ def arcs() -> Table:
 
 
 def fitted(curve: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Return the fitted modulus over the model's, and the total displacements over the recorded ones (k,).
+    """Return the ratio of the fitted modulus to the model's, and of total to recorded displacements (k,).
 
     Displacements beyond the model's last equilibrium are NaN.
 

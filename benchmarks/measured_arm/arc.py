@@ -24,7 +24,7 @@ def arc(tilt: Array, length: float) -> tuple[Array, Array]:
 
 
 def turned(axial: Array, lateral: Array, tilt: Array, length: float) -> tuple[Array, Array]:
-    """Return the magnitude of the measured displacement over the arc's (k,), and the angle between both (k,) [rad]."""
+    """Return the ratio of the measured displacement to the arc's (k,), and the angle between both (k,) [rad]."""
     along, aside = arc(tilt, length)
     ratio = np.hypot(axial, lateral) / np.hypot(along, aside)
     return ratio, np.arctan2(-axial, lateral) - np.arctan2(-along, aside)

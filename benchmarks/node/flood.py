@@ -63,7 +63,7 @@ class Flood:
 
 
 def measure(scene: str, *, count: int, home: Path | None = None) -> Flood:
-    """Send ``count`` bad commands to a node with the wall clock; ``home`` is the argument of ``NodeProcess``."""
+    """Send ``count`` bad commands to a node with the wall clock; ``home`` is the directory of the node's package."""
     parameters, topics, make = SCENES[scene]
     given = {**parameters, "command_max_age": 1.0}
     with Client(MESH, keep=(MESH,)) as client, NodeProcess(given, home=home) as node:

@@ -38,7 +38,7 @@ class Kills:
 
 
 def measure(count: int, *, seed: int = 1, home: Path | None = None) -> Kills:
-    """Kill ``count`` nodes with SIGKILL while their tips move; ``home`` is the argument of ``NodeProcess``."""
+    """Kill ``count`` nodes with SIGKILL while their tips move; ``home`` is the directory of the node's package."""
     chance, recovered, identical, steps = random.Random(seed), 0, 0, 0
     for _ in range(count):
         with TemporaryDirectory(prefix="gdfe_kills_") as folder:

@@ -43,7 +43,7 @@ class Latency:
 
 
 def measure(elements: int, *, steps: int, home: Path | None = None) -> Latency:
-    """Measure ``steps`` steps one by one, after some steps to warm up; ``home`` is the argument of ``NodeProcess``."""
+    """Measure ``steps`` steps one by one, after warm-up steps; ``home`` is the directory of the node's package."""
     parameters = {
         **bar(elements),
         "clock": "lockstep",

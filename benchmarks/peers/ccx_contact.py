@@ -36,8 +36,9 @@ _JOB = "contact"
 _STIFF = 200.0
 """Penalty pressure divided by Young's modulus, per millimetre of penetration."""
 _CAP = np.linspace(-0.35, 1.5, 21)
-"""Tangents of the angles, measured at the ball's centre from its top, of the grid lines on its upper cap. The cube
-presses the quarter with positive tangents; the lines below zero are a margin.
+"""Positions of the grid lines on the upper cap of the ball. Each position is the tangent of an angle at the ball's
+centre, which is zero at the top of the ball. The cube presses the quarter with positive tangents; the lines below zero
+are a margin.
 """
 _QUARTERS, _SECTORS = 4.0, 180.0
 """Factors from the computed part to the whole: a quarter of the cube, and a sector of two degrees that ccx makes of an

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A quarter disc of quadratic quadrilaterals: the half plane of half an axisymmetric ball, refined near its pole."""
+"""A quarter disc of quadratic quadrilaterals: the part x, y >= 0 of a ball's meridian section, finer near the pole."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 GRADING = 1.5
-"""Exponent of the grading: positions from 0 to 1 along an edge are raised to it, so that cells are smaller near pole
-and rim."""
+"""Exponent of the grading: positions from 0 to 1 along an edge are raised to this power, so that cells are smaller near
+the pole and the rim.
+"""
 _INNER = 0.5, 0.45
 """End of the central block on the axes, and coordinate of its corner on the diagonal."""
 _ROUND = np.array([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0], [2, 1], [1, 2], [0, 1]])

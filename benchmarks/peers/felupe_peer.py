@@ -16,7 +16,9 @@ from benchmarks.peers.felupe_model import MILLIMETRES, Model, build_model
 from benchmarks.peers.peer import Array, PeerSolution, Variant, handle_reaction
 
 TOLERANCE = 1e-3
-"""Tolerance of Newton's method (residual over reactions). A smaller tolerance changes no printed digit of the error."""
+"""Tolerance of Newton's method: residual divided by reactions. A smaller tolerance changes no printed digit of the
+error.
+"""
 ROUGH = 1e-1
 """Tolerance of all load steps except the last, because their results are only starting points."""
 _MAXIMUM_ITERATIONS = 30

@@ -19,7 +19,9 @@ from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.settings import Policy
 
 PAPER_TOLERANCE = {CaseName.BEND5: 1e-4, CaseName.TWIST90: 1e-5, CaseName.TENSILE: 1e-4, CaseName.TWIST90_UNIFORM: 1e-4}
-"""Dict from scene to the largest tolerance of 1, 2, 5 x 10^-k with the error that issue 3 requires (paper's mesh)."""
+"""Dict from scene to tolerance: the largest value of the form 1, 2 or 5 x 10^-k whose error on the paper's mesh meets
+the limit of issue 3.
+"""
 _FRONT = {
     CaseName.BEND5: ((10, 1, 1), (20, 1, 1), (25, 2, 2), (30, 3, 3), (40, 4, 4)),
     CaseName.TWIST90: ((12, 3, 3), (16, 4, 4)),
@@ -28,8 +30,9 @@ _FRONT = {
 }
 _TOLERANCES = (1e-3, 1e-4)
 _STREAM = {CaseName.BEND5: (200, 2e-4), CaseName.TWIST90: (100, 1e-4), CaseName.TWIST90_UNIFORM: (100, 1e-4)}
-"""Dict from scene to the number of steps of a stream (1 mm or 0.9 degrees each), and the largest tolerance of 1, 2, 5 x
-10^-k with an error along the path below 0.1 %."""
+"""Dict from scene to the number of steps of a stream (1 mm or 0.9 degrees each), and the tolerance: the largest value
+of the form 1, 2 or 5 x 10^-k whose error along the path is below 0.1 %.
+"""
 
 
 def available() -> str | None:

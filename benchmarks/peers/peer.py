@@ -101,8 +101,8 @@ class PeerResult:
         mesh: cells and element, e.g. ``50x5x5 C3D8I``.
         time_setup: time of building the model [s].
         time_solve: time of solving it from the undeformed state [s].
-        mean_error: mean of ``|x - x_ref|`` over mean of ``|u_ref|`` (fraction).
-        max_error: maximum of ``|x - x_ref|`` over maximum of ``|u_ref|`` (fraction).
+        mean_error: mean of ``|x - x_ref|`` divided by the mean of ``|u_ref|`` (fraction).
+        max_error: maximum of ``|x - x_ref|`` divided by the maximum of ``|u_ref|`` (fraction).
         reaction: force [N] and moment [N m] of the right face on the body.
         settings: settings of the run: versions, steps, tolerance, law, threads, runs, warnings.
     """

@@ -44,7 +44,7 @@ _APPLY: dict[str, Callable[[Any, Any, Workspace], None]] = {
     "descend": lambda problem, coupling, work: apply_inverse(work.gradient, coupling, work.step, problem.threads),
     "descend_kept": lambda problem, kept, work: solve_kept(kept, work.gradient, work.step),
 }
-"""Dict from name of a descent that is one compiled call to the function of its linear solve."""
+"""Dict from descent to its linear solve; a descent is one compiled call, inside which solves cannot be timed."""
 
 
 class Phases:
@@ -111,7 +111,7 @@ class Phases:
         return timed
 
     def _split_directions(self) -> None:
-        """Move the time of descent directions from evaluations to history; a stopping iteration computes only these."""
+        """Move from evaluations to history the time of the evaluations that compute only a descent direction."""
         if not self._directions:
             return
         problem, work, *_ = self._last

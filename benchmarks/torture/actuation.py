@@ -48,12 +48,12 @@ class Drive:
         actuators: YAML text of one actuator `a`; empty if there is a load `a` instead.
         values: successive commands.
         back: if finite, the last command is neutral, and this is the largest allowed distance of a vertex from its
-            undeformed position, over the body's size.
+            undeformed position, divided by the body's size.
         share: whether the values are multiples of the neutral command, e.g. of a chamber's undeformed volume.
         refusal: words of the expected report; empty if an equilibrium is expected.
-        may_report: whether a report is as acceptable as an equilibrium.
+        may_report: whether a report is accepted instead of an equilibrium.
         loads: YAML text of one load `a`.
-        slow: number of steps of a load path with whose final state the last state is compared; 0 for no comparison.
+        slow: number of steps of a slow load path; its final state is compared with the last state. 0 for no comparison.
     """
 
     body: str

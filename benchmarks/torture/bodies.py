@@ -27,7 +27,7 @@ LAWS: dict[str, Material] = {
     "ogden, nu 0.495": preset("cheetah", law=Law.OGDEN, poisson=0.495),
     "curve, nu 0.495": preset("ninjaflex", law=Law.CURVE, poisson=0.495),
 }
-"""Laws of the test: each law with its volumetric energy in the elements, and with pressures."""
+"""Laws of the test. Each law occurs twice: compressible, and nearly incompressible with pressures as unknowns."""
 COMPRESSIBLE = tuple(LAWS)[:4]
 SHAPES = ("linear", "curve")
 """Laws with which the ``relative`` policy is tested; this policy depends only on shapes and moduli."""

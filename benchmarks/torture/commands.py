@@ -20,7 +20,7 @@ STEPS = 40
 """Number of steps of the slow load path with which a single step is compared."""
 MOST_ITERATIONS = 10000
 DISTURBANCE = 1e-3
-"""Standard deviation of the random disturbance of vertices, over the body's size."""
+"""Standard deviation of the random disturbance of vertices, divided by the body's size."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,10 @@ class Blow:
             Their energies are compared instead of positions. (A bar twisted by a revolution bows to one of its sides. A
             bar stretched to several lengths, with few cells across, winds to the left or to the right.) If the energies
             differ, the found equilibrium must be a minimum: after a disturbance the body must return to it.
-        spread: for the policy ``relative``, largest distance from the slow path over the body's size. Its captured
-            shapes (Eq. 9) depend on the path. It is infinite if only soundness or a report is required: far beyond the
-            paper's deformations, the iteration of this policy need not converge, because it minimises no energy.
+        spread: for the policy ``relative``, largest distance from the slow load path, divided by the body's size. Its
+            captured shapes (Eq. 9) depend on the path. It is infinite if only soundness or a report is required: far
+            beyond the paper's deformations, the iteration of this policy need not converge, because it minimises no
+            energy.
         report: for the policy ``relative``, a law and words of the report that is expected with it.
     """
 

@@ -18,7 +18,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.settings import Policy
 
 DEFAULT = 1e-4
-"""Tested tolerance: that of scenes which state none."""
+"""Tested tolerance: the default tolerance of scenes."""
 TIGHT = 1e-7
 POSE = Pose(translation=(0.04, 0.0, 0.03))
 PULL = 0.004

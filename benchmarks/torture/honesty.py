@@ -100,7 +100,7 @@ STREAMS: Mapping[str, Stream] = {
 
 @cache
 def _truth(name: str) -> tuple[StepResult, ...]:
-    """Return the results of a stream at the smallest of `TRUTHS` at which all steps converge, else at the last one."""
+    """Return a stream's results at the first tolerance of `TRUTHS` at which all steps converge, or at the last one."""
     for tolerance in TRUTHS:
         results = _played(name, tolerance)
         if all(result.converged for result in results):
@@ -115,7 +115,7 @@ def _played(name: str, tolerance: float) -> tuple[StepResult, ...]:
 
 
 def play(simulation: Simulation, stream: Stream) -> tuple[StepResult, ...]:
-    """Make the steps of a stream, of its program or of an increasing weight, and return their results."""
+    """Make the steps of a stream, and return their results. Without a program, the weight increases in each step."""
     if simulation.scene.program is not None:
         return tuple(result for result, _ in zip(simulation.play(stream.steps), range(stream.played), strict=False))
     shares = np.arange(1, stream.played + 1) / stream.steps

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 6: laws that soften, kink, decrease or are unstable; reported before the solve, and no body may explode."""
+"""Group 6: laws that soften, kink, decrease or are unstable are reported before the solve; bodies stay sound."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def _solve(mesh: HexMesh, policy: Policy, pose: Pose) -> tuple[Driver, StepResul
 
 
 def _compare(made: Callable[[], HexMesh], usual: HexMesh, pose: Pose, policy: Policy) -> Finding:
-    """Return the error against a good mesh of the same body: of common vertices and, for ``energy``, of the energy.
+    """Compare with a good mesh of the body: return the error of common vertices and, for ``energy``, of the energy.
 
     The policy ``relative`` weights an element by its volume, independent of its shape, and minimises no energy.
     """

@@ -30,7 +30,7 @@ FOOT, WITHOUT = 1e-8, 1e-10
 
 
 def draw_scores(path: Path, scores: Sequence[Score]) -> None:
-    """Draw the error over its bound for every case of each group; cases without an error are below the lower line."""
+    """Draw error / bound for every case of each group; cases without an error are below the lower line."""
     figure = Figure(figsize=(11.0, 5.2), dpi=150, layout="constrained")
     axes = figure.add_subplot()
     for column, group in enumerate(Group):

@@ -39,7 +39,7 @@ regions: [{material: soft}]
 handles: {low: {where: {mesh: low, face: z-}, fixed: true}, high: {where: {mesh: high, face: z+}}}
 """
 ABOVE, HEIGHT = 0.2, 0.025
-"""Initial height of an object over the body's middle, and height of the body's upper face [m]."""
+"""Initial height of an object above the body's middle, and height of the body's upper face [m]."""
 DEEP = 0.012
 """Largest depth of a poke [m]: half a cell."""
 RETURNS = 4

@@ -14,8 +14,9 @@ from gdfe_ros.solver.settings import Policy
 
 TOLERANCE = 1e-6
 BOUND = 1e-3
-"""Largest distance between the neutral states of two load paths, over the body's size. It is above the tolerance: the
-robots' thin walls are far softer than their cells, and the tolerance applies to an estimate."""
+"""Largest distance between the neutral states of two load paths, divided by the body's size. It is above the tolerance:
+the robots' thin walls are far softer than their cells, and the tolerance applies to an estimate.
+"""
 LET_GO = 100.0
 """Duration of a step [s], long enough for every rate limit."""
 ROBOTS = {

@@ -20,7 +20,7 @@ from gdfe_ros.solver.settings import Policy
 
 POKES, KNOCKS = 300, 30
 BOUND = 1e-4
-"""Largest distance from the undeformed shape, over the body's size, after the contact has ended."""
+"""Largest distance from the undeformed shape after the contact has ended, divided by the body's size."""
 BODY = """
 name: poked
 mesh: {bar: {size: [0.10, 0.05, 0.05], cells: [8, 4, 4]}}

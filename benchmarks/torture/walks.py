@@ -25,7 +25,7 @@ from gdfe_ros.solver.settings import Policy
 STEPS = 100_000
 """Number of steps of the full walk."""
 BOUND = 1e-6
-"""Largest distance from the undeformed shape, over the body's size, when every command is zero again."""
+"""Largest distance from the undeformed shape when every command is zero again, divided by the body's size."""
 RETURN = 200
 """Number of steps of each path back to zero."""
 PACE, PULL = 0.01, 0.001
@@ -102,7 +102,7 @@ class Walk:
     Attributes:
         last: result of the last step, with every command zero.
         unconverged: number of steps that did not converge.
-        drift: largest final distance from the undeformed shape, over the body's size.
+        drift: largest final distance from the undeformed shape, divided by the body's size.
         growth: growth of the resident memory from the first thousand steps to the end [B].
         first, final: median processor time of a step in the first and in the last thousand steps [s].
         iterations: sums of iterations in the first and in the last thousand steps, with the same commands.

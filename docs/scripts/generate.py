@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
+    arm_grasp,
     batches,
     chamber,
     constant_factors,
@@ -69,6 +70,7 @@ def manners_table(report: Mapping[str, Any]) -> str:
 
 
 TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
+    "arm_grasp": arm_grasp.all_tables,
     "batches": batches.batch_table,
     "bench": all_tables,
     "bench_node": node_tables.all_tables,
@@ -89,7 +91,7 @@ TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "threads": threads.thread_table,
     "torture": all_tables,
 }
-"""Dict from file in `KEPT` to the function that returns its table, or a dict from name to each of its tables."""
+"""Dict from file in `KEPT` to the function that returns its table, or a dict from table name to table."""
 
 
 def main() -> None:

@@ -93,7 +93,8 @@ def _in_tetrahedra(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the distance (k,) of a point outside of cells with nodes (k, 10, 3), and the nodes' weights (k, 10).
 
-    The distance is in barycentric coordinates, negative inside. The weights are those of a point near it in the cell.
+    The distance is in barycentric coordinates, negative inside. The weights belong to the point if it is inside,
+    otherwise to a nearby point of the cell.
     """
     place = barycentric(point, nodes)
     inside = np.clip(place, 0.0, None)

@@ -23,7 +23,7 @@ TET_ORDER = 3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttachedMass:
-    """A mass that is attached to material points of the body in equal parts.
+    """A mass that is attached in equal parts to several material points of the body.
 
     Attributes:
         name: name, unique among attached masses.
@@ -199,6 +199,6 @@ def _collect(count: int, owners: NDArray[np.int32], forces: NDArray[np.float64])
 
 
 def total_gravity(loads: Iterable[Load], commands: Mapping[str, float]) -> NDArray[np.float64]:
-    """Return the acceleration (3,) [m/s^2] by all loads of gravity, at load factors ``commands``."""
+    """Return the total acceleration (3,) [m/s^2] of all gravity loads, at load factors ``commands``."""
     weights = (commands[load.name] * load.acceleration for load in loads if isinstance(load, Gravity))
     return sum(weights, start=np.zeros(3))

@@ -34,10 +34,10 @@ class BagRun:
         RecordingError: there is no bag, or it was not recorded by this package's node.
 
     Attributes:
-        reader: of the bag.
+        reader: reader of the bag.
         roles: dict from role to topic name. The role is the topic's default name in the node, such as
-            ``handles/tip/pose``; remapping does not change it. If a bag has no roles, the role is the topic's name
-            without the node's name, or the full name of another node's topic.
+            ``handles/tip/pose``; remapping does not change it. If the bag states no role for a topic, its role is the
+            topic's name without the node's name; for a topic of another node, it is the full name.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -82,7 +82,10 @@ class BagRun:
         return np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
 
     def last_wrenches(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
-        """Return dict from handle, obstacle or sensor to its last force [N] and moment [N m] on the body."""
+        """Return the last force (3,) [N] and moment (3,) [N m] on the body, as a dict from handle or obstacle.
+
+        Wrenches of contact sensors are included, with the keys ``sensor <name>``.
+        """
         wrenches = {}
         for role in sorted(role for role in self.roles if role.endswith("/wrench")):
             _, message = _last(self.messages(f"/{role}"))

@@ -16,8 +16,8 @@ from gdfe_ros.recording.step_record import StepRecord
 
 _INPUTS = frozenset({"actuation", "commands", "trajectory"})
 _HANDLE_INPUTS = frozenset({"target", "velocity", "follow", "set"})
-"""Last parts of the names of a handle's input topics. The topic named only ``velocity`` is an output. Inputs are not
-compared, because the step record has the consumed commands.
+"""Last parts of the names of a handle's input topics, e.g. of ``handles/tip/velocity``. The topic with the whole name
+``velocity`` is an output. Inputs are not compared, because the step record has the consumed commands.
 """
 CONTACTS = "contacts"
 """Topic of the contact points. A message has a row for each point; the number of points changes from step to step."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration of the paper's Sec. 4.2.1: bars with two shape factors are stretched by 100 %, one bar for each R_G."""
+"""Calibration of the paper's Sec. 4.2.1: bars whose halves have different shape factors are stretched by 100 %."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class CalibrationPoint:
     Attributes:
         geometric: R_G, ratio of the shape factors.
         published: R_M, the ratio of the moduli that Eq. 7 assigns to R_G.
-        strain: mean eps_eq of the right half over that of the left half.
-        energy: mean 1/2 eps_eq^2 of the right half over that of the left half. For equal moduli this is the ratio of
-            the strain energies.
+        strain: mean eps_eq of the right half, divided by that of the left half.
+        energy: mean 1/2 eps_eq^2 of the right half, divided by that of the left half. For equal moduli this is the
+            ratio of the strain energies.
         converged: whether every load step converged.
     """
 
@@ -45,7 +45,7 @@ def calibrate(steps: int) -> list[CalibrationPoint]:
 def published_ratio(geometric: float) -> float:
     """Return the ratio of moduli R_M that Eq. 7 assigns to a ratio of shape factors R_G >= 1.
 
-    R_M is 1 for every R_G below the one that Eq. 7 assigns to R_M = 1.
+    Eq. 7 gives R_G as a function of R_M >= 1. For R_G below its value at R_M = 1, the result is 1.
     """
     if geometric <= geometric_ratio(1.0):
         return 1.0

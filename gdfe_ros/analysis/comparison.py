@@ -19,7 +19,7 @@ class Comparison:
     """Result of ``compare_bags``.
 
     Attributes:
-        differences: of the common steps.
+        differences: differences of the common steps.
         only: number of steps that only the first bag has, and number of steps that only the second bag has.
         foreign: topics of unknown type in the first and in the second bag, which are not compared.
         scene_changes: dict from dotted key to the values in the first and in the second scene, where they differ.
@@ -31,7 +31,11 @@ class Comparison:
     scene_changes: dict[str, tuple[Any, Any]]
 
     def verdict(self, factor: float = 0.0) -> Difference:
-        """Return ``differences.verdict``, but DIFFERENT for other steps and INCOMPLETE for topics not compared."""
+        """Return the verdict on the whole bags; differences up to ``factor`` solver tolerances are allowed.
+
+        It is DIFFERENT if a bag has a step that the other bag lacks, or if no step is common. It is INCOMPLETE if the
+        common steps agree, but topics were not compared.
+        """
         if any(self.only) or not self.differences.steps:
             return Difference.DIFFERENT
         verdict = self.differences.verdict(factor)

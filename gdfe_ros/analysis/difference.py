@@ -23,7 +23,7 @@ LENGTHS = frozenset({"x", "y", "z", "ux", "uy", "uz"})
 VELOCITIES = ("vx", "vy", "vz")
 _RATIOS = ("eps_eq", "J", "omega", "min_det")
 CUT = 100.0
-"""Assumed error estimate, divided by the tolerance, of a step without a finite estimate, e.g. because of a deadline."""
+"""Assumed error estimate, divided by the tolerance, if a step has no finite estimate, e.g. because of a deadline."""
 _COSTS = ("iterations", "substeps", "error_estimate", "skipped")
 
 
@@ -41,7 +41,7 @@ class Place:
     """One number of a field, in both runs.
 
     Attributes:
-        key: of the step.
+        key: key of the step.
         element: index of the vertex, cell or entry.
         values: the number in the first and in the second run.
     """
@@ -244,7 +244,7 @@ class Differences:
         return max(scale, self._axial * self._size) if ".torque." in entry.field else scale
 
     def _kin(self, entry: FieldDifference) -> Iterator[FieldDifference]:
-        """Yield the field and all other components of its vector; one component alone may be zero and has no scale."""
+        """Yield the field and the other components of its vector, because a component that stays zero has no scale."""
         stem = entry.field.rpartition(".")[0]
         vector = VELOCITIES if entry.field in VELOCITIES else ()
         for other in self.fields.values():

@@ -34,7 +34,7 @@ def difference_table(differences: Differences, *, factor: float) -> Table:
     A vector has one row, with its worst component.
 
     Args:
-        differences: of two runs.
+        differences: differences of two runs.
         factor: number of solver tolerances for the column ``allowed``; 0 for a table without this column.
     """
     table = Table(title="differences", title_justify="left")

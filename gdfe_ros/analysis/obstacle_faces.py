@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _POSE = (*(f"position.{axis}" for axis in "xyz"), *(f"orientation.{axis}" for axis in "xyzw"))
 BEYOND = 0.25
-"""Margin of a drawn plane around the points in front of it, divided by the larger extent of the points."""
+"""Margin of a drawn plane around the points that it must cover, divided by the larger extent of the points."""
 
 
 def faces_of(simulation: Simulation) -> list[NDArray[np.float64]]:
@@ -37,8 +37,8 @@ def recorded_faces(
 
     Args:
         scene: the recorded scene.
-        samples: arrays of a step, by topic and field. If the pose of an obstacle is missing, it is at its initial pose.
-        positions: of the body's vertices (n, 3) [m].
+        samples: arrays of a step, by topic and field. An obstacle whose pose is missing is at its initial pose.
+        positions: positions of the body's vertices (n, 3) [m].
     """
     faces = []
     for obstacle in (handle for handle in scene.handles if isinstance(handle, Obstacle)):
@@ -59,7 +59,7 @@ def pose_topic(obstacle: Obstacle) -> str:
 def obstacle_faces(obstacle: Obstacle, pose: Pose, before: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the faces (f, k, 3) [m] of an obstacle at a ``pose``.
 
-    A plane is one rectangle. It extends by a margin (`BEYOND`) beyond the points ``before`` the plane (n, 3) [m].
+    A plane is one rectangle. It covers the projections of the points ``before`` (n, 3) [m] and a margin (`BEYOND`).
     """
     origin, axes = obstacle.frame(pose)
     if isinstance(obstacle.form, Plane):

@@ -28,8 +28,8 @@ OBSTACLE = (0.80, 0.62, 0.45, 0.35)
 CABLE, FORCE = (0.75, 0.10, 0.10), (0.95, 0.15, 0.55)
 CHAMBER, CHAMBER_EDGES = (0.55, 0.80, 1.0, 0.12), (0.75, 0.90, 1.0, 0.45)
 PIECES = 24
-"""Obstacles that are sorted together with the body's faces have faces no longer than the body's size divided by this
-number. Larger faces are divided, because each face is drawn as a whole before or behind another face."""
+"""Body size divided by the largest edge length of an obstacle's faces, if they are sorted together with the body's
+faces. Longer faces are divided, because each face is drawn as a whole in front of or behind another face."""
 TICKS = 5
 """Number of intervals between ticks along the longest axis. Shorter axes have fewer, so that labels do not overlap."""
 
@@ -53,10 +53,10 @@ def draw_body(
     Args:
         path: PNG file, or a binary file object.
         mesh: undeformed mesh.
-        positions: of the vertices (n, 3) [m].
-        values: of the cells (m,).
-        title: above the picture.
-        label: of the colour bar.
+        positions: positions of the vertices (n, 3) [m].
+        values: values of the cells (m,).
+        title: text above the picture.
+        label: label of the colour bar.
         limits: values at both ends of the colour bar; None for the least and largest of ``values``. If they differ by
             less than `NOISE`, the body has one colour.
         around: points (k, 3) [m] that the axes must include, so that several pictures have one length scale.
@@ -90,7 +90,7 @@ def draw_body(
 
 
 def _draw_surfaces(axes: Axes3D, body: Surface, positions: NDArray[np.float64], obstacles: list[NDArray]) -> None:
-    """Draw the body and the obstacles; faces of obstacles no larger than the body are sorted with the body's faces."""
+    """Draw the body and the obstacles. Obstacles no larger than the body are sorted, face by face, with the body."""
     size, drawn = float(np.ptp(positions, axis=0).max()), [body]
     for solid in obstacles:
         if np.ptp(solid.reshape(-1, 3), axis=0).max() <= size:

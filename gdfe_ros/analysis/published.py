@@ -39,7 +39,7 @@ class Publication:
         """Return the arrays of the last step's messages, by topic and field.
 
         Args:
-            result: of the last step.
+            result: result of the last step.
             record: record of the recorded step that was repeated.
             topics: names without the node's name; topics for which the simulation has no arrays are left out.
         """

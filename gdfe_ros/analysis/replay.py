@@ -36,7 +36,7 @@ class ReplayReport:
             deadline. 0 with overrides.
         not_converged: number of other steps that did not converge in the replay.
         duration: simulation time that was replayed [s].
-        wall_time: of the replay, comparison included [s].
+        wall_time: wall time of the replay, comparison included [s].
         inexact: number of commands that no message expresses exactly; only in a replay over topics.
         tail: dict from topic to the number of messages after the last step. They belong to a step whose record is
             missing at the end of the recording.
@@ -55,7 +55,7 @@ class ReplayReport:
     end: str = ""
 
     def verdict(self, factor: float = 0.0) -> Difference:
-        """Return ``differences.verdict``, but INCOMPLETE if the runs are equal and parts could not be compared."""
+        """Return ``differences.verdict``, but INCOMPLETE if parts were not compared and the others agree."""
         verdict = self.differences.verdict(factor)
         incomplete = self.end or self.unknown or self.strays or not self.differences.compared
         return Difference.INCOMPLETE if incomplete and verdict is not Difference.DIFFERENT else verdict
@@ -75,7 +75,7 @@ class Replay:
 
     Attributes:
         scene: the recorded scene with the overrides.
-        simulation: of this scene.
+        simulation: simulation of this scene.
         count: number of steps that can be replayed.
         end: last step and reason, if the replay ends before the bag does; empty if it is complete.
 

@@ -67,7 +67,7 @@ class Scenery:
         Args:
             scene: the recorded scene.
             samples: arrays of a step, by topic and field.
-            positions: of the body's vertices (n, 3) [m].
+            positions: positions of the body's vertices (n, 3) [m].
         """
         obstacles = recorded_faces(scene, samples, positions)
         return cls(obstacles, *_inside(scene, positions), *_pushes(samples.get(CONTACTS)))
@@ -86,9 +86,9 @@ def force_arrows(
 
     Args:
         places: positions of the points (c, 3) [m].
-        forces: on the points (c, 3) [N].
+        forces: forces on the points (c, 3) [N].
         largest: magnitude of force [N] whose arrow has the length `ARROW` times ``size``.
-        size: of the body [m].
+        size: size of the body [m].
     """
     some = np.linalg.norm(forces, axis=1) > LEAST_FORCE * largest
     ends = places[some]

@@ -20,15 +20,15 @@ from gdfe_ros.solver.result import StepResult
 from gdfe_ros.workers import open_workers
 
 FLAT = 1e-3
-"""Thickness of a point cloud over its length, below which the cloud counts as a line or a sheet without volume."""
+"""Thickness of a point cloud, divided by its length, below which the cloud is a line or a sheet without volume."""
 CLOSE = 1e-3
-"""Largest error estimate (distance to the equilibrium over the body's size) at which a position counts as reached."""
+"""Largest distance to the equilibrium, divided by the body's size, at which a position counts as reached."""
 RETRIES = 8
 """Number of equal steps from the initial state to a command that could not be reached from the previous command."""
 LONG = 1e6
 """Duration of a step [s]; it is so long that no rate limit restricts a command."""
 MOST_GRID = 2
-"""Up to this number of actuators the commands are a grid; for more, corners of the ranges and a low-discrepancy set."""
+"""Largest number of actuators for which the commands are a grid. For more actuators, see `command_samples`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +75,8 @@ def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, flo
     """Return the least and largest command (a, 2) of the actuators ``names``, from ``given`` or from the scene.
 
     Raises:
-        GdfeError: there is no such actuator, its range is not finite, a given range exceeds that of the scene, or is
-            given for an actuator that is not in ``names``.
+        GdfeError: there is no such actuator, its range is not finite, a given range is empty or exceeds that of the
+            scene, or a range is given for an actuator that is not in ``names``.
     """
     known = {actuator.name: actuator for actuator in scene.actuators}
     for name in (*names, *given):
@@ -98,9 +98,9 @@ def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, flo
 def command_samples(limits: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return about ``count`` commands (k, a) that fill the ranges (a, 2).
 
-    For up to `MOST_GRID` actuators they are a grid. For more, they are the corners of the ranges, if these are at most
-    half of the commands, and points of Sobol's sequence. Each command is close to the previous one, because the solver
-    starts from the previous equilibrium.
+    For up to `MOST_GRID` actuators the commands are a grid. For more actuators they are points of Sobol's sequence, and
+    also the corners of the ranges if these are at most half of the commands. Each command is close to the previous one,
+    because the solver starts from the previous equilibrium.
     """
     dimensions = len(limits)
     if dimensions <= MOST_GRID:

@@ -171,7 +171,10 @@ def _require(arguments: argparse.Namespace) -> None:
 
 
 def _require_source(arguments: argparse.Namespace) -> None:
-    """Raise a `GdfeError` unless the arguments name either a scene or a node, and only options of the named kind."""
+    """Raise a `GdfeError` unless the arguments name either a scene or a node.
+
+    Also raise it if a node is named and an option of a scene is given, or rclpy is missing.
+    """
     if (arguments.scene is None) == (arguments.ros is None):
         given = "neither" if arguments.ros is None else f"scene {arguments.scene!r} and --ros {arguments.ros}"
         raise GdfeError(f"{given} given; allowed: a scene, or --ros with the name of a running node")

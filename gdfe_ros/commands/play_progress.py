@@ -21,11 +21,11 @@ class PlayProgress:
     """Shows simulation time, steps, and the last step that did not converge, while a program is played.
 
     A terminal shows a bar, which is removed at the end. A file or pipe receives a line every ten seconds. Both are
-    written by a thread, so that a step of minutes is reported while it lasts.
+    written by a separate thread, so that the progress is also shown during a step that takes minutes.
 
     Args:
         name: the scene's name.
-        duration: of the program [s].
+        duration: length of the program [s].
         console: console to write to; by default that of standard error.
         interval: time [s] between two lines where the console is no terminal.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A line about what a command is doing while it takes long."""
+"""A line of text that shows the present task of a command during a long wait."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def waiting(
 
     Args:
         text: what is being done, e.g. "loading gripper".
-        console: to write to; by default that of standard error.
+        console: console to write to; by default that of standard error.
         silent: time before the text appears at a terminal [s].
         interval: time between two lines where the console is no terminal [s].
     """

@@ -143,7 +143,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Capsule:
-    """The points nearer than ``radius`` [m] to a segment of the z axis of ``length`` [m], centred at the origin."""
+    """The points within ``radius`` [m] of a segment of the z axis with the ``length`` [m], centred at the origin."""
 
     radius: float
     length: float

@@ -21,7 +21,7 @@ def _no_vertices() -> NDArray[np.int32]:
 
 
 class ContactPoints(str, Enum):
-    """Evaluation of contact gaps: mean gap over the faces around each vertex, or gap at the vertex itself."""
+    """Evaluation of the contact gaps: the mean gap of the faces around each vertex, or the gap at the vertex itself."""
 
     FACES = "faces"
     VERTICES = "vertices"
@@ -34,7 +34,7 @@ class Obstacle(Handle):
     The reaction of an obstacle is its force on the body, as for a handle. Its moment is about the origin of its frame.
 
     Attributes:
-        vertices: empty.
+        vertices: empty, because an obstacle has no vertices.
         form: shape in the obstacle's frame.
         origin: origin of the obstacle's frame in the rest pose [m].
         turn: rotation vector of the obstacle's frame in the rest pose [rad].
@@ -60,7 +60,7 @@ class Obstacle(Handle):
         return np.array(self.origin)
 
     def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
-        """Return the obstacle's pose relative to its rest pose, which is the commanded pose."""
+        """Return the commanded pose, which is the obstacle's pose relative to its rest pose."""
         return commanded
 
     def frame(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

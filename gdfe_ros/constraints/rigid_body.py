@@ -88,7 +88,7 @@ class RigidBody(Obstacle):
 
 
 def rigid_pairs(touched: Sequence[Obstacle]) -> Iterator[tuple[RigidBody, Obstacle]]:
-    """Yield the pairs of a rigid body and an obstacle or other rigid body against which its points are tested.
+    """Yield pairs (rigid body, obstacle or other rigid body); points of the first are tested against the second.
 
     The points of a body are not tested against a rigid ball: the test of the ball's centre against the body finds the
     contact exactly. Of two rigid balls, the centre of the first ball is tested against the second ball.

@@ -54,7 +54,7 @@ class FeedbackControl:
         tolerance: distance [m] at which a goal counts as reached; it must be at least the noise of the measurements.
             Motions below three times this distance do not correct the Jacobian.
         slew: least time [s] in which a command may cross its range. It must be at least the robot's (a node's
-            ``slew_time``). Otherwise the robot follows the commands of some actuators less than those of others.
+            ``slew_time``). Otherwise the robot lags behind the commands of some actuators more than of others.
         learning: fraction, from 0 to 1, of the prediction error of a change by which the Jacobian is corrected.
 
     Raises:
@@ -165,11 +165,11 @@ class FeedbackControl:
         )
 
     def _judge(self, measured: Array, foretold: Array) -> None:
-        """Reduce the largest allowed change if the last change reduced the error by less than predicted (`ENOUGH`).
+        """Adapt the largest allowed change to the effect of the last change; ``foretold`` (m,) is the predicted motion.
 
-        ``foretold`` (m,) is the predicted motion. This applies only to goals out of reach, for which most of the
-        distance was predicted to remain. Large changes would circle around the point closest to such a goal. For goals
-        within reach, it is sufficient that `observe` corrects the Jacobian.
+        The limit is reduced if the goal is out of reach, so that most of the distance was predicted to remain, and if
+        the error fell by less than `ENOUGH` times the prediction. Without this, commands would circle around the
+        point closest to such a goal. In all other cases the limit is raised: `observe` corrects the Jacobian.
         """
         before, stack = self._base[1], self._stack
         error, after = stack.errors(self._goals, before), stack.errors(self._goals, measured)

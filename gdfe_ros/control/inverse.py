@@ -105,7 +105,7 @@ class InverseControl:
         return self._stack.targets
 
     def reach(self, goals: ArrayLike) -> Reach:
-        """Change the commands until the targets are at their goals, or as close as possible, in any number of steps.
+        """Change the commands, at most `MOST_TRIES` times, until the targets are at or closest to their goals.
 
         If goals are out of reach, the commands are those of the closest point, and the message is not empty. The search
         also ends, with a message, at a state that has no derivative.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 SURPRISE = 0.3
 """Largest error of the predicted motion, divided by the predicted motion, up to which the Jacobian is reused. Above it,
-the exact Jacobian is computed again. A moving goal is missed by at most this fraction of a step.
+the exact Jacobian is computed again before the next change.
 """
 
 

@@ -28,7 +28,7 @@ class Aim(ABC):
 
     Attributes:
         axes: controlled components of the value: 0, 1, 2 for x, y, z.
-        weight: priority relative to other targets: factor on the square of each error divided by its tolerance.
+        weight: priority relative to other targets: factor on (error / tolerance)^2 in the sum that is minimised.
         tolerance: distance at which a goal counts as reached, in the unit of the target. None means the controller's
             tolerance for positions, 1e-3 rad for orientations, and 1e-3 N for forces.
 
@@ -86,7 +86,7 @@ class Aim(ABC):
         return output[:3]
 
     def obstacle(self, simulation: Simulation, value: Array) -> str:
-        """Return the reason why commands may not change the target's ``value`` (3,); empty if there is none."""
+        """Return a possible reason why commands do not change the target's ``value`` (3,); empty if there is none."""
         return ""
 
 

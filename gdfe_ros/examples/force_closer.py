@@ -14,8 +14,9 @@ class ForceCloser:
     """Finds the command at which an actuator or handle that closes exerts a wanted force. Needs no ROS.
 
     While no force is measured, the command changes by one stride in each step. During contact it changes by
-    (goal - force) / slope, but at most by one stride. The slope d force / d command is the secant of the last two
-    steps. Stiffness and position of the grasped object need not be known.
+    (goal - force) / slope, but at most by one stride. The slope d force / d command is the secant of two successive
+    steps with contact. Until it is known, the command changes by one stride towards the goal. Stiffness and position
+    of the grasped object need not be known.
 
     Args:
         goal: wanted force [N], above ``threshold``.

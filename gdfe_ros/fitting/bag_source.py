@@ -82,7 +82,7 @@ def _series(source: Source, scene: Scene, values: TopicValues, name: str, model:
 def _components(
     found: NDArray[np.float64], along: NDArray[np.float64] | None, topic: str, where: str
 ) -> NDArray[np.float64]:
-    """Return the components (m, c) of m messages along c directions (c, 3); the single numbers (m, 1) for None.
+    """Return the components (m, c) of m vectors along the c directions ``along`` (c, 3), or m single numbers (m, 1).
 
     Raises:
         GdfeError: a message has one number where a vector is needed, or a vector where one number is needed.

@@ -12,18 +12,19 @@ from gdfe_ros.fitting.statistics import Confidence
 from gdfe_ros.fitting.trajectory import NotSimulatedError
 
 DECADES = (1, 2, 3)
-"""Distances of the tried values from a bound, in powers of ten."""
+"""Powers of ten by which an upper bound is multiplied, or a lower bound is divided, to get the tried values."""
 BETTER = 0.25
-"""A bound counts as wrong if a value beyond it has less than this fraction of the sum of squares at the bound."""
+"""A bound counts as wrong if a value beyond it reduces the sum of squares below this fraction of that at the bound."""
 
 
 def require_bounds(problem: FitProblem, solved: Solved, known: Confidence) -> None:
     """Check that no fitted parameter lies at a bound beyond which the fit is far better.
 
-    The tried values are some powers of ten beyond the bound (`DECADES`).
+    The tried values are some powers of ten beyond the bound (`DECADES`). Parameters whose lower bound is not positive
+    are not checked.
 
     Raises:
-        GdfeError: a parameter does; the error names the best of the tried values.
+        GdfeError: a parameter lies at such a bound; the error names the best of the tried values.
     """
     for place, (parameter, estimate) in enumerate(zip(problem.parameters, known.estimates, strict=True)):
         if not estimate.bound or not parameter.logarithmic:

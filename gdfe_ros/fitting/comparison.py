@@ -122,7 +122,7 @@ class SurfaceDistances:
         self._quads = quads
 
     def __call__(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the distances (m, p) [m] of points (m, p, 3) from the surface with its vertices at (m, 3 n) [m]."""
+        """Return the distances (m, p) [m] of points (m, p, 3) from the surface with vertices at (m, 3 n), all [m]."""
         from scipy.spatial import cKDTree
 
         found = np.full(points.shape[:2], np.nan)
@@ -140,7 +140,10 @@ class SurfaceDistances:
 
 
 def _at(times: NDArray[np.float64], outputs: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Interpolate outputs (k, d) at moments (m,), for a motion by a cubic spline; beyond the ends they are constant."""
+    """Return outputs (k, d) interpolated at moments (m,): a motion by a cubic spline, equilibria linearly.
+
+    Before the first and after the last of the ``times`` (k,), the outputs are constant.
+    """
     if outputs.shape[0] == 1:
         return np.repeat(outputs, moments.size, axis=0)
     inside = np.clip(moments, times[0], times[-1])

@@ -14,7 +14,7 @@ from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory, simulate
 from gdfe_ros.workers import open_workers
 
 Task = tuple[Mapping[str, float], Recording, float]
-"""Dict from key to value of a parameter; a recording; a horizon [s]."""
+"""Arguments of one simulation: dict from parameter key to value; the recording; the horizon [s]."""
 
 
 class Pool:

@@ -92,10 +92,11 @@ class FitProblem:
         return np.array(low), np.array(high)
 
     def first(self) -> NDArray[np.float64]:
-        """Return the initial unknowns (u,): initial parameters, and the time shifts and frames that fit them best.
+        """Return the initial unknowns (u,): parameters, time shifts within their bounds, and the best-fitting frames.
 
         Raises:
             NotSimulatedError: the initial parameters cannot be simulated.
+            GdfeError: a frame is fitted, and the recording has no positions of known points.
         """
         values = tuple(parameter.start for parameter in self.parameters)
         trajectories = self.trajectories(values)
@@ -134,7 +135,10 @@ class FitProblem:
         return self._known[1]
 
     def residuals(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (simulated - measured) / sigma of all values in one vector; 0 for values that are not compared."""
+        """Return (simulated - measured) / sigma of all values in one vector; 0 for values that are not compared.
+
+        If a recording cannot be simulated, every residual is `FAILED`.
+        """
         values, own = self._split(unknowns)
         found = self.trajectories(values)
         if any(isinstance(item, NotSimulatedError) for item in found):
@@ -187,8 +191,8 @@ class FitProblem:
 def standard_deviations(recordings: Sequence[Recording]) -> list[list[float]]:
     """Return the standard deviation of each series: its stated one, else `SHARE` times a range.
 
-    The range is the largest range of all series with the same unit. If all these series are constant, it is their
-    largest magnitude.
+    The range is the largest range of all series with the same unit. If all these series are constant, their largest
+    magnitude is used instead.
     """
     every = [series for recording in recordings for series in recording.series]
     units = {series.observable.unit for series in every}
@@ -208,7 +212,7 @@ def require_motion(recording: Recording, size: float) -> None:
         size: size of the body [m].
 
     Raises:
-        GdfeError: values do not change, or are so large that their unit must be wrong.
+        GdfeError: all values are missing, do not change, or are so large that their unit must be wrong.
     """
     for series in recording.series:
         where = f"recording {recording.name}, {series.name}"

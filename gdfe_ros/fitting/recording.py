@@ -38,7 +38,7 @@ class Series:
 
     @property
     def count(self) -> int:
-        """Number of measured values; for a surface, number of its points."""
+        """Number of measured values; for points on a surface, number of measured points."""
         finite = np.isfinite(self.values)
         return int(finite.all(axis=2).sum()) if self.values.ndim == 3 else int(finite.sum())
 

@@ -14,8 +14,8 @@ from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
 
 STEP = 0.01
-"""Change of a coordinate u in a finite difference: 1 % of a value. The relative error of the derivative is about the
-same, plus the solver's tolerance divided by this change.
+"""Largest change of a coordinate u in a finite difference: 1 % of the value if u is a logarithm, else 1 % of the
+interval. The relative error of the derivative is about 1 %, plus the solver's tolerance divided by this change.
 """
 
 

@@ -16,8 +16,8 @@ from gdfe_ros.fitting.solve import Solved
 
 CONFIDENCE = 0.95
 LOOSE = 1.0
-"""Largest standard deviation, along a direction of unit length in the coordinates u, at which the data determine this
-combination of parameters. A standard deviation of 1 is a factor e, or the whole interval.
+"""The data determine a combination of parameters (a unit vector in the coordinates u) if its standard deviation is at
+most this number. A standard deviation of 1 is a factor e, or the whole interval of a parameter.
 """
 ALIKE = 0.995
 """Magnitude of the correlation of two parameters above which the data determine only one combination of them."""
@@ -26,7 +26,7 @@ STRUCTURED = 0.5
 FEWEST = 8
 """Least number of values in a series for which the structure of its residuals is examined."""
 AT_BOUND = 1e-3
-"""Distance of u from a bound, divided by the interval of u, below which a value counts as being at the bound."""
+"""A value is at a bound if the distance of u from the bound, divided by the interval of u, is below this."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def confidence(problem: FitProblem, solved: Solved) -> Confidence:
     """Return confidence intervals and correlations of the parameters, from the Jacobian J at the solution.
 
     The covariance of the unknowns is s^2 (J^T J)^-1 with s^2 = 2 cost / (number of values - number of unknowns).
-    Parameters at a bound count as constants.
+    Parameters at a bound are constants here, not unknowns.
     """
     parameters, count = problem.parameters, len(problem.parameters)
     bounds = [_bound(p, float(u)) for p, u in zip(parameters, solved.unknowns[:count], strict=True)]

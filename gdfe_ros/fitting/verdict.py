@@ -32,7 +32,7 @@ class Match:
         relative: ``rms`` divided by the size of the motion. The size is the root mean square of displacements, or of
             other values minus their mean. For points on a surface it is their largest extent.
         largest: largest absolute difference, in SI units.
-        autocorrelation: correlation of successive residuals; NaN if there are too few.
+        autocorrelation: largest correlation of successive residuals among the columns; NaN if there are too few.
         residual: simulated minus measured values, in SI units, (m, c); distances (m, p) for points on a surface.
     """
 

@@ -79,8 +79,9 @@ class ShownRun(Protocol):
     def ask(self, ability: Ability) -> Future[str] | None:
         """Carry out a request other than ``MODULI``; ``PAUSE`` and ``RECORD`` are toggles.
 
-        Return a future text for the user, which may raise a GdfeError, or None if the page itself shows the effect.
+        Return a ``Future``, which has a text for the user or raises a GdfeError. Return None if the page itself shows
+        the effect.
         """
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[Any]:
-        """Set Young's moduli [Pa] by material, if ``MODULI`` is supported; the future answer may raise a GdfeError."""
+        """Set Young's moduli [Pa] by material, if ``MODULI`` is supported; the ``Future`` may raise a GdfeError."""

@@ -78,7 +78,7 @@ class Panel:
             self._guarded(lambda: self._await(action()))
 
     def _await(self, answer: Future[Any] | None) -> None:
-        """Show the text or the error of a future answer to viewers once it is complete."""
+        """Show the text or the error of a ``Future`` to viewers once it is complete."""
 
         def tell(done: Future[Any]) -> None:
             if text := done.result():

@@ -156,7 +156,7 @@ class LiveSession:
         return f"plays the program, {moment:.2f} of {playing.duration:g} s", False
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Carry out a request; return a future text for the user when a bag is begun or completed, otherwise None."""
+        """Carry out a request; return a ``Future`` of a text for users if it begins or completes a bag, else None."""
         match ability:
             case Ability.PLAY:
                 self.play()
@@ -234,18 +234,18 @@ class LiveSession:
         self.stepper.post(back, urgent=True)
 
     def record(self, path: Path | None) -> Future[str]:
-        """Begin a bag in the directory ``path``, or complete the present bag if it is None; return a future message.
+        """Begin a bag in the directory ``path``; None: complete the present bag. Return a ``Future`` of a message.
 
-        The future raises a GdfeError in three cases: another bag is being written, there is no bag to complete, or the
-        bag cannot be created.
+        The ``Future`` raises a GdfeError in three cases: another bag is being written, there is no bag to complete, or
+        the bag cannot be created.
         """
         return self.stepper.post(lambda: self._end_bag() if path is None else self._begin_bag(path))
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[None]:
         """Set Young's moduli [Pa] by material. The body goes to its new equilibrium or, with dynamics, keeps moving.
 
-        The future answer raises a GdfeError for an invalid value, and while a bag is written, because a replay could
-        not repeat the change.
+        The ``Future`` raises a GdfeError for an invalid value, and while a bag is written, because a replay could not
+        repeat the change.
         """
 
         def swap() -> None:

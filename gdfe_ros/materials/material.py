@@ -30,8 +30,9 @@ class Material:
     Attributes:
         poisson: initial Poisson's ratio, -1 < nu <= 0.5; 0.5 is incompressible.
         density: mass density [kg/m^3]; None if unknown. Only gravity and dynamics need it.
-        omega: shape factor for the ``relative`` policy, 0 < omega <= 1; None for the law's own factor.
-        caveat: limitation of the measurement that gave the parameters; empty for none.
+        omega: shape factor for the ``relative`` policy, 0 < omega <= 1; None stands for the factor that follows from
+            the law.
+        caveat: limitation of the measurement that gave the parameters; empty if there is none.
 
     Raises:
         ValueError: a parameter is out of range.

@@ -20,7 +20,7 @@ class Recipe:
         poisson: initial Poisson's ratio; None if the source does not give it.
         density: mass density [kg/m^3]; None if the source does not give it.
         misfit: largest relative deviation of Ogden's law from the data; None if unknown.
-        caveat: limitation that a user must know; empty for none.
+        caveat: limitation that a user must know; empty if there is none.
     """
 
     mu: tuple[float, ...]

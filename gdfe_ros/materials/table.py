@@ -134,7 +134,8 @@ def _tabulate(material: Material) -> tuple[NDArray[np.float64], NDArray[np.float
 def _hermite(value: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the coefficients (i + 1, 4) of the cubic Hermite interpolation on i intervals of unit length.
 
-    ``value`` and ``slope`` (i + 1,) are those at the ends of the intervals. The last row is the straight continuation.
+    ``value`` and ``slope`` (i + 1,) are the values and slopes at the ends of the intervals. The last row is the
+    straight continuation.
     """
     coefficients = np.zeros((len(value), 4))
     coefficients[:, 0], coefficients[:, 1] = value, slope

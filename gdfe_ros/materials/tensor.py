@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled operations on 3 x 3 matrices, as the polar decomposition; a matrix is a tuple of nine floats, by rows."""
+"""Compiled operations on 3 x 3 matrices, such as the polar decomposition.
+
+A matrix is a tuple of nine floats, row by row.
+"""
 
 from __future__ import annotations
 

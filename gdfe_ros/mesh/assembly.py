@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Assembly of several meshes into one mesh; a selection may refer to one of them in its own frame."""
+"""Assembly of several meshes into one mesh; a selection may refer to one of these meshes, in the frame of this mesh."""
 
 from __future__ import annotations
 

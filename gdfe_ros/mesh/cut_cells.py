@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Volume, centroid and second moments of the material that a closed surface leaves in each cube of a grid."""
+"""Volume, centroid and second moments of the material inside a closed surface, for each cube of a grid."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXACT = 1e-9
 def cube_moments(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int]
 ) -> NDArray[np.float64]:
-    """Return the moments of the material in each cube; the material is the inside of a closed surface.
+    """Return the moments of the material inside a closed surface, for each cube of a grid.
 
     Args:
         vertices: positions in units of the cubes' edge, from the grid's first corner, shape (n, 3).

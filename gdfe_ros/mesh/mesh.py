@@ -42,7 +42,7 @@ class Mesh:
     """
 
     nodes: ClassVar[int]
-    """Number c of vertices of a cell."""
+    """Number c of nodes of each cell."""
     noun: ClassVar[str]
     """Name of the cells in messages, plural."""
     vtk: ClassVar[str]

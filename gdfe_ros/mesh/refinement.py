@@ -15,7 +15,7 @@ Levels = tuple[int, int, int]
 def refine(
     points: NDArray[np.float64], triangles: NDArray[np.int64], longest: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Divide triangles so that no part of a given edge is longer than ``longest``.
+    """Divide triangles so that no part of an original edge is longer than ``longest``.
 
     Each edge is divided into equal parts, whose number is a power of two. A triangle whose edges are all too long is
     divided into four similar triangles, repeatedly. A long thin triangle with one edge that is short enough is divided

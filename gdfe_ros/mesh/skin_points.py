@@ -28,10 +28,10 @@ FARTHEST = np.array([0.5, 0.75, 1.0])
 The three values are for a corner, for a crease point, and for any other point.
 """
 NEAR = 8
-"""Number of nearest chosen points that are searched for a point on the same side of a wall."""
+"""Number of nearest chosen points among which a point on the same side of a wall is searched."""
 ALIKE = -1e-9
-"""Two points count as on the same side of a wall if the cosine between their normals exceeds this. Points with
-perpendicular normals do.
+"""Two points count as on the same side of a wall if the cosine between their normals exceeds this. The value is
+slightly negative, so that points with perpendicular normals are included.
 """
 PLACE = 1e-12
 """Tolerance of a skin point's reference coordinates in its cell."""
@@ -93,7 +93,7 @@ class SkinPoints:
         return self._completed(self._cornered(np.unique(point[first])))
 
     def _cornered(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the chosen points; each corner of the skin replaces the nearest chosen point if this is close.
+        """Return the chosen points; each corner of the skin replaces the nearest chosen point if this point is close.
 
         A chosen point that is a corner is not replaced.
         """
@@ -109,7 +109,7 @@ class SkinPoints:
         return np.unique(found)
 
     def _completed(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the chosen points and further points, so that each skin point is within `FARTHEST` of one of these."""
+        """Return the chosen points and further points; each skin point is within `FARTHEST` of a returned point."""
         limits = FARTHEST[self.kinds] * self.sizes
         near = cKDTree(self.places[chosen]).query(self.places, k=min(NEAR, len(chosen)))[1]
         near = chosen[near.reshape(len(self.places), -1)]
@@ -126,7 +126,7 @@ class SkinPoints:
 
 
 def _kinds(triangles: NDArray[np.int64], normals: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the kind of each point, as in `SkinPoints`, from the number of creases that meet there: 0, 2 or other."""
+    """Return the kind of each point as in `SkinPoints`: crease point with 2 creases, corner with 1 or more than 2."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges, owner = edges[order], order // 3

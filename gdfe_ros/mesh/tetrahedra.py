@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]], dtype=np.int32)
-"""The two end corners of the edge of each of the nodes 4 .. 9."""
+"""The two end corners of each edge; row i is the edge with the node 4 + i."""
 FACES = np.array([[1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6], [0, 1, 3, 4, 8, 7], [0, 2, 1, 6, 5, 4]], dtype=np.int32)
 """Nodes of the faces, counter-clockwise seen from outside: three corners, then the nodes on the edges 01, 12, 20."""
 FACETS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]], dtype=np.int32)
 """The four triangles between the six nodes of a face."""
 SIX = np.array([[0, 1, 2], [1, 2, 0]], dtype=np.int32)
-"""The two end corners (rows) of the edge of each of a face's nodes 3 .. 5 (columns)."""
+"""The two end corners (2 rows) of each edge of a face; column i is the edge with the node 3 + i."""
 
 _NEAR, _FAR = (5.0 + 3.0 * 5.0**0.5) / 20.0, (5.0 - 5.0**0.5) / 20.0
 POINTS = np.full((4, 4), _FAR) + (_NEAR - _FAR) * np.eye(4)

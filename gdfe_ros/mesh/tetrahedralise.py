@@ -28,7 +28,9 @@ STEP_SUFFIXES = (".step", ".stp")
 ENVELOPE = 1e-3
 """Largest distance between fTetWild's surface and the file's surface, divided by the diagonal of the body."""
 NARROW = 0.1
-"""Largest distance between the same two surfaces, divided by the size of the cells; the smaller limit applies."""
+"""Largest distance between fTetWild's surface and the file's surface, divided by the size of the cells. Of this limit
+and `ENVELOPE`, the smaller distance applies.
+"""
 STRAIGHTENED = 0.1
 """The curved edges of a cell are straightened if its scaled Jacobian is below this."""
 LONGEST_RUN = 1800.0

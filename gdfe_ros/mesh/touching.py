@@ -32,8 +32,8 @@ class Touching:
     def joined(cls, parts: Sequence[tuple[Touching, int, int]]) -> Touching:
         """Return the contact points and surfaces of several meshes as one.
 
-        Each item of ``parts`` has those of one mesh, and the indices of this mesh's first vertex and first cell in the
-        assembly.
+        Each item of ``parts`` has the contact points of one mesh, and the indices of this mesh's first vertex and first
+        cell in the assembly.
         """
         each, vertices, cells = zip(*parts, strict=True)
         return cls(

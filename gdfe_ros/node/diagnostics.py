@@ -56,8 +56,8 @@ class _Mark:
 class Diagnostics:
     """Publishes a status of the node and one of each part: solver, commands, recording, clock.
 
-    The status of the node has the level and the reason of the worst part. After a failed transition or step it is an
-    error. No message is built without a subscriber.
+    The status of the node has the level and the reason of the worst part. After a failed transition or step, its level
+    is error. No message is built without a subscriber.
 
     Args:
         node: the reporting node.

@@ -90,7 +90,7 @@ class CommandAssembler:
                     start = time - dt if order.start is None else order.start
                     present = self._run.simulation.commands | self._run.simulation.joint_goals
                     before = [actuators.get(name, present[name]) for name in order.names]
-                    rates = self._run.simulation.joint_velocities
+                    rates = self._run.simulation.motor_velocities
                     for name, value in zip(order.names, before, strict=True):
                         self._courses[name] = _Course(start, value, rates.get(name, 0.0), order.only(name))
                     if order.begun is not None:

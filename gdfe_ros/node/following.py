@@ -116,7 +116,10 @@ class Followers:
         self._last: dict[str, PoseOrder] = {}
 
     def look(self, *, anew: bool = False) -> None:
-        """Command each handle whose leader has moved since the last call; with ``anew``, each whose leader is known."""
+        """Command each handle whose leader has moved since the last call.
+
+        With ``anew``, command each handle whose leader's frame is known, whether or not it has moved.
+        """
         if anew:
             self._last.clear()
         for leader in self._leaders:

@@ -45,4 +45,7 @@ class Host(Protocol):
         """Report an error message to the user."""
 
     def stamp(self, ending: float, early: float = 0.0) -> int:
-        """Return the stamp [ns] of a step that ends at ``ending`` [s] and ``early`` [s] before an external clock."""
+        """Return the stamp [ns] of a step that ends at the simulation time ``ending`` [s].
+
+        ``early`` [s] is the time by which this end precedes the present time of an external clock.
+        """

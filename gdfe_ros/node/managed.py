@@ -195,7 +195,7 @@ class ManagedNode(LifecycleNode):
         """Do the slow part of ``on_configure``; called in a separate thread, so it must not use ROS."""
 
     def configure_later(self) -> Future[TransitionCallbackReturn]:
-        """Start the transition ``configure`` without blocking other callbacks, and return its future result.
+        """Start the transition ``configure`` without blocking other callbacks; return a ``Future`` of its result.
 
         The state is ``configuring`` until ``prepare`` is done.
         """

@@ -25,7 +25,9 @@ FARTHEST = 10.0
 
 @dataclass(frozen=True)
 class PoseOrder:
-    """A target of a handle. Of the equivalent rotation vectors, it means the one closest to that of the last target.
+    """A target pose of a handle.
+
+    Many rotation vectors describe the same quaternion. The order uses the one closest to that of the last target.
 
     Attributes:
         handle: name of the handle.
@@ -112,7 +114,10 @@ class ActuatorOrder:
     values: Mapping[str, float]
 
     def without(self, later: Order) -> ActuatorOrder | None:
-        """Return the commands that a later order does not replace. A trajectory replaces none, and starts from them."""
+        """Return the commands that a later order does not replace; None if it replaces all.
+
+        A trajectory replaces no commands, because it starts from them.
+        """
         if not isinstance(later, ActuatorOrder):
             return self
         values = {name: value for name, value in self.values.items() if name not in later.values}

@@ -44,7 +44,7 @@ class Pace(Protocol):
 
     Attributes:
         overruns: number of steps that should have begun while an earlier step was still running.
-        late: sum of the delays of steps that ended too late [s].
+        late: sum of the delays of steps that ended too late [s]; 0 without the wall clock.
         moment: time of the external clock at the end of the latest step [ns]; 0 without external clock.
         behind: time by which the external clock is ahead of ``moment`` [s]; 0 without external clock.
     """

@@ -23,7 +23,7 @@ def moduli_of(scene: Scene) -> dict[str, float]:
 
 
 def source_with(scene: Scene, moduli: Mapping[str, float]) -> str:
-    """Return the YAML text of a scene with other moduli [Pa], given by material; materials without one are ignored."""
+    """Return the YAML text of a scene with other Young's ``moduli`` [Pa]; materials without a modulus are ignored."""
     known = moduli_of(scene)
     return _with(scene, {name: young for name, young in moduli.items() if name in known}).source
 

@@ -170,7 +170,7 @@ class Services:
         return session.stepper.post(compute, "computing the Jacobian")
 
     def _answer(self, name: str, action: Callable[[Any], str | Future[str]]) -> Callable[[Any, Any], Any]:
-        """Return a service callback for ``action``, which returns a message or a future message, or raises."""
+        """Return a service callback for ``action``, which returns a message or a ``Future`` of one, or raises."""
 
         def respond(response: Any, done: Future[str]) -> Any:
             error = done.exception()

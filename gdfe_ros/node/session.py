@@ -239,7 +239,7 @@ class SimulationSession:
         self.flush()
 
     def take_steps(self, count: int, told: Callable[[int], None] | None = None) -> Future[str]:
-        """Start a requested number of steps, and return the future answer: a text with the number and the time.
+        """Start a requested number of steps, and return a ``Future`` of a text with their number and the time.
 
         Args:
             count: number of steps.
@@ -264,8 +264,8 @@ class SimulationSession:
         """Begin or finish a bag, and return a message with its path or summary. Called between steps, while active.
 
         Raises:
-            GdfeError: a bag to begin cannot be created, or another bag is being written; or there is no bag to finish,
-                or its recording ended early.
+            GdfeError: the bag to begin cannot be created, another bag is being written, there is no bag to finish, or
+                its recording ended early.
         """
         if wanted == self.bags.active:
             raise GdfeError(f"the node is {'recording' if wanted else 'not recording'} already")

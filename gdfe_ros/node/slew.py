@@ -14,13 +14,13 @@ from gdfe_ros.simulation import Command
 _SLOWEST = 1.0 / 32.0
 """Smallest fraction of the full rate."""
 _SLOWER, _FASTER = 0.5, 1.2
-"""Factors on the fraction of the full rate: after a step that did not converge, and after a step that converged."""
+"""Factors on the fraction of the full rate: after a step that a deadline ended, and after any other step."""
 _HELD, _BACK = 200, 2000
 """Largest numbers of iterations with a constant command, and after a return to the last converged command. A change
 that converges needs 5 to 150 iterations.
 """
 _LEAST = 4
-"""Smallest number of iterations counted for a step. Near a limit of stability, other work takes more time."""
+"""Number of iterations that a step with fewer iterations counts as: near instability, other work takes more time."""
 
 
 class _Phase(Enum):
@@ -42,7 +42,8 @@ class Slew:
 
     In a step an actuator's command changes by at most ``share`` * range / slew_time * dt. Initially ``share`` is 1. If
     a deadline ends a step before it converges, ``share`` is halved, and the command stays constant until a later step,
-    which continues the solve, has converged. Each step that converges increases ``share`` by a fifth, up to 1.
+    which continues the solve, has converged. Each step that converges increases ``share`` by a fifth, up to 1. Only a
+    step that a deadline ended counts as a step that did not converge.
 
     If the steps with the constant command do not converge within 200 iterations, the command goes back to its last
     converged value, and the next change is half as large. If a change with the smallest ``share``, 1/32, fails in the

@@ -160,7 +160,7 @@ class StandardServices:
         return f"the node is {self._node.lifecycle_state}; call the transitions `configure` and `activate` first"
 
     def _later(self, work: Future[Any], response: Any) -> Future[Any]:
-        """Return the future answer, which is complete when ``work`` is done."""
+        """Return a ``Future`` of the response, which is complete when ``work`` is done."""
         answer: Future = Future()
 
         def respond(done: Future[Any]) -> None:

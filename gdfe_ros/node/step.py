@@ -29,7 +29,7 @@ _OUTCOME = (
 
 @dataclass(frozen=True, kw_only=True)
 class Demand:
-    """Which outputs of a step a subscriber or a bag needs; by default all.
+    """The outputs of a step that a subscriber or a bag needs; by default all.
 
     Attributes:
         messages: whether any message is needed.

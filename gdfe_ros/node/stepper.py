@@ -39,7 +39,7 @@ class StepFailure(GdfeError):
 
 
 _GRACE = 0.5
-"""After a request to end a solve, it ends once it has taken longer than this time [s]; a shorter solve is completed."""
+"""A solve that must end is ended once it has taken longer than this time [s]; a shorter solve is completed."""
 _MOST_RETRIES = 20
 """Largest number of successive steps without a new command that continue an unconverged solve. Steps that a deadline
 ended are not counted.
@@ -133,7 +133,7 @@ class SteppingThread:
         return self.post(function).result()
 
     def post(self, function: Callable[[], _Value], what: str = "", *, urgent: bool = False) -> Future[_Value]:
-        """Queue a function to run between two steps and return its future result; without a thread it runs at once.
+        """Queue a function to run between two steps; return a ``Future`` of its result. Without a thread, run it now.
 
         While the function runs, ``work`` contains its description ``what`` for diagnostics. An urgent function ends a
         solve in progress that takes longer than `_GRACE`.
@@ -187,7 +187,7 @@ class SteppingThread:
         self._step(orders, dt=self._run.parameters["dt"])
 
     def reset(self) -> None:
-        """Set the simulation to its initial state at time 0, drop waiting orders and, if the thread runs, deliver it.
+        """Set the simulation to its initial state at time 0, drop orders, and deliver this state if the thread runs.
 
         Called between steps.
         """

@@ -152,7 +152,7 @@ def _checked(transform: Any) -> Placement:
 
 
 def _chain_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:
-    """Return a dict from a frame and each of its ancestors, nearest first, to the placement of the frame in them."""
+    """Return a dict from a frame itself and each of its ancestors, nearest first, to the frame's placement there."""
     chain = {frame: Placement()}
     while frame in parents and parents[frame][0] not in chain and len(chain) < _DEEPEST:
         parent, placement = parents[frame]

@@ -47,17 +47,17 @@ class Walk:
         return not self._future.done()
 
     def begin(self) -> Future[str]:
-        """Queue the first step, and return the future answer: a message with the steps made and the simulation time."""
+        """Queue the first step, and return a ``Future`` of a message with the number of steps and the time."""
         self._post()
         return self._future
 
     def end(self, reason: BaseException) -> None:
-        """End the request after the step in progress, unless it has ended already; the answer raises ``reason``."""
+        """End the request after the step in progress, unless it has ended already; the ``Future`` raises ``reason``."""
         with suppress(InvalidStateError):  # it had ended already
             self._future.set_exception(reason)
 
     def interrupt(self, why: str) -> None:
-        """End the request early; the answer raises a GdfeError that begins with ``why``."""
+        """End the request early; the ``Future`` raises a GdfeError whose text begins with ``why``."""
         self.end(GdfeError(f"{why}; {self} were made"))
 
     def _post(self) -> None:

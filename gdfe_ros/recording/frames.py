@@ -72,7 +72,7 @@ def require_sound_summary(data: mmap) -> int:
     """Check the summary at the end of a file, which contains the index; mcap's readers do not check its checksum.
 
     Returns:
-        Offset of the summary [B].
+        Offset of the summary [B]; 0 if the file has none.
 
     Raises:
         McapError: the file is truncated, or the summary is damaged.

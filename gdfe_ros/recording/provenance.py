@@ -17,7 +17,9 @@ import gdfe_ros
 
 SCENE_FILE = "scene.yaml"
 STATE_FILE = "state.bin"
-"""Name of the attachment with a bag's first state (see checkpoint.py). A bag from the initial state has none."""
+"""Name of the attachment with the first state of a bag (see checkpoint.py). A bag that starts from the scene's initial
+state has no such attachment.
+"""
 _LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
 
 

@@ -30,7 +30,7 @@ _TESTED = {
     "cell": "cell centroids",
     "point of the skin": "points about half a cell's edge apart",
 }
-"""Dict from the noun of the selected items to the points that a selection tests; for other items, the vertices."""
+"""Dict from a kind of items to the points that a selection of such items tests; for other kinds, the vertices."""
 
 
 def build_materials(draft: Draft, report: Defects) -> dict[str, Material]:

@@ -133,7 +133,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
     parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
     cut = () if mesh is None or report.concerns("skin") else cut_key(mesh)
-    parts |= {"cut": cut, "self_contact": self_contact, "mesh": mesh}
+    parts |= {"cut": cut, "self_contact": self_contact, "mesh": mesh, "arms": arms}
     for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
         if key == ("bodies",) and report.concerns("dynamics"):
             continue

@@ -17,8 +17,8 @@ def apply_override(document: Document, key: str, value: Any, report: Defects) ->
     Args:
         document: the scene's data, modified in place.
         key: keys and list indices joined by dots, e.g. ``program.handles.tip.1.translation``.
-        value: the value; a string is read as YAML, a numpy array or tuple becomes a list; None removes the key.
-        report: collects a defect if the key does not exist.
+        value: the value; a string is read as YAML, a numpy array or tuple becomes a list; None removes a mapping's key.
+        report: collects a defect if the string is not YAML, a list lacks an index, or a single value has no keys.
     """
     parts: list[str | int] = list(key.split("."))
     try:

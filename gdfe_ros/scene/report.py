@@ -70,7 +70,7 @@ class Defects:
     def concerns(self, key: str) -> bool:
         """Return whether a defect was found at the ``key`` of the scene or of a mesh.
 
-        Defects that follow from it need no report of their own.
+        Further defects that follow from this defect need no report.
         """
         return any(key in path for path in self._concerned if path and path[0] in (key, "mesh", "meshes"))
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load, Mode
+from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
@@ -48,6 +49,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
         policy=settings.policy,
         mesh=scene.mesh,
         cut=cut_key(scene.mesh),
+        arms=scene.arms,
     )
     if defects:
         raise SceneError(f"scene {scene.name}", [text for _, text in defects])
@@ -103,6 +105,7 @@ def unsolvable(
     self_contact: SelfContact | None = None,
     mesh: Mesh | None = None,
     cut: tuple[str, ...] = (),
+    arms: Sequence[Arm] = (),
 ) -> list[tuple[tuple[str, ...], str]]:
     """Return the conflicts between the entries of a scene, each as a key path in the scene file and a sentence.
 
@@ -112,7 +115,7 @@ def unsolvable(
     held = {item.name: _held(item, handles) for item in actuators}
     found = [
         (("materials",), _contrast(materials, cell_material)),
-        (("solver", "policy"), _forces(handles, actuators, loads, self_contact, policy)),
+        (("solver", "policy"), _forces(handles, actuators, loads, self_contact, arms, policy)),
         *((("actuators", name), text) for name, text in held.items()),
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
         (("bodies",), _still(handles) if dynamics is None else _inside(handles, mesh)),
@@ -145,7 +148,8 @@ def _tetrahedra(
 def cut_key(mesh: Mesh) -> tuple[str, ...]:
     """Return the key path of the key ``cells`` that selects cut cells in the scene file; empty if no cells are cut.
 
-    If several meshes have cut cells, it is that of the first mesh whose skin does not touch, or else of the first mesh.
+    Of several meshes with cut cells, the path is that of the first mesh whose skin does not touch, or else of the first
+    mesh.
     """
     if mesh.filling is None:
         return ()
@@ -175,6 +179,7 @@ def _forces(
     actuators: Sequence[Actuator],
     loads: Sequence[Load],
     self_contact: SelfContact | None,
+    arms: Sequence[Arm],
     policy: Policy,
 ) -> str:
     """Return a message about items that need forces if the policy is ``relative``, which has no forces; else empty."""
@@ -184,6 +189,7 @@ def _forces(
     names += [load.name for load in loads]
     names += [handle.name for handle in handles if handle.turning or isinstance(handle, Obstacle)]
     names += ["self_contact"] * (self_contact is not None)
+    names += [f"compliance of {arm.name}" for arm in arms if arm.springs is not None]
     if not names:
         return ""
     text = f"the policy 'relative' has no forces and cannot take {', '.join(names)}"

@@ -33,7 +33,8 @@ class Bound:
 
     Attributes:
         start: kinetic + elastic + potential energy - work [J] at the beginning.
-        least: minimum of this balance so far [J]. The uncertainty of later work is added to ``start`` and ``least``.
+        least: minimum of kinetic + elastic + potential energy - work so far [J]. The uncertainty of later work is added
+            to ``start`` and ``least``.
         most: largest kinetic + elastic energy so far [J].
     """
 

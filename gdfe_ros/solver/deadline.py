@@ -16,7 +16,8 @@ class Deadline:
     Args:
         moment: value of ``time.perf_counter`` at which the deadline passes; None if the clock does not end the solve.
         after: recorded number of queries before the deadline passes; it replaces the clock in a replay.
-        interrupted: function that is called at each query and returns whether to end the solve. None for none.
+        interrupted: function that is called at each query and returns whether to end the solve; None if nothing can
+            interrupt it.
 
     Attributes:
         after: number of queries before the deadline passed; None if it has not passed.
@@ -72,7 +73,7 @@ class Deadline:
             started: ``time.perf_counter`` at the beginning [s].
             seconds: allowed duration [s]; None for no limit.
             after: recorded number of queries in a replay; None outside of a replay.
-            interrupted: function that returns whether to end the solve; None for none.
+            interrupted: function that returns whether to end the solve; None if nothing can interrupt it.
         """
         if after is not None:
             return cls(after=after)

@@ -18,7 +18,7 @@ Vectors = NDArray[np.float64]
 
 
 LEAST_TURN = 1e-6
-"""Handle vertices determine a rotation if their extent, over the undeformed extent, is at least this."""
+"""A handle's vertices determine its rotation if their extent, divided by the undeformed extent, is at least this."""
 
 
 class HandleMotions:
@@ -70,7 +70,7 @@ class HandleMotions:
         return moved
 
     def put(self, slides: Vectors, turns: Vectors, places: Mapping[str, Pose]) -> tuple[Vectors, Vectors]:
-        """Return ``slides`` and ``turns`` (p, 3), with the entirely free handles ``places`` set to these poses."""
+        """Return ``slides`` and ``turns`` (p, 3) changed so that the free handles of ``places`` have these poses."""
         slides, turns = slides.copy(), turns.copy()
         for name, pose in places.items():
             slides[self._row[name]], turns[self._row[name]] = pose.translation, pose.rotation

@@ -27,7 +27,7 @@ def handle_reactions(
         body: the discretised body.
         positions: (n, 3) [m].
         force: corner forces dE/dx (m, c, 3) [N] at these positions.
-        outside: dE/dx (n, 3) [N] of the external terms; None for none.
+        outside: dE/dx (n, 3) [N] of the external terms; None if there are none.
         contacts: contact terms of the obstacles.
 
     Returns:

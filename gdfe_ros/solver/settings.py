@@ -18,7 +18,7 @@ class Torsion(str, Enum):
     """Model of an element's torsional stiffness; the element's single integration point does not resolve it."""
 
     CELL = "cell"
-    """Each cell resists torsion as a separate bar: exact one cell across, 14 % too stiff two cells across."""
+    """Each cell resists torsion as a separate bar: exact with one cell across a bar, 14 % too stiff with two cells."""
     SECTION = "section"
     """Each cell resists torsion as part of a cross-section with the counted number of cells. This is exact for square
     bars one to four cells across.

@@ -88,7 +88,7 @@ class Solution:
 
     @property
     def error_estimate(self) -> float:
-        """Estimated largest distance to the equilibrium over the body's size; infinite if it is unknown."""
+        """Estimated largest distance to the equilibrium, divided by the body's size; infinite if it is unknown."""
         return self.state.summary.error_estimate
 
     @property

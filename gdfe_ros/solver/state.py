@@ -95,7 +95,8 @@ class DormancyState:
         patience: number of successive steps for which a vertex must be at rest before it is frozen.
         rests: number of steps to skip before the next examination.
         longer_rest: number of steps that the last pause skipped; the next pause skips twice as many.
-        lasted: number of steps solved with the present awake part since it was chosen or the whole body was solved.
+        lasted: number of steps that were solved with only the present awake part, since this part was chosen or the
+            whole body was last solved.
     """
 
     awake: NDArray[np.bool_] | None
@@ -134,7 +135,7 @@ class SoftDirection:
 
     Attributes:
         direction: (3 r,) direction of the unknowns.
-        asked: number of iterations since the energy's curvature along the direction was evaluated.
+        asked: number of iterations since the curvature of the energy along the direction was evaluated.
         looked: number of iterations since the direction was computed.
     """
 
@@ -155,7 +156,7 @@ class Unfinished:
         tolerance: tolerance of the unfinished minimisation.
         iterations: number of iterations since the last finished solve.
         recent: (2 WINDOW,) largest vertex displacements [m] of the last iterations, as a ring buffer.
-        seen: number of iterations recorded in it so far.
+        seen: number of iterations recorded in ``recent`` so far.
     """
 
     tolerance: float
@@ -184,7 +185,8 @@ class Summary:
 
     Attributes:
         converged: whether the positions are an equilibrium to the tolerance.
-        error_estimate: estimated largest distance to the equilibrium over the body's size; infinite if it is unknown.
+        error_estimate: estimated largest distance to the equilibrium, divided by the body's size; infinite if it is
+            unknown.
         energy: strain energy [J].
         min_det: least volume ratio det F at a corner of an element.
         reactions: dict from handle or obstacle name to wrench (6,), as in `StepResult`.

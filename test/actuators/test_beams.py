@@ -84,7 +84,7 @@ def test_cable_along_the_edge_bends_to_a_circle() -> None:
 
 
 def test_cable_by_shortening_finds_the_same_state() -> None:
-    """A cable with the shortening found at a tension has that tension within 1 %, and goes slack when paid out."""
+    """A cable commanded to the shortening of a tension has that tension within 1 %; lengthened, it becomes slack."""
     by_tension = Simulation(scene_from_text(BEAM + edge_cable("tension")))
     by_tension.step(Command(actuators={"cable": 1.2}))
     state = by_tension.actuator_states()["cable"]

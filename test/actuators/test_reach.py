@@ -32,7 +32,7 @@ actuators: {air: {chamber: {cavity: 0, command: volume}}}
 
 @pytest.mark.parametrize("height", ["0", "0.005"])
 def test_a_straight_cable_between_held_faces_keeps_its_length(height: str) -> None:
-    """A straight cable between faces is slack when long, taut when a face moves nearer, and refused when shorter."""
+    """A straight cable between faces is slack if longer than their distance, taut at it, and refused if shorter."""
     simulation = Simulation(scene_from_text(GUIDED.replace("Z", height)))
     slack = simulation.step(Command(actuators={"wire": 0.102}))
     assert slack.converged

@@ -193,9 +193,9 @@ def test_relative_policy_refuses_forces() -> None:
 
 
 def test_the_cause_is_named_if_only_a_longer_increment_inflated_the_chamber() -> None:
-    """If the shortest increment ends in folds, but a longer one inflated a chamber without bound, the chamber is named.
+    """A chamber that grew without bound in a longer increment is named, even if the shortest increment ends in folds.
 
-    Which of the two the shortest increment does depends on rounding (2 of 40 shifts of the vertices by 1e-13).
+    Whether the shortest increment ends in folds depends on rounding (in 2 of 40 shifts of the vertices by 1e-13).
     """
     commands = {"air": 2e5}
     goal = Goal(poses={}, commands=commands, tolerance=1e-6)

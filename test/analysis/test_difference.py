@@ -41,7 +41,7 @@ def _step(gap: float, *, converged: bool, error_estimate: float) -> tuple[dict[s
 def test_a_step_is_judged_by_what_it_was_solved_to(
     gap: float, converged: bool, error_estimate: float, verdict: Difference
 ) -> None:
-    """Allowed are ten tolerances in a converged step and ten times its error estimate in a cut step."""
+    """A converged step may differ by ten tolerances, a step cut by a deadline by ten times its error estimate."""
     differences = _differences()
     differences.add((0, 0), *_step(gap, converged=converged, error_estimate=error_estimate))
     assert differences.verdict(10.0) is verdict
@@ -51,7 +51,7 @@ def test_a_step_is_judged_by_what_it_was_solved_to(
 
 
 def test_a_cut_step_excuses_no_other() -> None:
-    """A difference allowed in a cut step is too large in a converged step."""
+    """A difference that is allowed in a cut step is too large in a converged step."""
     differences = _differences()
     differences.add((0, 0), *_step(5e-5, converged=False, error_estimate=1e-5))
     assert differences.verdict(10.0) is Difference.WITHIN
@@ -62,7 +62,7 @@ def test_a_cut_step_excuses_no_other() -> None:
 
 
 def test_whether_a_step_converges_is_judged_only_where_it_did() -> None:
-    """A step that converges only in the first run is different, one that converges only in the second is not."""
+    """A step that converges only in the first run counts as different, but not one that does so only in the second."""
     for converged, verdict in ((True, Difference.DIFFERENT), (False, Difference.WITHIN)):
         differences = _differences()
         first, second = ({"step_record": _record(converged=c, error_estimate=5e-8)} for c in (converged, not converged))

@@ -205,3 +205,9 @@ def test_wrong_springs_are_explained(yielding: Callable, compliance: str, expect
     with pytest.raises(SceneError) as caught:
         yielding(compliance)
     assert expected in str(caught.value)
+
+
+def test_the_relative_policy_is_refused(yielding: Callable) -> None:
+    """The policy ``relative`` has no forces that could move a joint."""
+    with pytest.raises(SceneError, match="cannot take weight, compliance of arm"):
+        yielding(BOTH, "solver: {policy: relative}\n")

@@ -44,7 +44,7 @@ def test_a_bare_beam_vibrates_as_the_books_say() -> None:
 
 
 def test_recordings_ask_for_more_sag_than_one_modulus_gives() -> None:
-    """With the modulus fitted to the sag without load, theory meets all frequencies to 2 %, and misses sags by 5 %."""
+    """With the modulus of the unloaded sag, theory meets frequencies to 2 %, and its loaded sags are 5 % too small."""
     rows = beam.beam_theory()
     assert all(abs(row["frequency_theory"] / row["frequency"] - 1.0) < 0.02 for row in rows)
     assert rows[0]["sag_theory"] == pytest.approx(rows[0]["sag"])

@@ -32,7 +32,7 @@ def test_the_deck_is_the_one_that_ran() -> None:
 
 
 def test_the_terms_d2_and_d3_of_the_ogden_law_are_switched_off() -> None:
-    """Ogden cards have D1 = 2/K and such large D2 and D3 that CalculiX does not use its default."""
+    """Ogden cards have D1 = 2/K, and D2 and D3 so large that their terms vanish; CalculiX would replace zeros."""
     values = ",".join(law_cards(CHEETAH, name="C")[2:]).split(",")
     assert len(values) == 9
     assert float(values[6]) == pytest.approx(2.0 / (CHEETAH.bulk * 1e-6), rel=1e-9)

@@ -115,7 +115,7 @@ def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_time_is_told_by_phase() -> None:
-    """The phases of the grasp follow one another and fill its program."""
+    """Each phase of the grasp starts when the last one ends, and together they last as long as its program."""
     ends = list(grasp.PHASES.values())
     assert [first for first, _ in ends[1:]] == [last for _, last in ends[:-1]]
     assert (ends[0][0], ends[-1][1]) == (0.0, 15.0)

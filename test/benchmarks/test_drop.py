@@ -99,7 +99,7 @@ def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_kept_report_is_what_was_asked_for() -> None:
-    """The kept report has small errors on `drop`, faster runs than MuJoCo's if these err below 20 %, and long runs."""
+    """The kept report has small errors, faster runs than MuJoCo's with errors below 20 %, and sound long runs."""
     report: dict[str, Any] = read_report(KEPT / "motion.json").data
     ours = [row for row in report["drop"] if row["solver"] == "gdfe_ros"]
     best = {(tuple(row["cells"]), row["step"]): row["error"] for row in reversed(ours) if row["kind"] != "bdf2"}

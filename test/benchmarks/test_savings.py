@@ -21,7 +21,7 @@ def test_a_brush_is_a_sound_body(rows: tuple[int, int], length: int) -> None:
 
 
 def test_small_savings_change_nothing() -> None:
-    """Each small skip is counted, and changes the bar's states by less than the tolerance."""
+    """Each of three skips is counted, and changes the bar's states by less than the tolerance."""
     rows = small_savings()
     assert [row.left for row in rows] == [625, 1250, 1250]
     assert all(row.error < 1e-3 for row in rows)

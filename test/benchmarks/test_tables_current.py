@@ -15,7 +15,7 @@ from docs.scripts import generate
 from gdfe_ros.solver.equilibrium import slender
 
 OLDER: dict[str, str] = {}
-"""Dict from a table that an older solver made (its page says so) to the reason; remove it when remeasured."""
+"""Dict from a table made with an older solver, as its page says, to the reason; delete the entry when remeasured."""
 
 
 def _current(table: Table) -> object:

@@ -23,8 +23,8 @@ TIP = Target(probe="tip", axes=(0, 2))
 def test_a_wrong_modulus_is_made_up_for(circle: object, modulus: float) -> None:
     """A plant with 70 or 130 % of the modulus follows a circle with a mean error below 2 % of the radius.
 
-    The finger makes two rounds, as in docs/control.md. Over eleven roundings, the mean error of both rounds is from
-    1.29 to 1.42 %, because each approach leads to another learned Jacobian.
+    The finger makes two rounds, as in docs/control.md. The mean error of both rounds is from 1.29 to 1.42 % over eleven
+    roundings, because rounding changes the approach to the circle, and with it the learned Jacobian.
     """
     rounds = 2.0 if circle is FINGER else 0.25  # a step of the others takes much longer
     assert closed_loop(circle, modulus, moves=100, rounds=rounds).error < 0.02

@@ -128,7 +128,7 @@ def test_a_move_takes_exact_columns_and_no_further_solve() -> None:
 
 
 def test_the_jacobian_is_kept_between_moves() -> None:
-    """In small moves on a circle, derivatives are computed at the start only, and the tip follows."""
+    """In 13 small moves, derivatives are computed at most four times; a command from elsewhere renews them."""
     simulation = finger()
     control, taken = InverseControl(simulation, [TIP]), []
     exact = control._exact

@@ -65,7 +65,7 @@ def test_help_says_what_a_node_is_for(name: str) -> None:
 
 
 def test_the_controller_node_leads_the_tip_round() -> None:
-    """Over 40 of 100 steps per round, the node keeps the tip within 5 % of the radius."""
+    """In 40 steps of a round of 100, the node keeps the tip within 5 % of the radius."""
     overrides = {"solver.tolerance": 1e-6}
     with Simulator("three_chamber_arm", overrides=overrides, inputs=[]) as simulator:
         parameters = {"simulation": simulator.name, "period": 1.0, "radius": 0.005, "patience": PATIENT}

@@ -19,7 +19,7 @@ AHEAD, WRONG = 50, 8
 
 @pytest.fixture(scope="module")
 def paths() -> tuple[np.ndarray, np.ndarray]:
-    """Return tips and goals (steps, 3) [m] on a circle about a point one radius above the resting tip."""
+    """Return tips and goals (steps, 3) [m] on a circle, first with the right, then with the wrong sign of the gain."""
     tips, goals = [], []
     with Simulator("three_chamber_arm", overrides={"solver.tolerance": 1e-5}) as simulator:
         actuators = simulator.scene.actuators
@@ -49,7 +49,7 @@ def test_the_tip_follows_a_circle_within_two_percent_of_its_radius(paths: tuple[
 
 
 def test_the_wrong_sign_is_found_out(paths: tuple[np.ndarray, np.ndarray]) -> None:
-    """With the wrong sign of the gain, the same distance is far larger."""
+    """With the wrong sign of the gain, the largest distance to the goal exceeds 20 % of the radius."""
     assert tracking_error(*(path[AHEAD:] for path in paths)).largest > 0.2 * RADIUS
 
 

@@ -104,7 +104,7 @@ def test_buttons_play_pause_step_and_reset(live: Callable[..., Any]) -> None:
 
 
 def test_the_program_is_played_to_its_end_before_a_viewer(live: Callable[..., Any]) -> None:
-    """During the program, sliders and controls show its commands, and send none of their own."""
+    """A program is played to its end; then its last commands are set, and slider and control show them."""
     page = live()
     viewer, session = page.look(), page.session
     viewer.press("play the program")

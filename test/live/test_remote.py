@@ -169,7 +169,7 @@ def test_the_program_is_played_to_a_node(shown: Callable[..., Shown]) -> None:
 
 
 def test_what_no_step_follows_is_commanded_again(bar: str) -> None:
-    """If no step follows, the program's start is sent again, without the actuators that the viewer commands."""
+    """If no record of a step arrives, the program's start is sent again, without handles that the viewer commands."""
     sent: list[str] = []
     player = Player(scene_from_text(bar), lambda name, order: sent.append(name))
     player.play()
@@ -185,7 +185,7 @@ def test_what_no_step_follows_is_commanded_again(bar: str) -> None:
 
 
 def test_nothing_is_commanded_that_was_left_to_the_viewer(bar: str) -> None:
-    """An order of the program in transit arrives before its tendon is left to the viewer."""
+    """A program's order that is being sent arrives before its tendon is left to the viewer."""
     happened: list[str] = []
     viewers: list[threading.Thread] = []
 

@@ -71,7 +71,7 @@ class Cube:
         return self.energy(self.positions(gradient)) / self.side**3
 
     def stress(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the nominal stress (3, 3) [Pa]: forces on the faces x+, y+, z+ over their rest areas, as columns."""
+        """Return the nominal stress (3, 3) [Pa]: forces on the faces x+, y+, z+ over undeformed areas, as columns."""
         forces, rest = self.forces(self.positions(gradient)), self.body.rest
         faces = (rest[:, axis] > rest[:, axis].mean() for axis in range(3))
         return np.stack([forces[face].sum(axis=0) for face in faces], axis=1) / self.side**2

@@ -103,7 +103,7 @@ def test_coefficients_are_checked(coefficients: list[float]) -> None:
 
 @pytest.mark.parametrize("strain_max", [0.0, -1.0, 100.0, math.nan])
 def test_end_of_the_data_is_checked(strain_max: float) -> None:
-    """An end of the data beyond the strains of any test is refused."""
+    """An end of the data that is zero, negative, NaN or beyond the strains of any test is refused."""
     with pytest.raises(ValueError, match="strain_max must lie in 0 < strain_max <= 10"):
         CurveData.polynomial([1.0], strain_max=strain_max)
 

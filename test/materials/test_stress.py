@@ -48,7 +48,7 @@ def energy_density(material: Material, stretches: NDArray[np.float64]) -> float:
 
 
 def deviatoric_tension(material: Material, stretch: ArrayLike) -> NDArray[np.float64]:
-    """Return the nominal stress [Pa] of uniaxial tension at J = 1 without lateral stress, which a pressure removes."""
+    """Return the nominal stress [Pa] of uniaxial tension at J = 1, where a pressure removes the lateral stress."""
     stretch = np.asarray(stretch)
     lateral = stretch**-0.5
     if isinstance(material, NeoHookean):
@@ -234,7 +234,7 @@ def test_forces_scale_with_the_modulus(cube: MakeCube) -> None:
 
 
 def test_the_pressure_term_meets_the_plain_law_at_moderate_poisson(cube: MakeCube) -> None:
-    """At the Poisson's ratio from which a pressure carries the volume, energy and stress are continuous."""
+    """Energy and stress are continuous at nu = 0.45, above which a pressure multiplier carries the volume energy."""
     gradient = np.array([[1.1, 0.2, 0.0], [0.1, 0.9, 0.1], [0.0, 0.1, 1.05]])
     for kind in (Linear, NeoHookean):
         plain, carried = cube(kind(young=1e5, poisson=0.45)), cube(kind(young=1e5, poisson=0.45 + 1e-9))

@@ -65,7 +65,7 @@ def test_a_cavity_that_touches_the_outside_at_an_edge_is_closed() -> None:
 
 
 def test_material_inside_a_cavity_is_not_a_cavity() -> None:
-    """A loose block inside a cavity is a body: only the surface's enclosed volume is smaller."""
+    """A layer of cells between two cavities belongs to the body, whose surface encloses the cells' volume."""
     body = cut(
         CUBE, [BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, -0.1)), BoxSelection((0.2, 0.8), (-0.3, 0.3), (0.1, 0.3))]
     )

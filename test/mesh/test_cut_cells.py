@@ -59,7 +59,7 @@ def test_whole_cubes_within_a_cut_mesh_are_exactly_whole() -> None:
 
 
 def test_a_wall_within_one_layer_of_cubes_keeps_its_thickness() -> None:
-    """A plate of 0.37 cubes, square to each axis, at the side of a block has its thickness as filled fraction."""
+    """A block's outer layer that fills 0.74 of its cubes' edge, normal to each axis, has that filled fraction."""
     for axis in range(3):
         size = np.full(3, 4.0)
         size[axis] = 2.74

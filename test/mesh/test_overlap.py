@@ -24,7 +24,7 @@ def moved(mesh: HexMesh, *by: float, turn: tuple[float, float, float] = (0.0, 0.
 @pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.7, -0.3, 1.1)])
 @pytest.mark.parametrize(("gap", "apart"), [(1e-9, True), (0.0, True), (-0.049, True), (-0.051, False), (-0.3, False)])
 def test_depth_of_blocks_face_to_face(turn: tuple[float, float, float], gap: float, apart: bool) -> None:
-    """For a block touching another, or deeper, the overlap's depth and place are reported."""
+    """Blocks overlap if their depth exceeds a tenth of a cell's edge; depth and a nearby point are then reported."""
     first, second = moved(BLOCK, 0, 0, 0, turn=turn), moved(BLOCK, 1.0 + gap, 0.2, 0.1)
     second = moved(second, 0, 0, 0, turn=turn)
     found = find_overlap(first, second)

@@ -39,7 +39,7 @@ def test_volume_of_a_frustum_is_exact() -> None:
 
 
 def test_volumes_of_a_distorted_mesh_add_up() -> None:
-    """With inner vertices moved at random, the cell volumes sum to the same total."""
+    """With inner vertices moved at random, the cell volumes still sum to the volume of the whole mesh."""
     mesh = bar([1, 1, 1], [3, 3, 3])
     vertices = mesh.vertices.copy()
     inner = np.setdiff1d(np.arange(mesh.n_vertices), mesh.surface())

@@ -40,7 +40,7 @@ def test_joined_and_sewn_bars_are_one_bar() -> None:
 
 
 def test_merging_keeps_the_first_of_a_group_and_the_order() -> None:
-    """Merging leaves a mesh without duplicates unchanged, and follows chains of duplicates."""
+    """Merging leaves a mesh without duplicates unchanged, and makes one mesh of three equal ones."""
     same = merge_vertices(BAR)
     np.testing.assert_array_equal(same.vertices, BAR.vertices)
     np.testing.assert_array_equal(same.cells, BAR.cells)

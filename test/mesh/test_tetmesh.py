@@ -137,7 +137,7 @@ def test_a_mesh_survives_as_text() -> None:
 
 
 def test_the_volume_of_a_ball_has_an_error_of_straight_edges() -> None:
-    """The volume error of a ball with straight edges is that of the caps, which STEP files avoid by curved edges."""
+    """The volume of a hollow ball with straight edges is too small, by less than 10 %."""
     mesh = divided(sphere(0.05, 0.1, [4, 1]))
     exact = 4.0 / 3.0 * np.pi * (0.1**3 - 0.05**3)
     assert 0.9 * exact < check_mesh(mesh).volume < exact

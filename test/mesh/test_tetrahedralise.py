@@ -42,7 +42,7 @@ def step(tmp_path: Path) -> Path:
 
 
 def test_a_step_file_is_filled_in_metres_with_curved_edges(step: Path) -> None:
-    """The mesh of a STEP file has the drawing's volume to 1e-4; straight edges would miss a hundred times more."""
+    """The mesh of a STEP file has the drawing's volume to 1e-4; straight edges have a hundred times that error."""
     mesh = from_step(step, size=0.008)
     report = check_mesh(mesh)
     assert report.defects == []

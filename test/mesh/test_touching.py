@@ -24,7 +24,7 @@ RADIUS = 0.05
 def lined(
     surface: trimesh.Trimesh, cell: float, cells: CutCubes = CutCubes.CUT, mesh: HexMesh | None = None
 ) -> HexMesh:
-    """Return a mesh with contact points on a surface; without a mesh, the surface is filled with cells."""
+    """Return a mesh with contact points on a surface. Without a given mesh, the surface is filled with cells."""
     points, triangles = np.asarray(surface.vertices), np.asarray(surface.faces)
     mesh = mesh or fill_surface(points, triangles, cell=cell, cells=cells)
     skin = carry_skin(mesh.vertices, mesh.cells, points, triangles)
@@ -33,7 +33,7 @@ def lined(
 
 @pytest.mark.parametrize("cells", list(CutCubes))
 def test_points_are_on_the_skin_and_no_more_than_vertices(cells: CutCubes) -> None:
-    """For balls of 1280 and 5120 triangles, the points are on the ball, as many as surface vertices at most."""
+    """A ball with a skin of 1280 or 5120 triangles has contact points on it, at most as many as surface vertices."""
     counts = []
     for detail in (3, 4):
         mesh = lined(trimesh.creation.icosphere(detail, RADIUS), RADIUS / 6.0, cells)
@@ -133,7 +133,7 @@ def test_open_skins_and_skins_of_a_part_are_refused() -> None:
 
 
 def test_a_skin_that_ends_before_its_body_is_refused() -> None:
-    """A skin that ends 1.6 cells before a rod of 2 x 2 cells is refused with its last four; 0.5 and 1.4 are not."""
+    """A skin that ends 1.6 cells before its rod is refused, naming the last four cells; 1.4 cells are accepted."""
     rod = bar([0.2, 0.02, 0.02], [20, 2, 2])
     for short in (0.005, 0.014, 0.016):
         skin = trimesh.creation.box((0.2 - short, 0.02, 0.02)).apply_translation([0.1 - 0.5 * short, 0.0, 0.0])
@@ -162,7 +162,7 @@ def used(vertices: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 @pytest.mark.parametrize("share", [0.15, 0.4, 0.6, 0.9])
 def test_every_vertex_that_carries_a_face_has_a_point_of_it(share: float) -> None:
-    """In a box with partly filled outer cells, each vertex of the lower side has a contact point near it."""
+    """In a box with partly filled outer cells, each vertex of the lower side has one contact point near it."""
     count, edge = np.array([4, 4, 3]), 0.01
     mesh = lined(trimesh.creation.box((count + 2.0 * share) * edge), edge)
     places = mesh.touching.at(mesh.vertices)

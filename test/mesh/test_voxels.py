@@ -55,7 +55,7 @@ def test_the_volume_of_a_torus_converges() -> None:
 
 
 def test_points_on_edges_and_corners_are_counted_once() -> None:
-    """With every column through vertices, edges and diagonals, exactly the inner points are found."""
+    """If columns pass through the triangles' vertices, edges and diagonals, exactly the inner points are found."""
     box = trimesh.creation.box((4, 4, 4)).apply_translation((4, 4, 4)).subdivide().subdivide()
     inside = points_inside(box.vertices - [0, 0, 0.5], box.faces, (9, 9, 9))
     assert inside.sum() == 4 * 4 * 4

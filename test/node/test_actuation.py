@@ -90,7 +90,7 @@ def test_two_publishers_of_one_topic_lose_no_command(client: Any, start: Callabl
 
 
 def test_a_command_of_one_tendon_leaves_the_course_of_another(client: Any, start: Callable) -> None:
-    """While the extensor is commanded in each of ten steps, the flexor's trajectory continues to its end."""
+    """While the extensor is commanded in nine steps, the flexor's trajectory of ten steps continues to its end."""
     start(**FINGER)
     points = [JointTrajectoryPoint(positions=[2.0], time_from_start=Duration(sec=1))]
     client.publish("trajectory", JointTrajectory(joint_names=["flexor"], points=points))

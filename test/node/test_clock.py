@@ -209,7 +209,7 @@ def test_figures_of_other_clocks_are_told(client: Any, start: Callable, coarse: 
 
 
 def test_a_deadline_cuts_a_step_and_the_next_go_on(client: Any, start: Callable) -> None:
-    """With a deadline of 2 ms, a large step is returned unfinished and marked, and later steps complete it."""
+    """With a deadline of 2 ms, a step of a large motion is cut and marked, and later steps reach the target."""
     start(scene="bend5", deadline=0.002)
     client.target(0.2)
     client.wait(lambda: any(record.cut for record in client.records()))

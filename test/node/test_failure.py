@@ -191,7 +191,7 @@ def _fail_often(robot: _Robot, count: int) -> None:
     ids=["events", "threads", "thousand"],
 )
 def test_many_failed_steps_lose_nothing(tmp_path: Path, make: Callable[..., Any], count: int) -> None:
-    """After each of many failed steps, the next one converges, and the bag has all of these."""
+    """After each of many failed steps the next step converges, and the bag has all converged steps."""
     robot = _Robot(make, bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
     _fail_often(robot, count)

@@ -72,7 +72,7 @@ def test_lockstep_takes_one_order_a_step_in_the_order_received() -> None:
 
 
 def test_a_command_set_waits_until_it_is_whole() -> None:
-    """A step is ready when both inputs of the command set have an order; an order of a third input goes with it."""
+    """A step is ready when both inputs of the command set have an order; it also takes the order of a third input."""
     inbox = _inbox(queued=True, command_set=("a", "b"))
     inbox.put("a", _order(1))
     inbox.put("a", _order(2))

@@ -86,7 +86,7 @@ def _lift(newcomer: _Newcomer, z: float) -> None:
 
 @pytest.mark.parametrize("clock", ["lockstep", "wall"])
 def test_late_joiners_get_the_present_state(newcomer: _Newcomer, start: Callable, coarse: dict, clock: str) -> None:
-    """With a tip lifted in lockstep and then paused, a late subscriber of any topic gets the lifted state."""
+    """After a tip is lifted, in lockstep or while paused, a late subscriber of any topic gets the lifted state."""
     start(**coarse, clock=clock, heartbeat=0.0)
     newcomer.wait_for_steps(1)
     if clock == "wall":

@@ -199,7 +199,7 @@ def test_a_saved_motion_goes_on_as_it_was(client: Any, start: Callable, tmp_path
 
 
 def test_a_command_after_a_rest_acts_in_one_step(client: Any, start: Callable) -> None:
-    """After a pause, the time without a command passes in one step before the command's own step."""
+    """After half a second without commands, one step covers that time, and the next, of one dt, has the command."""
     start(scene="whip", scene_overrides=["loads={}", "dynamics.damping.mass=30"], heartbeat=0.0)
     client.wait(client.records)
     client.target(0.0, handle="base")

@@ -170,7 +170,7 @@ def test_bad_trajectories_are_refused(message: JointTrajectory, reason: Reason) 
 
 
 def test_stamps_must_not_be_old_or_ahead_or_go_back() -> None:
-    """Rising and zero stamps are accepted; earlier, old and future ones are refused; a reset forgets the last stamp."""
+    """Rising and zero stamps are accepted; falling, old and future ones are refused; a reset forgets the last stamp."""
     freshness = Freshness()
 
     def check(seconds: int, max_age: float = 0.0, source: str = "in", now: int = 100) -> None:

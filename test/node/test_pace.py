@@ -32,7 +32,7 @@ def test_the_wall_pace_keeps_to_its_grid() -> None:
 
 
 def test_a_long_step_is_an_overrun_and_the_next_begins_at_once() -> None:
-    """A step at 10 Hz that ends 0.35 s late misses three periods, and simulation time advances by one dt only."""
+    """A step at 10 Hz that lasts 0.45 s misses three periods; the next starts at once, and covers one dt only."""
     clock = _Clock()
     pace = WallPace(lambda: TIMING, clock)
     pace.begin()

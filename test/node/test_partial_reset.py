@@ -44,7 +44,7 @@ def test_commands_go_back_to_rest_with_the_next_step(
 
 
 def test_the_shape_goes_back_and_time_goes_on(client: Any, start: Callable, coarse: dict) -> None:
-    """A reset of the shape makes a lifted bar undeformed at once, at the same time; it is refused while recording."""
+    """A reset of the shape makes a lifted bar undeformed, and time continues; a reset of missing bodies is refused."""
     start(**coarse)
     client.target(0.05)
     client.wait(lambda: client.mesh()[:, 5].max() > 0.049)
@@ -73,7 +73,7 @@ def test_bodies_go_back_and_the_rest_goes_on(client: Any, start: Callable, slab:
 
 
 def test_a_simulation_goes_back_to_its_shape_alone(slab: Path) -> None:
-    """After a reset of the shape, a pressed slab is undeformed, the box stays, both without velocity; time stays."""
+    """After a reset of the shape, a pressed slab is undeformed with its initial load, and the box and time stay."""
     simulation = Simulation(load_scene(slab))
     for _ in range(10):
         simulation.step(Command(loads={"weight": 5.0}), dt=0.01)

@@ -83,7 +83,7 @@ def test_a_paused_node_steps_on_demand_only(client: Any, start: Callable, coarse
 def test_a_bag_begun_in_the_middle_replays_from_the_state_it_holds(
     client: Any, start: Callable, coarse: dict, tmp_path: Path
 ) -> None:
-    """A bag started during a motion has a state and records that reproduce its meshes bit for bit."""
+    """A bag started between commands has a state and records that reproduce its meshes bit for bit."""
     process = start(**coarse, clock="lockstep", bag_path=str(tmp_path / "bag"))
     for z in (0.01, 0.02, 0.04):
         client.target(z)
@@ -113,7 +113,7 @@ def test_a_bag_begun_in_the_middle_replays_from_the_state_it_holds(
 
 
 def test_a_saved_state_is_gone_on_from_bit_for_bit(client: Any, start: Callable, coarse: dict, tmp_path: Path) -> None:
-    """After a saved state is loaded, the same motion gives the same meshes bit for bit."""
+    """After a saved state is loaded, the same commands give the same meshes bit for bit."""
     start(**coarse, clock="lockstep", state_path=str(tmp_path / "folder" / "state.bin"))
     for z in (0.01, 0.02):
         client.target(z)
@@ -134,7 +134,7 @@ def test_a_saved_state_is_gone_on_from_bit_for_bit(client: Any, start: Callable,
 
 
 def test_a_modulus_is_a_parameter(client: Any, start: Callable, coarse: dict) -> None:
-    """A softest segment five times stiffer under the same command increases the reaction and keeps the pose."""
+    """Five times the modulus of the softest segment, under the same command, increases the reaction; the pose stays."""
     start(**coarse, clock="lockstep")
     client.target(0.05)
     client.wait_steps(2)

@@ -63,7 +63,7 @@ def test_a_goal_is_held_until_a_step_converges() -> None:
 
 
 def test_a_change_that_does_not_converge_is_taken_back() -> None:
-    """If no step beyond 5 N converges, the command goes back after 200 iterations, and on by half the change."""
+    """If no step beyond 5 N converges, the command goes back after 200 iterations, then rises by half the change."""
     finger = _Finger(lambda value: ((good := value <= 5.0), not good, 100))
     seen = finger.go(20.0, 8)
     np.testing.assert_allclose(seen, [2.0, 4.0, 6.0, 6.0, 4.0, 5.0, 6.2, 6.2])
@@ -78,7 +78,7 @@ def test_steps_without_iterations_count_too() -> None:
 
 
 def test_an_edge_of_stability_is_passed() -> None:
-    """If every step from 6 to 8 N is cut, large changes of the command pass that range."""
+    """If every step from 6 to 8 N is cut, the command crosses that range with a change of at least 2 N."""
     finger = _Finger(lambda value: ((bad := 6.0 < value < 8.0) is False, bad, 200))
     seen = [finger.step(15.0, dt=0.02), *(finger.step(dt=0.02) for _ in range(299))]
     assert seen[-1] == 15.0

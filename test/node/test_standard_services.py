@@ -50,7 +50,7 @@ class _Standard:
 def test_a_node_is_played_paused_stepped_stopped_and_quit(
     client: Any, start: Callable, coarse: dict, interfaces: Callable
 ) -> None:
-    """With the fast clock, all states are passed: play, pause, steps that need a pause, a stop that resets, an end."""
+    """With the fast clock, the node plays, pauses, makes steps only when paused, stops with a reset, and quits."""
     interfaces("simulation_interfaces")
     standard = _Standard(client)
     process = start(**coarse, clock="fast", publish_clock=True, autostart=False)

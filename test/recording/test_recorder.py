@@ -176,7 +176,7 @@ def test_topics_can_be_added_while_recording(tmp_path: Path, mesh_topic: TopicIn
 
 
 def test_closing_twice_is_harmless_and_later_messages_are_refused(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """After two closes, a message is refused without an error, and the status agrees with the bag."""
+    """After a close, a message is refused without an error; a second close and the bag count no dropped message."""
     recorder = Recorder(tmp_path / "bag", [mesh_topic])
     recorder.close()
     assert not recorder.record(mesh_topic.name, b"", 0)

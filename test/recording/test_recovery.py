@@ -104,7 +104,7 @@ def kill(tmp_path: Path, start_process: Callable[..., subprocess.Popen[str]]) ->
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_killed_recording_loses_nothing_that_was_flushed(kill: Callable[[int, float], list[int]], seed: int) -> None:
-    """After SIGKILL at 4 random moments (8 in all), a recovered bag is complete and has all flushed messages."""
+    """After SIGKILL at each of 8 random moments, a recovered bag is complete and has all flushed messages."""
     assert len(kill(seed, 0.3)) == 4
     assert QueueOptions().flush_seconds < 0.1
 
@@ -114,7 +114,7 @@ def test_a_killed_recording_loses_nothing_that_was_flushed(kill: Callable[[int, 
 def test_a_killed_recording_loses_at_most_a_tenth_of_a_second(
     kill: Callable[[int, float], list[int]], seed: int
 ) -> None:
-    """After SIGKILL at 4 random moments (8 in all), at 100 Hz with 1836 vertices, at most 10 messages are missing."""
+    """After SIGKILL at each of 8 random moments, at 100 Hz with 1836 vertices, at most 10 messages are missing."""
     assert max(kill(seed, 0.9)) <= 10
 
 
@@ -176,7 +176,7 @@ def test_a_damaged_chunk_costs_only_its_messages(bag: Path) -> None:
 
 
 def test_messages_whose_topic_is_lost_are_counted(bag: Path) -> None:
-    """In a file without its end, a damaged topic declaration leaves the rest without a type, and it is counted."""
+    """In a file without its index, the messages after a damaged topic declaration have no type, and are counted."""
     (bag / "metadata.yaml").unlink()
     content = bytearray((bag / "bag_0.mcap").read_bytes())
     del content[content.rfind(b"\x0f\x04\0\0\0\0\0\0\0") :]
@@ -188,7 +188,7 @@ def test_messages_whose_topic_is_lost_are_counted(bag: Path) -> None:
 
 
 def test_a_finished_file_tells_its_topics_twice(bag: Path) -> None:
-    """With a damaged topic declaration, its copy in the index is used, and one message is lost."""
+    """In a finished file, a damaged topic declaration is replaced by its copy in the index, and one message is lost."""
     content = bytearray((bag / "bag_0.mcap").read_bytes())
     place = content.find(np.random.default_rng(0).bytes(2000)[500:600])
     content[place : place + 4] = b"\xff\xff\xff\xff"
@@ -198,7 +198,7 @@ def test_a_finished_file_tells_its_topics_twice(bag: Path) -> None:
 
 
 def test_a_bit_in_the_first_records_costs_a_chunk_at_most(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """A bit flipped in any 37th byte before the third chunk costs at most one chunk, and the scene is kept."""
+    """One bit flipped before the third chunk (every 37th byte is tried) costs at most one chunk; the scene is kept."""
     scene_topic = TopicInfo(name="/gdfe_sim/scene", type="std_msgs/msg/String")
     quick = BagOptions(chunk_size=1024, compression=Compression.NONE, fsync=FsyncPolicy.NEVER)
     writer = BagWriter(tmp_path / "bag", [scene_topic, mesh_topic], run=RunInfo(scene=SCENE), options=quick)
@@ -220,7 +220,7 @@ def test_a_bit_in_the_first_records_costs_a_chunk_at_most(tmp_path: Path, mesh_t
 
 
 def test_damaged_places_all_over_a_file_cost_their_chunks(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """Five destroyed record headers cost their five chunks, and all other messages are recovered."""
+    """Five destroyed record headers cost the five chunks that they start, and all other messages are recovered."""
     quick = BagOptions(chunk_size=1024, fsync=FsyncPolicy.NEVER)
     writer = BagWriter(tmp_path / "bag", [mesh_topic], options=quick)
     for number in range(40):

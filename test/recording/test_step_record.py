@@ -35,7 +35,7 @@ def test_every_double_survives(time: float, translation: tuple, rotation: tuple,
 
 
 def test_an_unknown_error_survives_and_older_records_are_read() -> None:
-    """An infinite error estimate is read back, also under its former name."""
+    """An infinite error estimate is read back, also from a record with the field's former name."""
     record = StepRecord(step=0, begin=Begin.REST, time=0.0, dt=0.0, error_estimate=math.inf)
     assert StepRecord.from_json(record.to_json()).error_estimate == math.inf
     older = record.to_json().replace('"error_estimate"', '"residual"')

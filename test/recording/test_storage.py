@@ -109,7 +109,7 @@ def test_a_bag_on_a_full_disk_can_be_closed(
 
 
 def test_no_room_for_the_next_part_leaves_the_last_one(tmp_path: Path, disk: Disk, mesh_topic: TopicInfo) -> None:
-    """On a disk that is full between two files of a split bag, the first are complete, and no empty one is left."""
+    """If the disk is full when a split bag starts a file, the earlier files are complete, and no empty one is left."""
     writer = BagWriter(tmp_path / "bag", [mesh_topic], options=BagOptions(split_bytes=1 << 16))
     accepted: list[bytes] = []
     _fill(writer, mesh_topic, accepted, count=100)

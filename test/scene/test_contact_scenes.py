@@ -106,7 +106,7 @@ def test_the_ball_bounces_and_rolls(played: Callable[[str], Played]) -> None:
 
 
 def test_the_crawler_advances(played: Callable[[str], Played]) -> None:
-    """The crawler moves forward with every wave of the muscles, and has its own length after the last."""
+    """The crawler moves forward with every wave of its muscles, and has its undeformed length at the end."""
     simulation, results, _ = played("crawler")
     times = np.array([result.time for result in results])
     middles = np.array([result.positions[:, 0].mean() for result in results])

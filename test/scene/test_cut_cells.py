@@ -163,7 +163,7 @@ def test_what_acts_on_faces_is_refused(folder: Path, more: str, expected: str) -
 
 
 def test_a_traction_is_refused_and_a_force_is_taken(folder: Path) -> None:
-    """A traction on cut cells is refused with its key and remedy, and a force is accepted and acts fully."""
+    """A traction on cut cells is refused with its key and remedy; a force is accepted, and the base carries it."""
     with pytest.raises(SceneError, match=r"loads.pull.*traction.*give the whole `force`"):
         load(folder, overrides={"loads": {"pull": {"surface": {"where": {"face": "x+"}, "traction": [1.0, 0, 0]}}}})
     scene = load(folder, overrides={"loads": {"pull": {"surface": {"where": {"face": "x+"}, "force": [0.1, 0, 0]}}}})

@@ -178,7 +178,7 @@ def test_missing_sections_are_all_named() -> None:
 
 
 def test_a_piece_that_nothing_holds_is_named() -> None:
-    """Of two separate bars, one that is not held is reported, also along an axis that is free."""
+    """Of two separate bars, one that no handle holds or joins to the other is reported along each axis."""
     one = bar([1, 1, 1], [1, 1, 1])
     mesh = HexMesh(np.vstack([one.vertices, one.vertices + 5]), np.vstack([one.cells, one.cells + 8]))
     base = Handle("base", np.array([0, 2], dtype=np.int32), fixed=True)

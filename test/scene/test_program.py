@@ -29,7 +29,7 @@ PROGRAM = Program(
     ],
 )
 def test_poses_change_linearly(time: float, translation: tuple, rotation: tuple) -> None:
-    """Translation and rotation vector are interpolated linearly, beyond half a turn too, and constant outside."""
+    """Translation and rotation vector are interpolated linearly in time, beyond half a turn too; constant outside."""
     pose = PROGRAM.handle_poses(time)["tip"]
     np.testing.assert_allclose(pose.translation, translation, atol=1e-15)
     np.testing.assert_allclose(pose.rotation, rotation, atol=1e-15)

@@ -38,7 +38,7 @@ def _slope(scheme: str, friction: float = 0.38) -> Simulation:
 
 
 def _slid(simulation: Simulation) -> float:
-    """Return the mean speed [m/s] from 0.5 to 1 s."""
+    """Return the block's mean speed [m/s] from 0.5 to 1 s."""
     ways = [simulation.step(dt=0.005).positions[:, 0].mean() for _ in range(200)]
     return (ways[-1] - ways[99]) / 0.5
 

@@ -57,7 +57,7 @@ ROBOTS = [
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_program_converges_without_crushing_an_element(name: str, played: Callable[[str], Played]) -> None:
-    """Every step converges, with det F > 0.1 at the end."""
+    """Every step converges, with det F > 0.1 in every element."""
     _, results = played(name)
     assert all(result.converged for result in results)
     assert min(result.min_det for result in results) > 0.1
@@ -79,7 +79,7 @@ def test_air_bends_smoothly_beyond_90_degrees(name: str, played: Callable[[str],
 
 
 def test_finger_curls_both_ways(played: Callable[[str], Played]) -> None:
-    """The finger curls by the flexor and stretches by the extensor."""
+    """The flexor bends the fingertip down, and the extensor lifts it above its straight position."""
     simulation, results = played("tendon_finger")
     heights = [simulation.scene.probes["tip"].at(result.positions)[0][2] for result in results]
     assert min(heights) < -0.05

@@ -236,7 +236,7 @@ def test_a_mesh_with_defects_hides_no_others() -> None:
 @pytest.mark.parametrize("cells", ["cut", "whole"])
 @pytest.mark.parametrize("skin", ["", ", skin: {file: ball.stl, contact: true}"])
 def test_the_remedy_for_meshes_that_do_not_touch_is_none_that_is_refused(tmp_path: Path, skin: str, cells: str) -> None:
-    """The remedy in the remark on meshes without contact is accepted, for whole and cut cells, with or without skin."""
+    """The remedy named in the remark on meshes without contact works for whole and cut cells, with and without skin."""
     trimesh.creation.icosphere(subdivisions=3, radius=0.02).export(tmp_path / "ball.stl")
     path = tmp_path / "ball.yaml"
     ball = f"  ball: {{voxels: {{surface: ball.stl, cell: 0.008, cells: {cells}}}{skin}, at: [0, 0, 0.1]}}"

@@ -84,7 +84,7 @@ def test_a_cut_rod_rolls_and_a_staircase_does_not(folder: Path) -> None:
 
 
 def test_a_rod_rests_at_its_radius(folder: Path) -> None:
-    """A cut rod lowered onto the floor touches at its radius, between 0.2 % above and 1 % below."""
+    """A cut rod above the floor has no contact at a gap of 0.2 % of its radius, and has contact at a depth of 1 %."""
     simulation = Simulation(load(folder))
     for depth, touches in ((-0.002, False), (0.01, True)):
         pushed = press(simulation, 0.00005 + depth * RADIUS).contacts["floor"].presses
@@ -210,7 +210,7 @@ def test_of_several_meshes_each_touches_by_what_it_has(folder: Path) -> None:
 
 
 def test_the_mesh_without_a_skin_is_named(folder: Path) -> None:
-    """Of a rod with a skin and a cut one without, the second is reported on a floor, in either order."""
+    """Of a rod with a skin and a cut rod without one, above a floor, the second is reported, in either order."""
     bare = "  bare: {voxels: {surface: rod.stl, cell: 0.004, cells: cut}, at: [0, -0.1, 0]}\n"
     for place in ("  bar: ", "  rod:\n"):
         (folder / "bare.yaml").write_text(MESHES.replace(place, bare + place, 1))
@@ -247,7 +247,7 @@ def test_a_skin_with_a_defect_is_told_once(folder: Path) -> None:
 
 
 def test_a_defect_of_a_probe_called_skin_hides_no_other(folder: Path) -> None:
-    """A defect of a probe named skin, outside of cut cells, is reported besides that of the cells."""
+    """A probe named skin with a defect is reported, in addition to the defect that the cut cells have no skin."""
     with pytest.raises(SceneError) as caught:
         load(folder, "", more="probes: {skin: {at: [9, 9, 9]}}")
     told = "\n".join(caught.value.defects)

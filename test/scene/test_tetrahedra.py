@@ -39,7 +39,7 @@ def scene_of(mesh: HexMesh | TetMesh, **entries: Any) -> Any:
 
 
 def test_a_plate_presses_evenly() -> None:
-    """A slab of nu = 0 pressed by a tenth has the force of uniaxial compression and no lateral motion, to 1e-3."""
+    """A slab of nu = 0 compressed by a tenth has the exact uniaxial force and no lateral displacement, to 1e-3."""
     plate = {"plate": {"plane": [0, 0, -1], "at": [0.05, 0.0, 0.02]}}
     simulation = Simulation(scene_of(divided(SLAB), obstacles=plate, solver={"tolerance": 1e-5}))
     for down in (0.001, 0.002, 0.003, 0.004):

@@ -55,7 +55,7 @@ def _solution_of(state: State) -> Solution:
 
 
 def test_a_spring_keeps_its_energy(stepper: Stepper) -> None:
-    """The work on a spring is exact; a short increment that loses energy is a jump, a long one may not be."""
+    """The work on a spring is exact; the same energy loss is a jump in a short increment, but not in a long one."""
     handles, begin, end = stepper.equilibrium.handles, _spring(stepper, 1.0).state, _spring(stepper, 1.1)
     work, doubt = work_between(begin, end, handles)
     assert work == pytest.approx(0.21)

@@ -46,7 +46,7 @@ def exact() -> Simulation:
 
 
 def test_what_is_not_reached_is_left_alone(exact: Simulation) -> None:
-    """With one of eight bristles moved, almost a third of the elements are dormant, and the accuracy stays."""
+    """With one of eight bristles moved, in most steps more than 30 % of the elements are dormant; accuracy stays."""
     sleeping, awake = Simulation(BRUSH.scene(8)), Simulation(BRUSH.scene(8, settings=AWAKE))
     skipped = bend(sleeping, [0])
     assert not any(bend(awake, [0]))
@@ -57,7 +57,7 @@ def test_what_is_not_reached_is_left_alone(exact: Simulation) -> None:
 
 
 def test_the_error_is_bounded_while_a_part_sleeps() -> None:
-    """Every third step, the error with dormancy is at most two tolerances larger than without."""
+    """The largest error at every third step is at most two tolerances larger with dormancy than without."""
     worst = []
     for settings in (SolverSettings(), AWAKE):
         simulation, errors = Simulation(BRUSH.scene(8, settings=settings)), []
@@ -71,7 +71,7 @@ def test_the_error_is_bounded_while_a_part_sleeps() -> None:
 
 
 def test_forces_at_the_border_wake_the_rest() -> None:
-    """Bent twice as far, the palm yields: a few single steps solve the whole body, between dormant ones."""
+    """With a bristle bent twice as far, one to five single steps between dormant ones solve the whole body."""
     skipped = bend(Simulation(BRUSH.scene(8)), [0], last=2 * STEPS)
     asleep = np.flatnonzero(skipped)
     assert asleep[0] < 8

@@ -110,7 +110,7 @@ def test_renumbering_vertices_permutes_the_forces(make_body: MakeBody, distorted
 
 
 def test_an_element_does_not_notice_its_neighbours_material(make_body: MakeBody, distorted: HexMesh) -> None:
-    """In a body of several laws and shapes, each element has the bits that it has in a body of its own law alone."""
+    """In a body of several laws and shapes, each element's forces have the same bits as in a body of its law alone."""
     laws = [
         Linear(young=1e5, poisson=0.3),
         NeoHookean(young=2e5, poisson=0.495),
@@ -267,7 +267,7 @@ def test_full_volume_energy_of_nearly_incompressible_elements(make_body: MakeBod
 def test_pressures_stay_finite_however_far_an_element_is_crushed(
     make_body: MakeBody, element: HexMesh, pressure: float
 ) -> None:
-    """In an element crushed to a hundredth, the new pressure is that of the volume J* with U'(J*) = p, to rounding."""
+    """In an element crushed to a hundredth, the new pressure is that of the volume J* with U'(J*) = p, to 1e-3."""
     young, poisson = 1e5, 0.495
     body = make_body(element, NeoHookean(young=young, poisson=poisson))
     pressures, kappa = np.array([pressure]), body.table.parameters[0, PENALTY]

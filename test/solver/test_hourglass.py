@@ -110,7 +110,7 @@ def test_torsion_of_a_square_bar_one_element_thick(make_body: MakeBody, poisson:
 
 @pytest.mark.parametrize("ratio", [2.0, 4.0])
 def test_torsion_of_a_flat_bar_one_element_thick(make_body: MakeBody, ratio: float) -> None:
-    """A flat bar (ratio x 1) of one cell has Saint-Venant's torsion constant within 10 %, with inexact warping."""
+    """A flat bar (ratio x 1) of one cell has Saint-Venant's torsion constant within 10 %; its warping is not exact."""
     h = 0.01
     found = torsion_constant(make_body, (h, ratio * h, h), 0.3)
     assert found / (SAINT_VENANT[ratio] * ratio * h**4) == pytest.approx(1.0, rel=0.10)
@@ -156,7 +156,7 @@ def test_a_plate_of_two_layers_twists_as_kirchhoffs(make_body: MakeBody) -> None
 
 
 def test_sections_leave_no_motion_free(make_body: MakeBody, law: Material) -> None:
-    """With sections, a cell inside a block has six zero eigenvalues, even at the least scale of its own shear."""
+    """With sections, a cell inside a block has six zero eigenvalues, even with the least weight of its own shear."""
     mesh = bar([0.5, 0.5, 0.5], [5, 5, 5])
     body, inner = make_body(mesh, law, torsion=Torsion.SECTION), 62
     assert body.shape.across[inner] > len(OWN_SHEAR)

@@ -107,7 +107,7 @@ def test_energy_policy_does_not_depend_on_the_steps(name: str) -> None:
 
 
 def test_relative_policy_bends_as_the_paper_claims() -> None:
-    """With the paper's method, bend5 converges within the 3 % that Sec. 5.1 reports."""
+    """With the paper's method, bend5 converges with an error of at most the 3 % that Sec. 5.1 reports."""
     run = play("bend5", "relative")
     assert all(result.converged for result in run.results)
     assert mean_error(run, "bend5") <= 0.03

@@ -72,7 +72,7 @@ def test_unfit_positions_are_refused() -> None:
 
 
 def test_hard_lumps_turn() -> None:
-    """In a bent bar, a layer a million times as hard gives the energy to 1e-4 at the default tolerance."""
+    """In a bent bar with a layer a million times as hard, the energy at the default tolerance is right to 1e-4."""
     materials = [Linear(young=1e4, poisson=0.3), Linear(young=1e10, poisson=0.3)]
     found = []
     for tolerance in (1e-4, 1e-8):

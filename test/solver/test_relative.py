@@ -138,7 +138,7 @@ def test_stiffness_is_relative(series: Callable[..., tuple[Body, NDArray[np.floa
 
 
 def test_state_is_the_energy_formula_at_the_shape(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:
-    """The reported energy equals that of the energy policy's formulas at the same shape."""
+    """The reported energy and least det F equal those of the energy policy's formulas at the same shape."""
     body, base = series(Linear(young=4e5, poisson=0.45), Linear(young=1e5, poisson=0.49))
     state, x = solve(body, base)
     assert state.summary.energy == pytest.approx(strain_energies(body, x).sum(), rel=1e-12)

@@ -64,7 +64,7 @@ def test_three_point_bending() -> None:
 
 
 def test_pinned_column_buckles_at_eulers_load() -> None:
-    """A pinned column shortened by 1 % bows out at pi^2 E I / L^2, times 1 + slope^2 / 8."""
+    """A pinned column shortened by 1 % carries the load pi^2 E I / L^2 times 1 + slope^2 / 8 as it bows out."""
     simulation = beam("ry", "ry")
     simulation.step(Command(loads={"weight": 0.01}))
     for part in range(1, 11):
@@ -100,7 +100,7 @@ def test_commands_about_other_axes_count() -> None:
 
 
 def test_state_holds_the_turns() -> None:
-    """A state saved during a motion continues in another simulation with the same bits."""
+    """A state saved between steps of a rising load continues in another simulation with the same bits."""
     first, second = beam("ry", "x, ry"), beam("ry", "x, ry")
     for part in range(1, 4):
         first.step(Command(loads={"weight": 0.5 * part}), dt=0.1)

@@ -24,7 +24,7 @@ HANDLES = [Handle("base", LEFT, fixed=True), Handle("tip", RIGHT, free=(Axis.X, 
 
 
 def test_held_vertices_are_no_unknowns() -> None:
-    """With both ends held, the vertices between them are free; those of the handles are prescribed, in handle order."""
+    """With both ends held, the vertices between them are free, and those of the handles are prescribed."""
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     assert unknowns.free.tolist() == [1, 4, 7, 10]
     assert unknowns.prescribed.tolist() == [*LEFT, *RIGHT]

@@ -57,7 +57,7 @@ def assert_arrives(results: list[StepResult], exact: StepResult, off: Callable[[
 @pytest.mark.parametrize("make", [bend5, ball])
 @pytest.mark.parametrize("cut", CUTS, ids=str)
 def test_a_cut_step_arrives(lab: Any, make: Callable, cut: dict[str, float]) -> None:
-    """A step cut at any place, even before its first iteration, arrives within three times the uncut iterations."""
+    """A step cut anywhere, even before its first iteration, arrives after at most three times the uncut iterations."""
     simulation, command = make()
     exact = Simulation(simulation.scene).step(command)
     results = drive(simulation, command, ROUND * exact.iterations, **cut)

@@ -36,7 +36,7 @@ LINEAR = [("hollow", 8.0), ("solid", 20.0)]
 
 
 def folding(mesh: str, law: str = "neo_hookean") -> Simulation:
-    """Return a bar that a cable along its upper edge folds."""
+    """Return a bar whose elements fold when the cable along its upper edge is pulled."""
     return Simulation(scene_from_text(TEXT.format(mesh=MESHES[mesh], law=law)))
 
 

@@ -122,7 +122,7 @@ def test_jacobian_beside_the_loss_of_stability(filled: Filled, below: float) -> 
 
 @pytest.mark.parametrize("below", [0.01, 0.1, 1.0, 5.0])
 def test_jacobian_at_the_limit_is_not_small(filled: Filled, below: float) -> None:
-    """At the limit pressure, the Jacobian is larger than 20 Pa below it, or an error, and never a silent 0."""
+    """Close below the limit pressure, the Jacobian is larger than at 20 Pa below it, or an error, never a silent 0."""
     simulation = blown(filled.pressure - below)
     assert simulation.result.converged or "stability" in simulation.result.message
     found = jacobian_or_error(simulation, "side", "air")

@@ -85,7 +85,7 @@ def test_a_watched_simulation_can_be_saved(lab: Any) -> None:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_restart_with_growth_starts_from_rest(lab: Any, axis: int) -> None:
-    """From mirrored positions of a grown body, later steps equal those of a simulation that never failed."""
+    """From mirrored positions, a growing body reaches a fresh simulation's equilibria, and its bits after a reset."""
     how = {"materials__rubber__poisson": 0.499}
     mirrored, plain = lab.bar(**how), lab.bar(**how)
     lab.go(mirrored, heat=0.8)

@@ -163,7 +163,7 @@ def test_the_list_of_scenes_to_explore_is_complete() -> None:
 
 
 def test_actions_are_rate_limited_and_resets_are_cheap() -> None:
-    """A jump over the range is made by a twentieth per step of 0.05 s, and a reset takes at most three solves."""
+    """A command over the whole range is applied by a twentieth in each step, and a reset takes at most three solves."""
     env = _env(BAR)
     env.reset(seed=1)
     seen = [env.step([2.0, 0.5])[4]["applied"] for _ in range(3)]
@@ -185,7 +185,7 @@ def test_actions_are_rate_limited_and_resets_are_cheap() -> None:
 
 
 def test_a_step_that_would_not_converge_goes_as_far_as_one_does() -> None:
-    """If steps over a seventh of the range fail, the command covers an eighth of the change and converges."""
+    """If only changes below 0.3 N converge, a commanded change of 2 N is halved to 0.25 N, which converges."""
     env = _env(BAR, slew_time=0.0)
     env.reset(seed=1)
     solve = env.simulation.step
@@ -202,7 +202,7 @@ def test_a_step_that_would_not_converge_goes_as_far_as_one_does() -> None:
 
 @pytest.mark.parametrize("text", [BAR, MOVING])
 def test_a_reset_to_a_moment_makes_no_solve(text: str) -> None:
-    """A reset to a moment of an episode, in the same environment or another, makes no solve and repeats its rest."""
+    """A reset to a moment of an episode, in any environment of the scene, needs no solve, and later steps are equal."""
     env, other = _env(text, dt=0.01), _env(text, dt=0.01)
     env.reset(seed=3)
     env.step([2.0, 0.0])

@@ -53,7 +53,7 @@ def test_sample(case: Case) -> None:
 
 @pytest.mark.parametrize("name", walks.TRACKS)
 def test_short_walk(name: str) -> None:
-    """After 250 steps and the way back every step has converged, the drift is below 1e-6, and memory has not grown."""
+    """In 250 steps and the steps back, all steps converge, the drift is below 1e-6, and memory does not grow."""
     found = walks.walk(walks.TRACKS[name], STEPS)
     assert found.unconverged == 0
     assert found.drift <= walks.BOUND

@@ -19,7 +19,7 @@ class Columns:
     """Names of the entries of joint states, and units of all columns.
 
     Args:
-        actuators: of the scene, in the order of joint states.
+        actuators: the scene's actuators, in the order of joint states.
     """
 
     def __init__(self, actuators: Iterable[Actuator]) -> None:

@@ -55,7 +55,7 @@ def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None)
 
     Args:
         rows: dicts from column to value; the columns may differ from row to row.
-        path: of the file.
+        path: path of the file.
         known: units of the columns, written as ``unit`` into each column's metadata; None for no units.
     """
     import pyarrow
@@ -75,7 +75,7 @@ def columns(rows: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def _cells(topic: str, field: str, values: np.ndarray, known: Columns) -> Row:
-    """Return the columns of a field with one number, or with up to 64 doubles; larger arrays have no columns."""
+    """Return the columns of a field: one for a number, or one for each of up to 64 doubles; none for larger arrays."""
     if topic == CONTACTS:
         return {f"{topic}.points": len(values)} if field == "x" else {}
     if topic == JOINTS and len(values) == len(known.joints):

@@ -38,8 +38,8 @@ def all_charts(history: RunHistory, scene: Scene, *, dt: float) -> list[Chart]:
     """Return all charts of a run; charts without data are left out.
 
     Args:
-        history: of the run.
-        scene: of the run.
+        history: series of the run.
+        scene: scene of the run.
         dt: usual time step [s], drawn as a line in the chart of solve times; 0 for no line.
     """
     charts = [
@@ -177,7 +177,7 @@ def _level(history: RunHistory, value: float, name: str) -> list[dict[str, Any]]
 
 
 def _lines(history: RunHistory, title: str, unit: str, series: dict[str, Sequence[float]]) -> Chart:
-    """Return a chart of series over time, thinned to every n-th step; series that stay zero are left out."""
+    """Return a chart of series over time, thinned to every n-th step; zero or negligible series are left out."""
     stride = _stride(len(history.time))
     kept = slice(stride - 1, None, stride) if stride > 1 else slice(None)
     moving = {name: np.asarray(values, dtype=float)[kept] for name, values in series.items()}

@@ -26,7 +26,7 @@ class RunHistory:
         strain: histogram to which eps_eq of each step is added.
 
     Attributes:
-        time: at the end of each step [s].
+        time: simulation time at the end of each step [s].
         targets: dict from handle to its target at each step: translation [m] and rotation vector [rad], six numbers.
         commands: dict from actuator, load or joint to its command at each step; NaN before the first command.
         costs: dict from cost to its value at each step: ``iterations, substeps, error_estimate, wall_time`` [s] and

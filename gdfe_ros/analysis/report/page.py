@@ -26,10 +26,10 @@ def build_page(
     """Return the HTML text of the report.
 
     Args:
-        title: of the page.
+        title: title of the page.
         description: one sentence below the title.
         tables: dict from heading to rows.
-        charts: from ``charts.all_charts``.
+        charts: charts from ``charts.all_charts``.
         animation: description from ``Animation.to_page``.
         arrays: dict from array name to base64 text, from ``Animation.to_page``.
         remarks: one line each, e.g. about the thinning of the data.

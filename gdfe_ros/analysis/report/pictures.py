@@ -30,8 +30,8 @@ class Shown:
 
     Attributes:
         time: simulation time [s].
-        positions: of the vertices (n, 3) [m].
-        values: of the cells (m,).
+        positions: positions of the vertices (n, 3) [m].
+        values: values of the cells (m,).
         scenery: obstacles, cables, chambers and contact forces.
     """
 

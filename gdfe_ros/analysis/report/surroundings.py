@@ -18,7 +18,7 @@ from gdfe_ros.scene import Scene
 MOST_FORCES = 200
 """Largest number of arrows in a frame; only the largest forces have arrows."""
 KINDS = ("solids", "chambers", "cables")
-"""Kinds of things with a constant number of points; they are drawn as triangles, triangles, and lines."""
+"""Kinds of things with a constant number of points. Solids and chambers are drawn as triangles, cables as lines."""
 
 
 class Surroundings:
@@ -53,7 +53,7 @@ class Surroundings:
     def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
         """Return a description for the page's script, and dict from array name to base64 text.
 
-        All points are 16-bit levels between two opposite corners of one box. All frames have the same scale of forces.
+        All points are 16-bit levels between two opposite corners of one box. A force has the same scale in all frames.
         """
         largest = max((float(forces[0] @ forces[0]) ** 0.5 for _, forces in self._pushes if len(forces)), default=0.0)
         scale = {"largest": largest, "size": self._scene.mesh.size}

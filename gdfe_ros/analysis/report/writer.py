@@ -34,7 +34,7 @@ def write_report(bag: str | Path, path: Path) -> ReportFacts:
 
     Args:
         bag: directory of a bag that ``sim_node`` recorded.
-        path: of the HTML file.
+        path: path of the HTML file.
 
     Raises:
         RecordingError: the bag cannot be read, or has no step.

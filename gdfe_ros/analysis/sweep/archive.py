@@ -20,11 +20,11 @@ class Archive:
     """Results of a sweep on disk.
 
     Args:
-        directory: of the sweep; created if it does not exist.
+        directory: directory of the sweep; created if it does not exist.
         scene: YAML text of the scene that the overrides of all cases change.
 
     Raises:
-        GdfeError: the directory has results of another scene, or other contents.
+        GdfeError: the directory contains results of another scene, or files that are not of a sweep.
         OSError: the directory cannot be created.
     """
 

@@ -63,8 +63,8 @@ def read_list(path: Path) -> list[dict[str, Any]]:
     """Return a list of overrides, read from CSV with the keys in the first line, or from a YAML list of mappings.
 
     Raises:
-        GdfeError: the file is no such list.
-        OSError: it cannot be read.
+        GdfeError: the file does not contain such a list, or the list is empty.
+        OSError: the file cannot be read.
     """
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".csv":

@@ -35,9 +35,10 @@ def draw_results(rows: Sequence[Row], path: Path, *, title: str) -> None:
 
 
 def results_figure(rows: Sequence[Row], *, title: str, shown: Sequence[str] = SHOWN) -> Figure:
-    """Draw the ``shown`` quantities over the first varied key, a line for each combination of the other varied keys.
+    """Return a figure of the ``shown`` quantities over the first varied key.
 
-    A cross marks a case that failed, at the bottom, or a case that did not converge, at its last value.
+    Each combination of the other varied keys has a line. A cross marks a case that did not converge, at its last value,
+    or a case that failed, at the bottom.
     """
     keys = [key for key in rows[0] if key.startswith("set.") and len({row.get(key) for row in rows}) > 1]
     first, others = (keys[0], keys[1:]) if keys else ("case", [])

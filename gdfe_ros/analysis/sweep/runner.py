@@ -20,10 +20,10 @@ from gdfe_ros.workers import THREAD_COUNTS
 
 TASK_SECONDS = 1.0
 """Intended duration of a task [s]. Short cases are combined into tasks, because the scheduler needs some milliseconds
-per task. If the workers use all cores, this time is taken from them.
+per task. If the workers use all cores, these milliseconds reduce their computing time.
 """
 _SHARE = 4
-"""The remaining cases make at least this number of tasks per thread, so that all threads end at about the same time."""
+"""Least number of tasks per thread into which the remaining cases are divided, so that all threads end together."""
 PATIENCE = 600.0
 """Time [s] without any worker after which a sweep on this machine fails. With a user's own scheduler it never fails."""
 _POLL = 0.02
@@ -67,7 +67,8 @@ def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
 def run_cases(client: Client, scene: str, cases: Sequence[Case]) -> Iterator[tuple[Case, Result]]:
     """Run cases and yield each case with its result when it is completed.
 
-    If a case fails in a worker, its result is this failure. The death of a worker is a failure after four attempts.
+    If a case fails in a worker, its result is this failure. A case also fails if it was tried four times and its
+    worker died each time.
 
     Raises:
         GdfeError: all workers on this machine died and do not restart.
@@ -121,7 +122,7 @@ class _Queue:
     def refill(self) -> list[Future]:
         """Start a task for each idle thread, and return the tasks.
 
-        No task waits at a worker, because dask blames the death of a worker on all tasks assigned to it.
+        No task waits at a worker: if a worker dies, dask counts a failure of every task that is assigned to it.
         """
         threads = max(1, sum(self._client.nthreads().values()))
         started = []

@@ -94,7 +94,7 @@ class Commander:
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
         """Set Young's moduli [Pa] by material, which are parameters of the node; the node sets either all or none.
 
-        The future answer is an empty text, because the body shows the effect. It raises a GdfeError if the node
+        The returned ``Future`` has an empty text, because the body shows the effect. It raises a GdfeError if the node
         refuses.
 
         Raises:
@@ -116,7 +116,7 @@ class Commander:
         return answer
 
     def call(self, ability: Ability, *, on: bool = False) -> Future[str]:
-        """Call the service of a request and return the future answer; ``on`` is the data of a SetBool request.
+        """Call the service of a request; return a ``Future`` of the answer. ``on`` is the data of a SetBool request.
 
         The answer is the node's message about a bag, or an empty text for other services, whose effect is visible. It
         raises a GdfeError if the node refuses.

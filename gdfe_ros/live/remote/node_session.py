@@ -199,7 +199,7 @@ class NodeSession:
         self._commander.send(name, order)
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Carry out a request: call its service, or play the program; return the future answer, or None.
+        """Carry out a request: call its service, or play the program; return a ``Future`` of the answer, or None.
 
         Raises:
             GdfeError: the node does not offer the service at present.
@@ -222,7 +222,7 @@ class NodeSession:
         return answer
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
-        """Set Young's moduli [Pa] by material, which are parameters of the node; return the future answer.
+        """Set Young's moduli [Pa] by material, which are parameters of the node; return a ``Future`` of the answer.
 
         Raises:
             GdfeError: the node does not answer at present.

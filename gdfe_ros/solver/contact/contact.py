@@ -27,7 +27,8 @@ from gdfe_ros.solver.state import Saved, State
 
 ENTRY = 1e-3
 """A point counts as outside if its distance from the obstacle, divided by the body's size, exceeds this. A point that
-moves from outside into the obstacle within one step gets an entry plane.
+moves from outside into the obstacle within one step gets an entry plane: the tangent plane of the obstacle where the
+point entered. Contact pushes the point back across this plane, and not out of the obstacle on another side.
 """
 REACH = 0.05
 """Points take part in contact if their distance from the obstacle, divided by the body's size, is below this. Distances
@@ -114,7 +115,10 @@ class Contact(ContactTerm):
             self._penalty = np.where(beside, STIFFER * self._usual, self._usual)
 
     def couplings(self) -> NDArray[np.int32]:
-        """Return the vertices (k, c) on which each point's force acts: its carriers, then a touched rigid body's."""
+        """Return the vertices (k, c) on which each point's force acts.
+
+        These are the point's carriers, then the four vertices of the touched rigid body, if a rigid body is touched.
+        """
         ends = self._points.carriers
         if isinstance(self._touched, RigidBody):
             ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
@@ -157,7 +161,11 @@ class Contact(ContactTerm):
             self._choose(saved, positions)
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update multipliers, normals and offsets at ``positions`` (n, 3) [m]; return the remaining error [m]."""
+        """Update multipliers, normals and offsets at ``positions`` (n, 3) [m]; return an error [m].
+
+        This is the error of the last update. If the term is ``stocky`` and has friction, the remaining distance is
+        returned instead, which `Settling` estimates.
+        """
         multipliers = self._rows()[:, PRESS:ANCHOR]
         held = multipliers.copy()
         miss, change, forces, penalties = self.law.update_multipliers(positions, self.reals, self.integers)
@@ -320,7 +328,10 @@ class Contact(ContactTerm):
         return planes
 
     def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the points (p, 3) [m] at the last step's end (at first, ``places``) in the obstacle's frame."""
+        """Return the positions (p, 3) [m] of the points at the end of the last step, in the obstacle's frame.
+
+        If there is no last step, these are the positions ``places`` (p, 3) [m] in the obstacle's frame.
+        """
         if self._last is None:
             return self._in_frame(places)
         origin, axes = self._frame(self._last.positions, self._last.poses[self._touched.name])
@@ -426,9 +437,10 @@ class Contact(ContactTerm):
         return forces, presses, shears, slips
 
     def _spread(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> Saved:
-        """Return normal and friction forces [N] of all points from those of the chosen points (k,), (k, 3).
+        """Return normal and friction forces [N] of all points, as stored; they are zero for points not chosen.
 
-        The returned friction forces are in the obstacle's axes.
+        ``presses`` (k,) [N] and ``shears`` (k, 3) [N] are the forces of the chosen points. The returned friction forces
+        are in the obstacle's axes.
         """
         press, shear = np.zeros(len(self._penalty)), np.zeros((len(self._penalty), 3))
         press[self._chosen], shear[self._chosen] = presses, shears @ self._axes

@@ -39,7 +39,8 @@ class ContactTerm(Term):
         share: effective contact force over a step with dynamics, divided by the multipliers. The multipliers are the
             forces at the end of the step.
         missed: largest error [m] in gap or slip of a self-contact pair at the last update of a solve.
-        gives_up: whether ``hopeless`` is determined, and ends a solve at once. Smaller increments may then succeed.
+        gives_up: whether the term determines ``hopeless``. A hopeless solve ends at once, because smaller increments
+            may succeed.
         stocky: True if the minimiser gives no bound of the distance to the equilibrium (`Minimiser.certified` is
             False). The remaining distance is then estimated from successive displacements.
         buried: whether the penetration that `flaw` found is too deep even for a step that has not converged.

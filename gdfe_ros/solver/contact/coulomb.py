@@ -18,5 +18,8 @@ def shortened(t0, t1, t2, limit):
 
 @inlined
 def envelope(trial, limit):
-    """Return 2 k times the friction energy (Moreau envelope) [N^2] of a trial force of length ``trial`` [N]."""
+    """Return 2 k times the friction energy (Moreau envelope) [N^2] of a trial force of length ``trial`` [N].
+
+    Here k [N/m] is the penalty. ``limit`` [N] is the largest friction force.
+    """
     return trial * trial if trial <= limit else limit * (2.0 * trial - limit)

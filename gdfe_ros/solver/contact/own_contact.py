@@ -22,8 +22,8 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 
 REACH, FARTHEST = 0.02, 0.25
-"""Search distance for faces, and its upper limit, both divided by the body's size. Twice the step's largest
-displacement is added to the search distance.
+"""The search distance for faces is the first number times the body's size, plus twice the step's largest displacement
+relative to the surface's mean displacement. The second number times the body's size limits this sum.
 """
 ROUNDING = 1e-9
 """A pair counts as slipping if its friction force is below the limit by less than this fraction."""
@@ -138,7 +138,11 @@ class OwnContact(ContactTerm):
         self._expect(rows[:, law.PRESS], rows[:, law.PENALTY])
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers, search the nearest faces again, and return the estimated remaining distance [m]."""
+        """Update the multipliers, search the nearest faces again, and return an error [m].
+
+        This is the error of the last update. If the term is ``stocky``, the remaining distance is returned instead,
+        which `Settling` estimates.
+        """
         rows, chosen = self._rows(), self._chosen
         self._scale = self._scale or float(rows[:, law.PRESS].sum()) / max(1, len(rows))
         self._held = self._multipliers()
@@ -161,7 +165,10 @@ class OwnContact(ContactTerm):
         return way if self.stocky else missed
 
     def hasten(self, near: float) -> None:
-        """Extrapolate multipliers and normals from their last updates, unless a plain one is due; see `Settling`."""
+        """Extrapolate multipliers and normals of pressing pairs, or shorten a plain update; see `Settling.mixed`.
+
+        If at most the distance ``near`` [m] remains, plain updates come first.
+        """
         if not self._on:
             return
         found = self._multipliers()
@@ -251,7 +258,7 @@ class OwnContact(ContactTerm):
         return np.where(self._sunk, 0.0, depths)
 
     def _follow(self, found: Nearest, x: NDArray[np.float64]) -> None:
-        """Set the face point of each pair on which friction acts.
+        """Set, for each pair, the face point on which friction acts.
 
         A slipping pair gets the face point that its vertex touches now; any other pair keeps its face point from the
         start of the solve. The slip is the vertex' motion since the last state relative to this material point.
@@ -276,13 +283,13 @@ class OwnContact(ContactTerm):
         face: NDArray[np.int64],
         weights: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return the vectors (k, 3) [m] to the vertices of pairs from face points with corner weights (k, 4)."""
+        """Return the vectors (k, 3) [m] from points of faces, with corner weights (k, 4), to the pairs' vertices."""
         return x[self._vertices[pairs]] - np.einsum("ka,kai->ki", weights, x[self._quads[face]])
 
     def _before(
         self, x: NDArray[np.float64], pairs: NDArray[np.int64], face: NDArray[np.int64], weights: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the vectors (k, 3) [m] of `_away` in the last state, rotated with the faces to ``x`` (n, 3) [m]."""
+        """Return the result of `_away` in the last state, rotated with the faces to the positions ``x`` (n, 3) [m]."""
         quads, last = self._quads[face], self._from
         away = self._away(last, pairs, face, weights)
         return np.einsum("kij,klj,kl->ki", frames(x, quads), frames(last, quads), away)

@@ -42,8 +42,8 @@ class DifferentiableOwnContact(OwnContact):
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Prepare the linearisation of a solve: choose the pairs that press at its end, with their forces.
 
-        The direction of slip must be defined. A slipping pair that has hardly moved therefore gets the slip `SLIP` in
-        the direction of its friction force.
+        The direction of slip must be defined. A slipping pair that has hardly moved therefore gets a slip of `SLIP`
+        times the body's size in the direction of its friction force.
         """
         self._on = bool(found["press"].any())
         if not self._on:
@@ -143,7 +143,8 @@ class DifferentiableOwnContact(OwnContact):
     def _set_anchors(self, positions: NDArray[np.float64]) -> None:
         """Set the offsets of slipping pairs.
 
-        Each slip has its length in the solve, or at least `SLIP`, and the direction of the friction force.
+        Each slip has the direction of the friction force. Its length is the length in the solve, but at least `SLIP`
+        times the body's size.
         """
         chosen, rows, slips = self._chosen, self._rows(), self._slips
         self._anchors = self._slid(positions, rows)

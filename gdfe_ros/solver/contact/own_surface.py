@@ -16,7 +16,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_faces
 
 CREASE = 0.7
-"""The surface counts as smooth over an edge if the cosine between the rest normals of its two faces exceeds this."""
+"""The surface counts as smooth at an edge if the cosine between the rest normals of its two faces exceeds this."""
 DEPTH, RIM = 0.25, 0.05
 """Two distances divided by the shortest edge. A vertex up to `DEPTH` behind a face touches this face even if it was
 never in front of it. A vertex up to `RIM` beside a face still counts as above it.

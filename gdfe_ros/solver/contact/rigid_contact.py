@@ -17,15 +17,16 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
 
 SUPPORTED = 0.1
-"""Bound in the computation of impacts: the displacement of a point that all contacts cause counts as at least this
-fraction of the displacement that one contact alone causes.
+"""Lower bound of a point's displacement by all contacts, divided by its displacement by one contact alone. Impacts are
+computed with the displacement of approach, divided by the displacement by all contacts.
 """
 
 
 class RigidContact(Contact):
-    """Contact of a rigid body's points with an obstacle or another rigid body, with the larger friction coefficient.
+    """Contact of a rigid body's points with an obstacle or another rigid body.
 
-    Two rigid bodies have two such terms, unless one is a ball: each body's points are tested against the other's shape.
+    The larger of the two friction coefficients acts. Two rigid bodies have two such terms, unless one of the bodies is
+    a ball: the points of each body are tested against the shape of the other body.
 
     Args:
         rigid: the body whose points touch.

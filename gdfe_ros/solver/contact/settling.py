@@ -25,8 +25,8 @@ SLOWEST = 0.95
 NORMALS = slice(4, 7)
 """Columns of the normals in the array (k, 7) of the pairs' forces and normals."""
 SHARE = 0.5
-"""Fraction of a normal's rotation that a plain update applies. Updates then converge, unless they are still more than
-twice as long as the distance to the fixed point.
+"""Fraction of a normal's rotation that a plain update applies. Updates then converge, unless such a shortened update
+is more than twice as long as the distance to the fixed point.
 """
 SWINGING, MOST_SWINGS = 0.5, 8
 """An update counts as an oscillation if it reverses more than the fraction `SWINGING` of the last update. Updates are
@@ -82,8 +82,10 @@ class Settling:
     def way(self, positions: NDArray[np.float64], missed: float) -> float:
         """Return an estimate of the remaining distance [m], from the last displacement and the error ``missed`` [m].
 
-        Each plain update multiplies both by a factor q, so that the last value times q / (1 - q) remains. An error that
-        many pairs have in common shrinks slowly, and causes a displacement much larger than itself.
+        Each plain update multiplies the displacement by a factor q, and the error by a factor of its own. The last
+        value times q / (1 - q) then remains. The result is the largest of the two last values and the two remaining
+        values. An error that many pairs have in common shrinks slowly, and causes a displacement much larger than the
+        error.
         """
         last = np.array([largest_distance(positions, self._before), missed])
         self._plain = 0 if self._hastened else self._plain + 1

@@ -57,7 +57,10 @@ class Skin(ContactSurface):
 
     @property
     def reach(self) -> float:
-        """Bound of the ratio of a point's to its carriers' displacement; above 1 for points outside their cell."""
+        """Upper bound of a point's displacement, divided by the largest displacement of its carriers.
+
+        It exceeds 1 for points outside their cell.
+        """
         return max(1.0, float(np.abs(self.weights).sum(axis=1).max(initial=0.0)))
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:

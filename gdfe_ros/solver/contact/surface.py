@@ -18,8 +18,8 @@ SHAPE = np.stack([0.25 * (1.0 + GAUSS * SIGNS * point).prod(axis=1) for point in
 """(4, 4) weights of a face's corners at each of its Gauss points."""
 
 TURNED = 6.0
-"""Bound of the displacement of a rigid body's point, also relative to another rigid body, divided by the largest
-displacement of any vertex of the bodies.
+"""Upper bound of the displacement of a rigid body's point, divided by the largest displacement of any vertex. The bound
+also holds for the displacement relative to another rigid body.
 """
 
 
@@ -63,8 +63,8 @@ class ContactSurface:
     def _of_nodes(cls, body: Body, faces: NDArray[np.int32], driven: NDArray[np.bool_]) -> ContactSurface:
         """Return the surface of tetrahedra: all six nodes of each face touch.
 
-        Gaps have no offset (see `law`), because the faces are curved themselves. In a prototype, between their nodes,
-        the faces entered a ball by 4 to 9 % of its depth.
+        Gaps have no offset (see `law`), because the faces are curved themselves. In a prototype with offsets, faces
+        entered a ball between their nodes by 4 to 9 % of the depth of the ball in the body.
         """
         flat = flat_quads(faces)
         shares = corner_areas(body.rest, flat)
@@ -81,7 +81,7 @@ class ContactSurface:
 
     @property
     def reach(self) -> float:
-        """Bound of the ratio of a point's to its carrier's displacement: 1, because each point is a vertex."""
+        """Upper bound of a point's displacement, divided by its carrier's: 1, because each point is a vertex."""
         return 1.0
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:

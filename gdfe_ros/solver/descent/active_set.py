@@ -43,7 +43,7 @@ class Movable:
 
     @classmethod
     def all_of(cls, unknowns: Unknowns, matrix: ConstantMatrix) -> Movable:
-        """Return the given unknowns and matrix as a set without frozen vertices."""
+        """Return a `Movable` with these unknowns and this matrix, without frozen vertices."""
         return cls(unknowns, np.zeros(0, np.int32), matrix)
 
 
@@ -187,7 +187,10 @@ def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
 def _updated(
     body: Body, elements: NDArray[np.int32], skip: Collection[Skip]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the elements whose pressures, and those whose hourglass scales, are updated between minimisations."""
+    """Return two arrays of elements that are updated between minimisations.
+
+    The first array has the elements with updated pressures, the second the elements with updated hourglass scales.
+    """
     material = body.material[elements]
     carried = body.table.parameters[material, CARRIED] == 1.0
     softening = body.table.law[material] != Law.LINEAR

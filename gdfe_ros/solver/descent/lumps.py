@@ -61,7 +61,9 @@ def find_lumps(body: Body, weight: NDArray[np.float64], bending: NDArray[np.floa
 
 
 def largest_turn(lumps: tuple[Lump, ...], x: NDArray[np.float64], gradient: NDArray[np.float64]) -> float:
-    """Return the largest remaining displacement [m] by the rotation of an inclusion, from its unbalanced moment.
+    """Return the largest displacement [m] that the remaining rotation of an inclusion causes at its vertices.
+
+    The rotation is the unbalanced moment on the inclusion, divided by the inclusion's `Lump.stiffness`.
 
     Args:
         lumps: the inclusions of the body.

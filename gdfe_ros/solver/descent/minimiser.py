@@ -30,7 +30,7 @@ SAFETY = 0.1
 PATIENT_ITERATIONS = 20
 """Least number of iterations between two checks of the moments on hard inclusions."""
 LEARNED = 2
-"""Number of iterations, per pair that it can keep, after which an emptied history contains the softest modes again."""
+"""An emptied history contains the softest modes again after this number of iterations per pair that it can keep."""
 FLOOR = 1e-3
 """A minimisation ends before its least number of iterations if the distance is below this fraction of the tolerance."""
 LEAST_FLOOR = 1e-9
@@ -126,7 +126,7 @@ class Minimiser:
         self.observer: Observer | None = None
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
-        """Prepare a solve from ``start``. If it is not ``warm``, it ends only after its steps shrink fast enough."""
+        """Prepare a solve from ``start``. A solve that is not ``warm`` ends only after its steps shrink fast enough."""
         work, status = active.workspace, active.status
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["seen"], work.recent[...] = -1 if warm else 0, 0.0
@@ -182,7 +182,10 @@ class Minimiser:
         return far or active.ended is End.RUNAWAY
 
     def _misled(self, task: Task, target: float) -> bool:
-        """Return whether the precision ran out above ``target`` [m], with a history that may contain only rounding."""
+        """Return whether the precision ran out above ``target`` [m], for the first time in this solve.
+
+        The history may then have contained only rounding errors. The minimisation continues with an empty history.
+        """
         short = task.active.ended is End.EXHAUSTED and float(task.active.status["distance"]) > target
         return short and not self._unlearned
 
@@ -218,8 +221,9 @@ class Minimiser:
     def _run_compiled(
         self, task: Task, iterate: Callable[[int, int], int], limit: int, *, least: int, chunk: int
     ) -> Descended:
-        """Iterate in compiled calls. With a deadline, the first makes ``least`` iterations, each later one ``chunk``.
+        """Iterate in compiled calls.
 
+        With a deadline, the first call makes ``least`` iterations, and each later call ``chunk`` iterations.
         ``iterate`` receives the number of iterations made so far and the number allowed. It returns the number of
         iterations that it made.
         """
@@ -264,7 +268,7 @@ class Minimiser:
             self.observer(float(status["energy"]), size, begins)
 
     def _lag(self, active: ActiveSet) -> float:
-        """Return the largest remaining displacement by the rotation of a hard inclusion, divided by the body's size."""
+        """Return the result of `largest_turn` for the hard inclusions, divided by the body's size."""
         if not self.lumps:
             return 0.0
         work, free = active.workspace, active.unknowns.free

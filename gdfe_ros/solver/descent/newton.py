@@ -35,8 +35,8 @@ FORCING, INEXACT = 0.01, 0.15
 times the target.
 """
 STEADY = 0.5
-"""Least ratio of the last two values of theta at the end of conjugate gradients. While theta falls faster, softer modes
-are still being found.
+"""Conjugate gradients end only if theta after the last product, divided by theta before it, is at least this. While
+theta falls faster, softer modes are still being found.
 """
 HALVINGS = 40
 """Number of bisections that find a least Ritz value."""
@@ -47,8 +47,8 @@ HALF = 0.5
 than the target, the distance must also be at most this fraction of the step.
 """
 CLOSE = 0.02
-"""No further Newton step is made if the distance, divided by the target, is at most this. The limit is small, because
-the errors of such solves add up along the softest mode, which a few products hardly resolve.
+"""A computed Newton step is not made if the distance, divided by the target, is at most this. The limit is small,
+because the errors of such solves add up along the softest mode, which a few products hardly resolve.
 """
 ENERGY = 1e-5
 """Largest energy that another Newton step may release at the end, divided by the energy of all terms. Small
@@ -183,9 +183,10 @@ def begin_along(problem, work, beside, kept, krylov, spacing):
 def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left):
     """Solve K d = r for the given residual and z = M^-1 r; return a `StepKind` and the number of products.
 
-    Conjugate gradients start from the part of d along ``krylov.motion``. They end when two conditions hold: the error
-    bound of d is small against d or against the ``target`` [m], and r . M^-1 r is at most the fraction ``most_left`` of
-    its first value. If the first direction has negative curvature, d becomes this direction.
+    Conjugate gradients start from the part of d along ``krylov.motion``. They end when three conditions hold: the
+    error bound of d is small against d or against the ``target`` [m], theta has become steady (`STEADY`), and
+    r . M^-1 r is at most the fraction ``most_left`` of its first value. If the first direction has negative curvature,
+    d becomes this direction.
     """
     course = krylov.course[0]
     p, r, z, d = krylov.direction, krylov.residual, krylov.z, krylov.step

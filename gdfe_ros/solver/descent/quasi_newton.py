@@ -81,11 +81,11 @@ def energy_and_gradient(u, problem, work, moved):
 
 @merged
 def search(problem, work, first):
-    """Search along the quasi-Newton direction until the energy falls enough; write the step to ``direction``.
+    """Search along the quasi-Newton direction until the energy falls enough, and move ``u`` there.
 
-    The condition is Armijo's, or its approximate form (Hager and Zhang 2005) if the energy cannot resolve the step. If
-    no length satisfies the condition, or if ``first`` is set, ``u`` stays unchanged. Energy and gradient are then
-    evaluated at ``u``.
+    The step is written to ``direction``. The condition is Armijo's, or its approximate form (Hager and Zhang 2005) if
+    the energy cannot resolve the step. If no length satisfies the condition, or if ``first`` is set, ``u`` stays
+    unchanged. Energy and gradient are then evaluated at ``u``.
     """
     status = work.status[0]
     slope, energy = status.slope, status.energy
@@ -137,9 +137,10 @@ def advance(problem, work, target, first):
     """Make one iteration; return whether the minimisation has ended, at its target or because it cannot continue.
 
     ``work.step`` must contain the preconditioned gradient. The quasi-Newton step estimates the distance to the
-    equilibrium. The minimisation ends when the largest vertex displacement of this step is at most ``target`` [m]. With
-    ``first`` the terms are only evaluated at ``work.u``: nothing moves, and the history stays. One function does both,
-    because each compiled copy takes seconds to compile.
+    equilibrium. The minimisation ends when the largest vertex displacement of this step is at most ``target`` [m], and
+    the result of `way_left` is at most `LONGEST_WAY` times the target. With ``first`` the terms are only evaluated at
+    ``work.u``: nothing moves, and the history stays. One function does both, because each compiled copy takes seconds
+    to compile.
     """
     status = work.status[0]
     if first:

@@ -12,7 +12,7 @@ from gdfe_ros.solver.descent.workspace import WINDOW
 LONGEST_WAY = 10.0
 """Largest estimated remaining distance at which a minimisation may end, divided by its target for one step."""
 SLOWEST = 0.95
-"""Largest ratio of the steps of two successive windows that the estimate uses."""
+"""Upper limit, in the estimate, of the ratio of the longest steps of two successive windows."""
 
 
 @internal

@@ -44,8 +44,8 @@ equilibrium then counts as five times the step.
 FLYING = 0.02
 """As `MOVING`, for a body without handles. Only the accuracy of the solve then conserves its angular momentum."""
 PATIENT = 12
-"""The tangent is renewed after this number of successive L-BFGS iterations. If the cost of a new tangent, in solutions
-with it, is a larger number, this number counts.
+"""The tangent is renewed after this number of successive L-BFGS iterations. If a new tangent costs as much as a larger
+number of solutions with it, the tangent is renewed after that larger number of iterations.
 """
 DAMPING = 10.0
 """If steps in motion do not shrink, the weight of the constant matrix in the tangent grows by this factor; the first
@@ -157,7 +157,7 @@ class TangentMinimiser(Minimiser):
 
     @property
     def _hard(self) -> int:
-        """Number of Newton steps in this solve without convergence. Such steps do not prove a minimum."""
+        """Number of Newton steps in this solve with unconverged conjugate gradients. They do not prove a minimum."""
         return int(self._course["curved"] + self._course["unknown"])
 
     @property
@@ -166,7 +166,10 @@ class TangentMinimiser(Minimiser):
         return self.certified and (not self.tangent.softest or self._hard > self._cleared)
 
     def _iterate_to(self, task: Task, target: float, limit: int, *, last: bool) -> Descended:
-        """Iterate to within ``target`` [m]. If ``last``, test whether a doubtful equilibrium is a saddle."""
+        """Iterate until the distance to the equilibrium is within ``target`` [m].
+
+        If ``last``, test whether a doubtful equilibrium is a saddle. The iterations continue beside a saddle.
+        """
         used, course, status, self._known, self._since = 0, self._course, task.active.status, False, 0
         damping, before = 0.0, np.inf
         while True:
@@ -259,7 +262,10 @@ class TangentMinimiser(Minimiser):
         task.advance(0.0)
 
     def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
-        """Renew the tangent at ``x`` (n, 3) [m] and rotate it to the present positions, for which None stands."""
+        """Renew the tangent at positions ``x`` (n, 3) [m], and rotate it to the present positions.
+
+        If ``x`` is None, the tangent is evaluated at the present positions.
+        """
         work, course = task.active.workspace, self._course
         self.tangent = self._level.take(task.problem, work.u, work.x if x is None else x, damping=damping)
         if x is not None:

@@ -101,7 +101,10 @@ def corner_forces(
     *,
     operators: Operators | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return corner forces (m, c, 3) [N] and energies (m,) [J] of all elements for a given pressure (m,) [Pa]."""
+    """Return corner forces (m, c, 3) [N] and energies (m,) [J] of all elements for a given pressure (m,) [Pa].
+
+    The hourglass scales are computed at ``positions`` (n, 3) [m]. The fold barriers of all elements act.
+    """
     force, energies = np.zeros((*body.cells.shape, 3)), np.zeros(len(body.material))
     scale, elements = np.ones(len(body.material)), np.arange(len(body.material), dtype=np.int32)
     shape, material, table = (operators or body).shape, body.material, body.table

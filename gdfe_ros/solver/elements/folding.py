@@ -87,7 +87,10 @@ def load_corners(x, shape, e, corners):
 
 @inlined
 def add_slopes(slopes, shape, e, force):
-    """Add dE/d(corners of `load_corners`), ``slopes`` (8, 3) [N], to the corner forces ``force`` (m, 8, 3) [N]."""
+    """Add the derivatives ``slopes`` (8, 3) [N] of the energy to the corner forces ``force`` (m, 8, 3) [N] of ``e``.
+
+    The derivatives are with respect to the corners that `load_corners` writes.
+    """
     for c in range(8):
         for i in range(3):
             if not shape.cut[e]:

@@ -20,7 +20,7 @@ from gdfe_ros.materials.tensor import dot, scaled, times
 AMPLITUDE = 8.0**-0.5
 """Amplitude, at the corners, of a mode whose projection on its unit hourglass vector is 1."""
 LEAST_EDGE = 1e-3
-"""Smaller stretches |F d_i| are regularised, so that a collapsed edge keeps a finite direction."""
+"""Stretch e in the regularised length sqrt(|F d_i|^2 + e^2); with it, a collapsed edge keeps a finite direction."""
 
 
 @inlined

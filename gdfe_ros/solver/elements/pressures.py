@@ -14,7 +14,9 @@ from gdfe_ros.solver.elements.measures import update_pressures
 from gdfe_ros.solver.state import ElementState
 
 STILL_UPDATES, PLAIN_UPDATES = 3, 20
-"""Updates are accelerated after `STILL_UPDATES` successive updates without an iteration, or `PLAIN_UPDATES` in all."""
+"""Updates are accelerated after `STILL_UPDATES` successive updates before which the minimisation made no iteration, or
+after `PLAIN_UPDATES` updates in all.
+"""
 LOCAL_SLACK = 10.0
 """Allowed volume error of a single element, divided by the allowed mean error. Both errors move positions by the same
 amount.

@@ -55,8 +55,8 @@ from gdfe_ros.solver.elements.lanes import (
 
 LINEAR, NEO_HOOKEAN, CURVE, OGDEN_LAW = 0, 1, 2, 3
 UNIQUE = 1e-6
-"""Below this margin of the rotation's uniqueness, its closed form loses digits. The energy is then computed from the
-invariants of F.
+"""If the measure of the rotation's uniqueness (see `rotation_from_stretch_sum`) is at most this, the closed form of R
+loses digits. The squared norm |F - lam R|^2 is then computed from the invariants of F.
 """
 SWEEPS = 12
 """Limit of Jacobi sweeps. Three to five are enough for finite numbers; NaN ends the sweeps at once."""

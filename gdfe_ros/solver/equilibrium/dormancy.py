@@ -23,7 +23,7 @@ from gdfe_ros.solver.state import DormancyState, Known, State
 from gdfe_ros.solver.value import changed
 
 QUIET = 0.1
-"""A vertex counts as at rest if its displacement in a step, over tolerance times body size, is at most this."""
+"""A vertex counts as at rest if its displacement in a step, divided by tolerance times body size, is at most this."""
 PATIENCE, MOST_PATIENCE = 4, 64
 """Number of successive steps of the whole body in which a vertex must be at rest before it is frozen: initial and
 largest value. The number is doubled after each awake part that was too small.
@@ -38,9 +38,11 @@ LEAST_VERTICES = 1500
 LAYERS = 2
 """Number of layers of elements around the moving vertices that are not frozen."""
 SHORT, LONG = 8, 32
-"""An awake part that lasts for fewer than `SHORT` steps was too small; `LONG` steps prove that it was well chosen."""
+"""An awake part that lasts for fewer than `SHORT` steps was too small. After `LONG` steps, `PATIENCE` applies again."""
 STIRRED = 0.25
-"""A frozen vertex joins the awake part if its displacement on waking, over the largest of all, exceeds this."""
+"""A frozen vertex joins the awake part if its displacement on waking exceeds this fraction of the largest displacement
+of a frozen vertex.
+"""
 CERTAIN = 0.5
 """A displacement estimated without a solve is accepted up to this fraction of the allowed displacement."""
 
@@ -122,10 +124,11 @@ class Dormancy:
         return active is not self._whole
 
     def disturbance(self, sleep: DormancyState, target: float) -> tuple[float, float]:
-        """Return the displacement [m] that the frozen vertices would have if they were free, and its value per 1 N.
+        """Return the displacement [m] that the frozen vertices would have if they were free, and a compliance [m/N].
 
-        The displacement is estimated by a solve with the constant matrix. If the last value per 1 N already gives a
-        displacement far below ``target`` [m], that value is used instead.
+        The compliance is the displacement divided by the norm of the change of the forces on the frozen vertices. The
+        displacement is estimated by a solve with the constant matrix. If the last compliance gives at most `CERTAIN`
+        times ``target`` [m], it is used instead of a solve.
         """
         part = self._made(sleep.awake)
         change = self._forces(part) - sleep.border
@@ -146,7 +149,7 @@ class Dormancy:
     ) -> DormancyState | None:
         """Return the dormancy state after a step that solved ``active`` and ended at ``positions`` (n, 3) [m].
 
-        After a change of the awake part, it has no forces of frozen elements yet; `learned` adds them.
+        After a change of the awake part, the dormancy state has no forces of frozen elements yet; `learned` adds them.
         """
         if sleep is None:
             return None

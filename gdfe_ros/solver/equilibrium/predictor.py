@@ -17,7 +17,7 @@ from gdfe_ros.solver.state import Motion, State
 LARGEST_RATIO = 2.0
 """Largest multiple of the last step that is extrapolated."""
 STILL = 1e-12
-"""Handle displacement, over the body's size, that counts as rounding and is not extended to the free vertices."""
+"""Handle displacement, divided by the body's size, that counts as rounding and is not extended to the free vertices."""
 SMOOTH = 0.5
 """The last motion is extrapolated if the present motion differs from a multiple of it by at most this fraction."""
 
@@ -88,9 +88,10 @@ class Predictor:
 
 
 def _ratio(last: Motion | None, motion: NDArray[np.float64], change: NDArray[np.float64]) -> float:
-    """Return the multiple of the last motion that the present motion repeats; 0 if the two are not similar.
+    """Return the multiple of the last motion that approximates the present motion; 0 if the two are not similar.
 
-    The displacements of handles and each command are divided by the larger of their last two changes.
+    Before the comparison, the displacements of handles are divided by the larger norm of the two motions, and the
+    change of each command by the larger of its two changes.
     """
     if last is None:
         return 0.0

@@ -31,7 +31,9 @@ then too short. The softness of stocky scenes is 3.9e-3 to 6.9e-3, of a bar six 
 robots 2e-4 to 1e-3.
 """
 SLENDER_IN_MOTION = 2e-2
-"""The same limit for bodies with inertia. A tangent saves time for more of them: it need not certify a distance."""
+"""The limit `SLENDER` for bodies with inertia. In motion a tangent need not certify a distance, and saves time for more
+bodies.
+"""
 MECHANISM = 1e-10
 """A mode of smaller softness counts as rigid: the handles let the body turn or move as a whole."""
 INVERSE_ITERATIONS = 6

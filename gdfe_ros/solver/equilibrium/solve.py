@@ -25,20 +25,22 @@ from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 """If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
 COARSER = (30.0, 3.0)
-"""Tolerances of the first two minimisations, over the tolerance that contact forces require (`Actuation.resolution`).
-Later minimisations use the required tolerance.
+"""Tolerances of the first two minimisations, divided by the tolerance that contact forces require
+(`Actuation.resolution`). Later minimisations use the required tolerance.
 """
 ROUGH = 0.3
-"""Lower bound of the tolerance that contact forces require, over the self-contact error at the last update."""
+"""Lower bound of the tolerance that contact forces require, divided by the self-contact error at the last update."""
 SCALE_SLACK = 10.0
-"""Allowed change of an hourglass scale in the last update, over the tolerance; positions stay within the tolerance."""
+"""Allowed change of an hourglass scale in the last update, divided by the tolerance. Positions then stay within the
+tolerance.
+"""
 SURE = 0.3
-"""A solve with a certified distance ends without a new minimisation if the largest change of the last update, over the
-allowed change, is at most this.
+"""A solve without contact and with a certified distance ends without a new minimisation if the largest change of the
+last update, divided by the allowed change, is at most this.
 """
 WARM_SLACK = 10.0
-"""Allowed volume error of an element, over the tolerance, in a step that continues a motion. The pressures of the next
-step reduce the error.
+"""Factor that increases the allowed volume error and the allowed change of hourglass scales in a step that continues a
+motion, if the distance is not certified. The updates of the next step reduce these errors.
 """
 WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
 """Least numbers of iterations of three kinds of steps: a step that continues a motion, a step that does not, and a step

@@ -15,12 +15,12 @@ from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
 
 FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
-"""First length of a step along a direction of negative curvature, over the body's size, and the largest numbers of
-doublings and of divisions by four."""
+"""First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers are
+the largest numbers of doublings of this length and of its divisions by four."""
 RANDOM = 1.0
-"""Norm of a random load over the norm of the softest mode's load. The search for the softest direction starts with the
-sum of both loads, because buckling may be local. With 0.1, the search may converge to the softest mode before it finds
-a mode of negative curvature.
+"""Norm of a random load, divided by the norm of the softest mode's load. The search for the softest direction starts
+with the sum of both loads, because buckling may be local. With 0.1, the search may converge to the softest mode before
+it finds a mode of negative curvature.
 """
 FALL = 1e-9
 """Least relative decrease of the energy along a descent direction; a smaller decrease counts as rounding."""
@@ -70,7 +70,7 @@ class Stability:
     def leave(self, task: Task, direction: NDArray[np.float64]) -> Downhill | None:
         """Return the point of least energy found along a direction (3 r,); None if the energy does not fall.
 
-        The length is doubled while the energy falls.
+        The first length is divided by four until the energy falls. It is then doubled while the energy falls further.
         """
         work = task.active.workspace
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0

@@ -23,7 +23,8 @@ def assemble(
 ) -> sparse.csc_matrix:
     """Return the constant matrix (n, n) [N/m], sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T.
 
-    For tetrahedra it is sum_e w_e int g g^T dV.
+    Each element e has the volume V_e, gradients g of its shape functions, and hourglass vectors gamma_k. For tetrahedra
+    the matrix is sum_e w_e int g g^T dV.
 
     Args:
         shape: the elements.

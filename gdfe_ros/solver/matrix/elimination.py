@@ -18,7 +18,7 @@ from gdfe_ros.compiled import kernel
 SLACK = 0.05
 """Largest fraction of zeros in a supernode. Fewer and broader supernodes are faster if the matrix is factored often."""
 SMALL = 1.0
-"""A subtree is not divided further if its number of entries, over the mean number of a group, is at most this."""
+"""A subtree is not divided further if its entries are at most this multiple of a group's mean number of entries."""
 NARROW = 2
 """If a merged supernode has at most this number of columns, its fraction of zeros is not limited."""
 
@@ -87,7 +87,7 @@ class Elimination(NamedTuple):
         return taken, row[taken] - self.first[owner], self.stand(owner, column[taken]), begin
 
     def inside(self) -> NDArray[np.int64]:
-        """Return the index of each row (r,) among its parent's rows; -1 for a supernode's own rows."""
+        """Return the index of each row (r,) among the rows of its supernode's parent; -1 for a supernode's own rows."""
         owner = self.owner
         upper = self.parent[owner]
         beyond = (self.rows >= self.first[owner + 1]) & (upper >= 0)
@@ -248,7 +248,7 @@ def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int
     """Return an elimination with its supernodes sorted into ``count`` groups, and the groups' offsets (count + 1,).
 
     A group consists of whole subtrees, so that groups are independent of each other. Large subtrees are divided until
-    all are small compared with a group. The supernodes above these subtrees come last.
+    each has at most `SMALL` times a group's mean number of entries. The supernodes above these subtrees come last.
     """
     if count == 0:
         return found, np.zeros(1, np.int64)
@@ -271,7 +271,7 @@ def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int
 
 
 def _opened(found: Elimination, whole: NDArray[np.int64], count: int) -> list[int]:
-    """Return the roots of the largest subtrees that are small compared with a group."""
+    """Return the roots of the largest subtrees with at most `SMALL` times a group's mean number of entries."""
     below: dict[int, list[int]] = {}
     for node, above in enumerate(found.parent.tolist()):
         below.setdefault(above, []).append(node)

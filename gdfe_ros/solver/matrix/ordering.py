@@ -12,8 +12,8 @@ from scipy.sparse.linalg import splu
 LEAF = 60
 """A part with at most this number of vertices is not divided further."""
 DIGITS = 6
-"""Coordinates over the body's size are rounded to this number of decimal digits, so that the vertices of one
-cross-section have equal coordinates.
+"""Coordinates, divided by the largest of them, are rounded to this number of decimal digits. The vertices of one
+cross-section thus have equal coordinates.
 """
 
 

@@ -185,7 +185,7 @@ def add_rows(outside, unknowns, gradient):
 
 @kernel
 def gather_rigid_rows(u, x, force, outside, pushed, frame, unknowns, gradient):
-    """Write the rigid rows of ``gradient`` (3 r,): dE/dt, and dE/dtheta = J_l(theta)^T moment over the radius.
+    """Write the rigid rows of ``gradient`` (3 r,): dE/dt, and dE/dtheta = J_l(theta)^T moment / radius.
 
     ``force`` (m, c, 3) [N] are corner forces. ``outside`` (n, 3) [N] are the forces of all other terms; they are added
     only if ``pushed``.

@@ -23,7 +23,7 @@ resolved motions the energy oscillates by a hundredth, because hourglass stiffne
 energy drops too far when the body is stopped, and rises again.
 """
 ROUNDING = 1e-9
-"""Rounding error of an energy account, over the sum of its energies."""
+"""Rounding error of an energy account, divided by the sum of the magnitudes of its energies."""
 
 
 class Ceiling:
@@ -36,7 +36,7 @@ class Ceiling:
     Args:
         body: the discretised body.
         scheme: time integration scheme.
-        tolerance: tolerance of an equilibrium, over the body's size.
+        tolerance: tolerance of an equilibrium, divided by the body's size.
         accounts: the energy accounts of the body.
     """
 

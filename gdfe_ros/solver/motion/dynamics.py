@@ -86,7 +86,10 @@ class Dynamics:
 
     @property
     def swing(self) -> float:
-        """Energy that the first step may add, over h^2 a^T M a of the start; numerical damping removes it later."""
+        """Energy that the first step may add, divided by h^2 a^T M a with the accelerations a at the start.
+
+        Numerical damping removes this energy later.
+        """
         damped = (1.0 - self.rho_inf) / (1.0 + self.rho_inf) if self.scheme is Scheme.GENERALISED_ALPHA else 0.0
         return 0.125 * damped**2
 

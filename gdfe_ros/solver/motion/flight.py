@@ -21,7 +21,7 @@ WHOLE = 2**HALVINGS
 DEEPEST_FOLD = -0.5
 """An undriven motion continues if every corner's volume ratio is above this; fold barriers then open the folds."""
 ROUNDING = 1e-9
-"""Length, over the longest internal step, that counts as zero."""
+"""Length, divided by the longest internal step, that counts as zero."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

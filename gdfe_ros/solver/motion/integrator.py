@@ -29,9 +29,11 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 
 ACCURACY = 3.0
-"""Tolerance of an internal step, over the solver's tolerance and over h^2 |a| / (body size)."""
+"""Factor c in the tolerance of an internal step, c h^2 |a| / (body size) times the solver's tolerance. Here |a| is the
+largest acceleration. The tolerance is at most the solver's tolerance.
+"""
 FINEST = 1e-4
-"""Least tolerance of an internal step, over the solver's tolerance."""
+"""Least tolerance of an internal step, divided by the solver's tolerance."""
 KEPT = 4
 """Number of step lengths whose factors are kept."""
 

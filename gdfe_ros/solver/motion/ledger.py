@@ -53,8 +53,9 @@ class Accounts:
     def after(self, before: State, now: State, h: float) -> Ledger:
         """Return the ledger after an internal step of length ``h`` [s], with the work by the trapezoidal rule.
 
-        The uncertainty of the work is added to the bound. For each handle and command, it is the difference to the work
-        with the force at one end of the step. The work of growth is unknown: if growth changes, the bound restarts.
+        The uncertainty of the work is added to the bound. For each handle and command, the uncertainty is the
+        difference between this work and the work of the force at one end of the step. The work of growth is unknown: if
+        growth changes, the bound restarts.
         """
         ledger, first, last = before.ledger, before.summary.reactions, now.summary.reactions
         # Most links of an arm touch nothing; without a force there is no work.

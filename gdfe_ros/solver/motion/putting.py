@@ -28,7 +28,10 @@ UNTOLD = "rigid bodies were moved to other places, and no step has been made sin
 def put_elsewhere(
     body: Body, handles: HandleMotions, actuation: Actuation, state: State, places: Mapping[str, Pose]
 ) -> State:
-    """Return ``state`` with the rigid bodies ``places`` at poses relative to their rest poses, without velocity."""
+    """Return ``state`` with the rigid bodies of ``places`` at other poses and without velocity.
+
+    ``places`` is a dict from body name to pose, relative to the body's rest pose.
+    """
     vertices = _vertices(body, places)
     slides, turns = handles.put(state.slides, state.turns, places)
     positions = state.positions.copy()
@@ -63,7 +66,10 @@ def require_free(body: Body, state: State, names: Collection[str]) -> None:
 
 
 def pulled(state: State, places: Mapping[str, Pose], acceleration: NDArray[np.float64], body: Body) -> State:
-    """Return ``state`` with the rigid bodies ``places`` given their rows of ``acceleration`` (n, 3) [m/s^2]."""
+    """Return ``state`` with the accelerations of the rigid bodies in ``places`` replaced.
+
+    The new accelerations are the rows of ``acceleration`` (n, 3) [m/s^2] for the bodies' vertices.
+    """
     vertices, kept = _vertices(body, places), dict(state.terms[inertia.NAME])
     for name in ("acceleration", "balanced"):
         kept[name] = kept[name].copy()

@@ -173,7 +173,7 @@ def _generalised_alpha(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics
 
 
 def _way(beta: float, gamma: float) -> float:
-    """Return p: the displacement that a contact's push causes within its step, over h^2 times the push [m/s^2].
+    """Return p: the displacement that a contact's push [m/s^2] causes within its step, divided by h^2 times the push.
 
     Without numerical dissipation p is 1/2. With this value, a rigid body leaves an obstacle at most as fast as it came,
     and a body that the obstacle keeps from moving does not move in later steps.

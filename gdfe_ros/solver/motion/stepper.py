@@ -38,7 +38,7 @@ CALM = 0.5
 within this time [s].
 """
 RELAXED = 3.0
-"""Lower bound of the same time, over the longest relaxation time of the body."""
+"""Lower bound of the time of `CALM`, divided by the longest relaxation time of the body."""
 SHORTEST = 1e-2
 """Durations below this fraction of the longest internal step are only added up: differences over so short a time give
 only noise as acceleration.

@@ -30,7 +30,9 @@ NAME = "(viscosity)"
 STRAINS = 18
 """Number of strains of an element: the six of E, and three of each hourglass vector."""
 BEND = 0.25
-"""Hourglass stiffness over modulus and length of an element, from the bending of a cube of incompressible material."""
+"""Hourglass stiffness of an element, divided by its modulus times the cube root of its volume. The value follows from
+the bending of a cube of incompressible material.
+"""
 _WIDTH = 2 + STRAINS + 24 + 32
 """Length of an element's data for the kernel: two stiffnesses, strains E_hat, gradient and hourglass operators."""
 _GREEN, _POINT_WIDTH = 6, 1 + 6 + 30
@@ -274,7 +276,7 @@ class Viscosity(Term):
         return 0.0
 
     def _before(self, saved: Saved) -> NDArray[np.float64]:
-        """Return the strains at one step of the present length before the last state, by linear extrapolation."""
+        """Return the strains one step of the present length earlier than the last state, by linear extrapolation."""
         before, length = saved["h"][0], self._h
         if before == length:
             return saved["before"]

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Equilibrium of desired shapes for the ``relative`` policy: the paper as published (Eqs. 1-10, Algorithm 1).
 
-The paper leaves these points open. Here, R is the proper rotation. V^V is the current shape scaled to its rest volume.
-V^v is the V^V of the last converged step in the element's own frame. alpha is eps_p / eps_c if this is at most 1 (see
-`blend`), and 0 in the first step.
+The paper leaves four symbols open. Here, R is the proper rotation of the element's polar decomposition. V^V is the
+element's current shape, scaled to its rest volume. V^v is the shape V^V of the last converged step, in the element's
+own frame. The factor alpha is eps_p / eps_c, or the inverse of this ratio if the ratio exceeds 1 (see `blend`). In the
+first step, alpha is 0.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from gdfe_ros.solver.state import ShapeState, State, Summary
 from gdfe_ros.solver.terms.actuation import Actuation
 
 SAFETY = 0.01
-"""Lower bound of the ratio of a fixed-point step's length to the distance to the fixed point."""
+"""Lower bound of the length of a fixed-point step, divided by the distance to the fixed point."""
 
 
 class RelativeEquilibrium:
@@ -42,13 +43,14 @@ class RelativeEquilibrium:
 
     Args:
         body: the discretised body.
-        actuation: growths only, because this policy has no forces; they change the desired shapes. None for none.
+        actuation: the growths, which change the desired shapes; None if there are none. Other actuators are not
+            possible, because this policy has no forces.
         library: library that factors the constant matrix; None chooses by size.
 
     Attributes:
         matrix: the constant matrix.
         handles: the kinematics of the handles.
-        patience: number of iterations after which a solve is given up and a shorter increment is tried.
+        patience: number of iterations after which a solve ends without success and a shorter increment is tried.
     """
 
     patience = 120
@@ -191,7 +193,7 @@ class RelativeEquilibrium:
         error_estimate: float,
         message: str,
     ) -> Summary:
-        """Return a summary with energy and reactions of the ``energy`` policy at ``x``; this policy has no forces."""
+        """Return a summary; its energy and reactions are those of the ``energy`` policy at ``x`` (n, 3) [m]."""
         body = self._body
         pressure = volume_pressures(body, x, operators=operators)
         force, energies = corner_forces(body, x, pressure, operators=operators)
@@ -214,7 +216,7 @@ class RelativeEquilibrium:
     def _stretched(
         self, shapes: NDArray[np.float64], operators: Operators, *, back: bool = False
     ) -> NDArray[np.float64]:
-        """Return ``shapes`` (m, 8, 3) with the growth of their elements applied; removed if ``back``."""
+        """Apply the growth of the elements to ``shapes`` (m, 8, 3), or remove it if ``back``; return the shapes."""
         cells = self._actuation.growths.cells
         if not len(cells):
             return shapes

@@ -14,8 +14,8 @@ from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 LEAST_VOLUME = 1e-3
-"""Below this volume ratio, the scale of V^V no longer increases; it would grow without bound. The absolute value of the
-ratio is used for an inverted element.
+"""Lower bound of the volume ratio from which the scale of V^V is computed; without this bound, the scale could become
+infinite. For an inverted element, the absolute value of the ratio is used.
 """
 
 

@@ -113,8 +113,8 @@ def pair_of(
 ) -> Pair:
     """Return the inputs of two solves with a parameter increased and decreased.
 
-    In motion, internal steps have the length ``h`` [s] and use ``scheme``. Commands and poses change linearly over a
-    step. At the end of this solve, the fraction ``share`` of their variation is reached.
+    In motion, internal steps have the length ``h`` [s] and use ``scheme``. Commands and poses change linearly during a
+    step. At the end of this solve, they have changed by the fraction ``share`` of their variation.
     """
     sides, step = [], parameter.step(own.commands)
     for change in (step, -step):

@@ -12,7 +12,9 @@ from gdfe_ros.solver.terms.chamber import EFFORT, ChamberTerm, push
 from gdfe_ros.solver.terms.term import Term
 
 STEP = 1e-3
-"""Displacement of a central difference over the body's size. Forces are quadratic, so that the difference is exact."""
+"""Displacement in a central difference, divided by the body's size. Forces are quadratic in the positions, so that the
+difference is exact.
+"""
 
 
 class PressedWalls(Term):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Block elimination of a few multipliers from the linearised solve, which then needs fewer products per column."""
+"""Block elimination of a few multipliers from the linearised solve; each column then needs fewer products."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ MOST = 12
 
 
 class SchurComplement:
-    """The Schur complement S = D + C K^-1 B of the system K dx + B dm = r, -C dx + D dm = s.
+    """The Schur complement S = D + C K^-1 B of the system K dx + B dm = f, -C dx + D dm = g.
 
     Args:
-        product: function that returns the left-hand sides (r + k,) of both equations for a vector (r + k,), dx then dm.
+        product: function that returns the left-hand sides (r + k,) of both equations for a vector (r + k,) of dx, then
+            dm.
         solve: function that returns K^-1 f for forces f (r,).
-        rows: r, number of unknowns.
-        count: k, number of multipliers.
+        rows: number r of unknowns dx.
+        count: number k of multipliers dm.
 
     Raises:
         LinAlgError: S is singular.
@@ -45,7 +46,7 @@ class SchurComplement:
             raise LinAlgError("the complement is singular")
 
     def __call__(self, vector: Array) -> Array:
-        """Return dx, then dm, (r + k,) for the right-hand sides ``vector`` (r + k,), r then s."""
+        """Return dx, then dm, (r + k,) for the right-hand sides ``vector`` (r + k,): f, then g."""
         rows = self._rows
         alone = np.zeros_like(vector)
         alone[:rows] = self._solve(vector[:rows])

@@ -13,15 +13,18 @@ from gdfe_ros.errors import GdfeError
 ENOUGH = 1e-5
 """Relative residual that is accepted if the tolerance cannot be reached, because products are finite differences."""
 EXHAUSTED = 1e-13
-"""A product with a unit vector adds no direction if its part orthogonal to all images has a norm below this."""
+"""The image of a unit vector counts as not new if its part orthogonal to all stored images has a norm below this."""
 ROUNDING = 1e-6
-"""Lower bound of the solution's norm in the relative residual, over the norm of M^-1 b."""
+"""Lower bound of the solution's norm in the relative residual, divided by the norm of M^-1 b."""
 STALLED = 0.99
-"""If a direction reduces the norm of the residual to more than this fraction, the next direction is the last image, as
-in Arnoldi's method. The residual would give the same direction again.
+"""The iteration stalls if, after a direction, the norm of the residual is still more than this fraction of its norm
+before. The next direction is then the last image, as in Arnoldi's method, because the residual would give the same
+direction again.
 """
 MOST = 150
-"""Largest number of products for one right-hand side, and of stored directions."""
+"""Largest number of products for one right-hand side. If more directions than this are stored, they are deleted before
+the next right-hand side.
+"""
 
 Array = NDArray[np.float64]
 Map = Callable[[Array], Array]
@@ -30,8 +33,8 @@ Map = Callable[[Array], Array]
 class ConjugateResiduals:
     """Solves A x = b for several b, one after another.
 
-    Directions of earlier right-hand sides are stored with their images. New products are needed only for the remaining
-    residual.
+    Directions d of earlier right-hand sides are stored with their images M^-1 A d. New products are needed only for the
+    residual that remains after these directions.
 
     Args:
         product: function that returns A times a vector (k,).
@@ -72,7 +75,7 @@ class ConjugateResiduals:
         return answer
 
     def _extend(self, vector: Array) -> bool:
-        """Add the direction ``vector`` with its image made orthogonal to all others; return whether it is new."""
+        """Store ``vector`` as a direction, its image made orthogonal to all stored images; return whether it is new."""
         direction = vector / np.linalg.norm(vector)
         image = self._precondition(self._product(direction))
         for _ in range(2):  # a single pass leaves rounding, which matters if the matrix is close to the preconditioner
@@ -88,7 +91,7 @@ class ConjugateResiduals:
 
 
 def _reduce(residual: Array, answer: Array, direction: Array, image: Array) -> None:
-    """Subtract the residual's part along ``image``; add the same multiple of ``direction`` to the answer."""
+    """Subtract from the residual its part along ``image``; add the same multiple of ``direction`` to the answer."""
     share = float(image @ residual)
     residual -= share * image
     answer += share * direction

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Linearisation of a converged solve: K dx + G dm = -dF, with the multipliers m as further unknowns.
 
-At a converged solve, the forces F(x, m) are zero, and an update U leaves the multipliers unchanged, m = U(x, m).
-Derivatives of the solution satisfy both equations linearised. Products with the elements' tangents are exact. Products
-with the tangents of all other terms, and with the derivatives of U, are central differences of the kernels that the
-solve called. The response of the elements' pressures and hourglass scales is eliminated element by element.
+At the end of a converged solve, the forces F(x, m) are zero. An update U leaves the multipliers unchanged: m = U(x, m).
+The derivatives of the solution satisfy the linearised forms of both equations. Products with the elements' tangents are
+exact. Products with the tangents of all other terms, and with the derivatives of U, are central differences of the
+kernels that the solve called. The response of the elements' pressures and hourglass scales is eliminated element by
+element.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ from gdfe_ros.solver.terms.term import terms_energy
 SOFT, STIFF = 1e-6, 1e-8
 """Relative tolerances of the linear solve, without and with multipliers. Constraints make the forces stiff."""
 SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
-"""Displacements of finite differences, over the body's size: for terms in general, for terms with friction, whose slip
-is tiny, and for rotations of handles.
+"""Displacements in finite differences, divided by the body's size: for terms without friction, for terms with friction,
+whose slip is tiny, and for rotations of handles.
 """
 
 
@@ -183,7 +184,8 @@ class Linearised:
         Args:
             forces: (n, 3) derivative of the forces.
             change: (k,) derivative of the updated multipliers.
-            turned: (3 q,) derivative of the generalised forces on the rigid rows, in addition to ``forces``.
+            turned: (3 q,) derivative of the generalised forces on the rigid rows (the unknown motions of handles), in
+                addition to ``forces``.
 
         Raises:
             GdfeError: the tangent is singular, so that there is no derivative.
@@ -200,10 +202,11 @@ class Linearised:
         return StateDerivative(unknowns, self.moved(unknowns), multipliers)
 
     def rigid_part(self, u: NDArray[np.float64], frame: HandlePositions) -> NDArray[np.float64]:
-        """Return the generalised forces (3 q,) of `forces` on the rigid rows if the rigid motions are those of ``u``.
+        """Return the generalised forces (3 q,) of `forces` on the rigid rows, for the rigid motions in ``u``.
 
         Args:
-            u: (3 r,) unknowns with the rigid motions.
+            u: (3 r,) unknowns; their last 3 q entries, the rigid rows, are the unknown translations and rotations of
+                handles.
             frame: commanded positions of the handles.
         """
         x, gradient = self.x.copy(), np.zeros_like(u)
@@ -229,7 +232,7 @@ class Linearised:
         )
 
     def _soften(self, equilibrium: EquilibriumSolver) -> None:
-        """Compute the derivative of the elements' forces by the hourglass scales, if these depend on strains."""
+        """Compute d(element forces)/d(hourglass scale), if the hourglass scales depend on strains."""
         self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
         self._slopes = self._softened = np.zeros((0, 24))
         if not len(self.softening):

@@ -74,7 +74,7 @@ class Trail:
         self._began = [column.share for column in self.columns]
 
     def observe(self, stage: InternalStep) -> None:
-        """Propagate the derivatives through an internal step. If it has no derivative, `flaw` gets the reason."""
+        """Propagate the derivatives through an internal step. If the step has no derivative, `flaw` gets the reason."""
         self.state = stage.after
         if self.flaw:
             return
@@ -115,7 +115,7 @@ class Trail:
         return found
 
     def _history(self, own: VariedInputs, parameter: Parameter, column: Carried) -> Pair | None:
-        """Return the inputs of two solves with a varied initial state; None if it does not depend on the parameter."""
+        """Return the inputs of two solves from varied initial states; None if the parameter varies no initial state."""
         kept = column.terms[inertia.NAME]
         h, size = own.start.terms[inertia.NAME]["h"][0] or 1.0, self._stepper.body.size
         ways = (np.abs(kept["velocity"]).max(initial=0.0) * h, np.abs(kept["acceleration"]).max(initial=0.0) * h * h)
@@ -136,7 +136,7 @@ class Trail:
         return integrator.followed(side.start, now, h, first=stage.first).terms
 
     def _started(self, stage: InternalStep) -> list[Carried]:
-        """Return the derivatives at the start of a motion, which has no previous step: those of the accelerations."""
+        """Return the derivatives at the start of a motion; only the initial accelerations depend on the parameters."""
         stepper, h = self._stepper, stage.h
         acceleration = stage.after.terms[inertia.NAME]["acceleration"]
         velocity = stage.after.terms[inertia.NAME]["velocity"]

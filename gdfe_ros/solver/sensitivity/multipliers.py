@@ -17,7 +17,7 @@ class Multipliers:
     """The multipliers (k,) of all terms, one after another.
 
     Args:
-        terms: of a converged solve.
+        terms: the terms of a converged solve.
 
     Attributes:
         per_metre: (k,) order of magnitude of each multiplier's change per 1 m of displacement.

@@ -21,12 +21,16 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.sensitivity.variant import MaterialVariant, Variant
 
 NEAR = 1e-5
-"""Variation of a parameter over its value or order of magnitude. Forces are smooth: the error is about 1e-10."""
+"""Variation of a parameter in a finite difference, divided by its order of magnitude. Forces are smooth functions of
+the parameter, so that the relative error is about 1e-10.
+"""
 TOUCH = 1e-8
-"""Variation of a pose over the body's size, or in radians: so small that no point begins or ceases to touch."""
+"""Variation of a translation, divided by the body's size, and of a rotation [rad]. It is so small that no contact opens
+or closes.
+"""
 FAINT = 1e-8
-"""Order of magnitude of a tension, over Young's modulus times squared body size, and of a pressure, over Young's
-modulus. It may be small, because forces are linear in both.
+"""Order of magnitude of a tension, divided by Young's modulus times the squared body size, and of a pressure, divided
+by Young's modulus. It may be small, because forces are linear in tension and pressure.
 """
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 """Components of a pose: translation [m] and rotation vector [rad]."""
@@ -39,7 +43,7 @@ class Parameter:
     Attributes:
         name: dotted name from the scene's keys.
         unit: unit of the value; empty for a dimensionless parameter.
-        value: value in the model; zero for poses and commands, because a state has their values.
+        value: value in the model; zero for poses and commands, whose values are in the state.
         scale: lower bound of the order of magnitude of the value, for `step`.
         command: name of the actuator or load whose command the parameter is; empty for other parameters.
         handle: name of the handle whose pose has the parameter as component; empty for other parameters.
@@ -62,11 +66,11 @@ class Parameter:
         return near * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
 
     def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
-        """Return the commands; if the parameter is a command, with ``change`` added to it."""
+        """Return the commands; if the parameter is a command, ``change`` is added to this command."""
         return {**commands, self.command: commands[self.command] + change} if self.command else commands
 
     def posed(self, poses: Mapping[str, Pose], change: float) -> Mapping[str, Pose]:
-        """Return the poses; if the parameter is a component of a pose, with ``change`` added to it."""
+        """Return the poses; if the parameter is a component of a pose, ``change`` is added to this component."""
         if not self.handle:
             return poses
         return {**poses, self.handle: moved(poses[self.handle], np.eye(6)[self.axis] * change)}

@@ -20,8 +20,8 @@ class Sensitivities:
         outputs: names, in the order of the rows.
         parameters: names, in the order of the columns.
         units: units of the parameters; empty for a dimensionless parameter.
-        values: dict from output name to its derivatives (k, p) float64, in the output's unit over the parameter's unit:
-            positions in m, forces in N, moments in N m.
+        values: dict from output name to its derivatives (k, p) float64, in the output's unit divided by the parameter's
+            unit; outputs are positions [m], forces [N] and moments [N m].
     """
 
     outputs: tuple[str, ...]

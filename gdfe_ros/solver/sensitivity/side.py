@@ -20,7 +20,7 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 
 NEAR = 1e-7
-"""Largest displacement, over the body's size, in finite differences between states near the end of a solve."""
+"""Largest displacement in finite differences between states near the end of a solve, divided by the body's size."""
 
 T = TypeVar("T")
 
@@ -109,7 +109,7 @@ class Column:
     def after(
         self, made: Callable[[VariedInputs, NDArray[np.float64]], T], difference: Callable[[T, T, float], T]
     ) -> list[T]:
-        """Return the contributions whose sum is the derivative of ``made(side, positions)`` at the end of the solve.
+        """Return the derivative of ``made(side, positions)`` at the end of the solve, as a list of summands.
 
         Before each call, the terms are set to the inputs ``side``. ``difference(above, below, step)`` returns the
         difference of two results, divided by ``step``.

@@ -17,7 +17,7 @@ class WholeStiffness(ElementStiffness):
 
     Args:
         body: the discretised body.
-        viscosity: its dashpots and branches; None for none.
+        viscosity: the term with the body's dashpots and viscous branches; None without viscosity.
     """
 
     def __init__(self, body: Body, viscosity: Viscosity | None) -> None:

@@ -66,8 +66,8 @@ class Variant:
     def terms(self, h: float | None = None, scheme: Dynamics | None = None) -> dict[str, Term]:
         """Return a dict from name to term for the terms that differ from those of the body.
 
-        In motion, ``h`` [s] is the step length, and ``scheme`` has the time integration scheme in use. None stands for
-        equilibria.
+        In motion, ``h`` [s] is the step length, and ``scheme`` has the time integration scheme in use. Both are None
+        for equilibria.
         """
         terms = dict(self._loads)
         if h is None:

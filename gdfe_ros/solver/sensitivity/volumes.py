@@ -20,12 +20,15 @@ from gdfe_ros.solver.elements.cell_kernels import volume_ratio
 from gdfe_ros.solver.elements.measures import NEO_HOOKEAN, volume_at
 
 STIFF = 1e4
-"""Finite substitute of an infinite bulk modulus, over the penalty bulk modulus; its relative error is 1e-5."""
+"""Finite substitute for an infinite bulk modulus, divided by the penalty bulk modulus. The relative error is 1e-5."""
 
 
 @kernel
 def volume_state(x, shape, material, table, pressure, ratio, total, slope):
-    """Write J to ``ratio``, p [Pa] to ``total`` and U'' [Pa] to ``slope`` (m,); p = U'(J) without a pressure."""
+    """Write J to ``ratio``, p [Pa] to ``total`` and U'' [Pa] to ``slope`` (m,).
+
+    For elements without a pressure, p is U'(J), and the slope is 0.
+    """
     for e in range(len(material)):
         k = material[e]
         j = volume_ratio(x, shape, e)

@@ -13,9 +13,9 @@ from gdfe_ros.solver.terms.actuation import inflated
 SHORTEST_STUCK = 1.0 / 4.0
 """An increment whose solve got stuck is not halved again if it is at most this fraction of a load path."""
 STUCK = 1e-4
-"""A solve without further descent is stuck if the estimated distance to the equilibrium, over the body's size, is above
-this. An example is a kink of the energy where cable points meet. At a smaller distance, the rounding of the energy has
-ended the solve.
+"""A solve without further descent is stuck if the estimated distance to the equilibrium, divided by the body's size,
+exceeds this. An example is a kink of the energy where cable points meet. At a smaller distance, the rounding of the
+energy has ended the solve.
 """
 SHORTEST_JUMP = 1.0 / 32.0
 """A jump is accepted in an increment of at most this fraction of a load path; shorter increments would jump, too."""
@@ -33,9 +33,9 @@ class Attempt:
         jumps: whether the body jumped to another equilibrium.
         unstable: name of the chamber that lost its stability; empty for none.
         spent: whether no iterations or no time are left for another attempt.
-        patient: whether folded shapes are accepted from a solve that a limit or the deadline ended. They are accepted
-            as long as the iterations for this command, including earlier unfinished steps, are fewer than the solver's
-            patience.
+        patient: whether a folded shape is accepted if a limit or the deadline ended the solve. It is accepted as long
+            as the number of iterations for this command, including earlier unfinished steps, is below the solver's
+            ``patience``.
     """
 
     way: Way
@@ -53,7 +53,7 @@ class Attempt:
 
     @property
     def snapped(self) -> bool:
-        """Whether the body jumped to another equilibrium, or jumped and found none."""
+        """Whether the body jumped to another equilibrium, or jumped without reaching an equilibrium."""
         return self.jumps or (self.way.jumped and not self.solution.converged)
 
     @property

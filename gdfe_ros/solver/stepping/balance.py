@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Energy balance of an increment; it detects jumps to another equilibrium.
 
-Along a stable branch, the potential changes by the work of handles and commands: the integral of its slopes. If the
-slopes are monotone, the integral is between its values with the first and with the last slopes. Loads always have
-monotone slopes, because the potential of a stable branch is concave in a load. If more energy is released than these
-bounds allow, the body has jumped to another branch.
+Along a stable branch, the potential changes by the work of handles and commands, the integral of its slopes with
+respect to poses and commands. If the slopes are monotone, the integral lies between two bounds: those computed with the
+first slopes and with the last slopes. Loads always have monotone slopes, because the potential of a stable branch is
+concave in a load. If more energy is released than these bounds allow, the body has jumped to another branch.
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 
 LOST = 0.5
-"""A jump is proven if the released energy, over the largest of energies and work, exceeds this."""
+"""The energy balance shows a jump if the released energy, divided by the largest of the energies and the work, exceeds
+this.
+"""
 PROVEN = 0.01
-"""A jump is also proven if the released energy minus the uncertainty of the work, over the largest of energies and
-work, exceeds this.
+"""The energy balance also shows a jump if the released energy minus the uncertainty of the work, divided by the largest
+of the energies and the work, exceeds this.
 """
 LEAST_MOTION = 5e-3
-"""Least distance, over the body's size, between the predicted end and the actual end of a jump. A cable that becomes
+"""Least distance between the predicted and the actual end of a jump, divided by the body's size. A cable that becomes
 taut during an increment also violates the balance, but causes no large displacement.
 """
 

@@ -10,7 +10,9 @@ from gdfe_ros.constraints import Pose
 
 LARGEST_TURN = math.radians(100.0)
 LARGEST_SHIFT = 1.0
-"""Largest rotation [rad] of a handle, and largest translation over the body's size, in one increment."""
+"""LARGEST_TURN: largest rotation of a handle in one increment [rad]. LARGEST_SHIFT: largest translation of a handle in
+one increment, divided by the body's size.
+"""
 
 
 def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:

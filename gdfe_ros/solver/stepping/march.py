@@ -12,7 +12,7 @@ from gdfe_ros.solver.state import State
 SAME = 1e-6
 """Two energies count as equal if their relative difference is at most this."""
 NEAR = 100.0
-"""Two equilibria count as the same if their distance, over the tolerance, is at most this."""
+"""Two equilibria count as the same if their distance, divided by the tolerance, is at most this."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,7 +67,7 @@ class March:
     def is_better(self, other: March, reach: float, *, gain: float) -> bool:
         """Return whether this outcome, which started from the undeformed body, is better than ``other``.
 
-        If only one of the two is sound, it is the better one. If none is sound, this outcome is better if only
+        If only one of the two is sound, it is the better one. If neither is sound, this outcome is better if only
         ``other`` has folded or inverted elements. If both are sound, this outcome is better if it is another
         equilibrium of no higher energy.
 

@@ -38,7 +38,7 @@ def step_result(
         origin: (3,) [m] origin of the state's positions in the world.
         settings: settings of the solver.
         started: ``time.perf_counter`` at the beginning [s].
-        limit: the deadline; None for none.
+        limit: the deadline; None if there is none.
     """
     summary, velocities, own = state.summary, stepper.velocities(state), slice(stepper.body.count)
     return StepResult(

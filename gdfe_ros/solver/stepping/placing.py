@@ -20,9 +20,10 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
     Args:
         body: the discretised body.
         handles: the kinematics of its handles.
-        state: provides the commands and the growth.
-        positions: of all vertices; a fixed handle keeps its commanded positions, a free handle is fitted.
-        afresh: the undeformed state; provides the initial pressures, captured shapes and motion.
+        state: the state from which the commands and the growth are taken.
+        positions: positions of all vertices; a handle without free axes keeps its commanded positions, and the free
+            motion of any other handle is fitted.
+        afresh: the undeformed state, from which the initial pressures, captured shapes and motion are taken.
     """
     moved = positions.copy()
     slides, turns = handles.fit(moved, state.base)

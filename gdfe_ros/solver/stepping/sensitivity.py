@@ -20,13 +20,14 @@ from gdfe_ros.solver.stepping.stepper import Stepper
 TOLERANCE = 1e-8
 """Tolerance of the equilibria that are compared."""
 REACH = 1e-3
-"""Displacement between the compared equilibria, over the body's size. The error of a difference is about REACH^2."""
+"""Displacement between the compared equilibria, divided by the body's size; differences have an error of about REACH^2.
+"""
 NARROW, WIDE = 0.1, 3.0
-"""The change of the command is chosen again if the displacement lies outside of these multiples of ``REACH``."""
+"""The change of the command is chosen again if the displacement is not between these two multiples of ``REACH``."""
 FIRST = 1e-3
-"""First change of a command, over its range; over its magnitude if the range is unbounded."""
+"""First change of a command, divided by the width of its range, or by its magnitude if the range is unbounded."""
 SMALLEST = 1e-9
-"""Displacement, over the body's size, that counts as zero."""
+"""Displacement that counts as zero, divided by the body's size."""
 SIZINGS = 8
 """Number of attempts to find a change of a command that moves the body by about `REACH`."""
 KINK = 0.05
@@ -133,7 +134,7 @@ class _Differences:
         return march.state.positions if march.reached and not march.inverted else None
 
     def _sized(self, side: float) -> float:
-        """Return the change of a command that moves the body by about `REACH`; enlarged only for force or pressure."""
+        """Return the change of a command that moves the body by about `REACH`; only tension and pressure may grow."""
         actuator, width = self._actuator, self._actuator.high - self._actuator.low
         step = FIRST * (width if math.isfinite(width) else max(abs(self._command), self._scale()))
         most = 0.4 * width if math.isfinite(width) else math.inf
@@ -154,7 +155,7 @@ class _Differences:
         return step
 
     def _scale(self) -> float:
-        """Return a first estimate of the size of a command with unbounded range."""
+        """Return a first estimate of the magnitude of a command with an unbounded range."""
         neutral, mode = self._stepper.actuation.neutral[self._actuator.name], self._actuator.mode
         if neutral > 0.0 or mode is Mode.SHORTENING:
             return neutral or self._size

@@ -41,7 +41,7 @@ class Stepper:
     Args:
         body: the discretised body.
         settings: settings of the solver.
-        actuation: the external terms; None for none.
+        actuation: the external terms; None if there are none.
 
     Attributes:
         equilibrium: the equilibrium solver.
@@ -145,11 +145,11 @@ class Stepper:
         return {}
 
     def _displaced(self, state: State) -> bool:
-        """Return whether a restart from the undeformed body may help: ``state`` is deformed and none was tried."""
+        """Return whether a restart from the undeformed body may help: ``state`` is deformed, no restart was tried."""
         return not (state.tried or np.array_equal(state.positions, self.body.rest))
 
     def _unreachable(self, state: State, goal: Goal) -> str:
-        """Return a message if a cable is commanded shorter than the distance of its handles; empty if none is."""
+        """Return a message if a cable is commanded shorter than the distance between its handles; empty if not."""
         if not self.actuation.strung:
             return ""
         base = self.equilibrium.handles.base(goal.poses, state.poses, state.base)
@@ -202,10 +202,11 @@ class Stepper:
         return self.actuation.unstable(solution.positions, since, commands, before)
 
     def _accepted(self, state: State, attempt: Attempt, begin: State) -> State:
-        """Return the state of an accepted attempt; if the load path fails, with `State.anchor`.
+        """Return the state of an accepted attempt; it has a `State.anchor` if the load path fails.
 
-        The anchor is the last equilibrium. If its elements are folded or nearly folded, the equilibrium at the
-        beginning of the load path is preferred.
+        A load path fails if the solve is unfinished, or if the path stops before its end with elements folded or nearly
+        folded. The anchor is then the last equilibrium. If the elements of this equilibrium are folded or nearly
+        folded, the equilibrium at the beginning of the load path is preferred.
         """
         accepted = self.equilibrium.accept(attempt.solution, state)
         before = [each for each in (state, begin) if each.unfinished is None and each.sound]
@@ -269,7 +270,7 @@ class Stepper:
         return there.with_(poses=poses, terms={**there.terms, **lost})
 
     def _better_from_rest(self, march: March, goal: Goal) -> March:
-        """Return the better of ``march`` and the load path from the undeformed body; with a message for the latter."""
+        """Return the better of ``march`` and the load path from the undeformed body; the latter gets a message."""
         again = self._march(self.at_rest(), goal)
         gain = self._energy(march.state) - self._energy(again.state)
         if not again.is_better(march, NEAR * goal.tolerance * self.body.size, gain=gain):

@@ -81,13 +81,13 @@ class Way:
 
     @classmethod
     def between(cls, state: State, goal: Goal, increments: int, limit: int) -> Way:
-        """Return the load path from a state to a goal, in planned ``increments`` of at most ``limit`` iterations."""
+        """Return the load path from a state to a goal; its budget is ``increments`` times ``limit`` iterations."""
         budget, length = increments * limit, 1.0 / increments
         return cls(poses=state.poses, commands=state.commands, goal=goal, budget=budget, length=length)
 
     @property
     def moves(self) -> bool:
-        """Whether the commands at the end differ from the commands at the beginning."""
+        """Whether the poses or commands at the end differ from those at the beginning."""
         return self.poses != self.goal.poses or self.commands != self.goal.commands
 
     @property
@@ -97,7 +97,7 @@ class Way:
 
     @property
     def next(self) -> float:
-        """Fraction of the load path at which the next attempt ends."""
+        """Position on the load path at which the next attempt ends, as a fraction of the load path."""
         return 1.0 if self.done + self.length > 1.0 - ROUNDING else self.done + self.length
 
     @property
@@ -116,7 +116,7 @@ class Way:
         return poses, commands
 
     def tried(self, solution: Solution, *, jumps: bool) -> Way:
-        """Return the load path with the iterations of an attempt, and with whether it jumped or folded elements."""
+        """Return the load path after an attempt: iterations are added, and a jump or folded elements are recorded."""
         sound = solution.min_det > 0.0
         return changed(
             self,
@@ -128,7 +128,7 @@ class Way:
         )
 
     def after(self, verdict: AttemptOutcome) -> Way:
-        """Return the load path after a verdict."""
+        """Return the load path with the progress and the next length that follow from a verdict."""
         if verdict is AttemptOutcome.HALVE:
             return changed(self, length=0.5 * self.length)
         if verdict is AttemptOutcome.LEAP:

@@ -87,6 +87,6 @@ class Assembly:
 
 
 def _names(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Return a number (m c c,) for each pair of rows in a group (m, c), equal for equal pairs; -1 if one is fixed."""
+    """Return a number (m c c,) for each pair of rows in a group (m, c), equal for equal pairs; -1 if a row is fixed."""
     first, second = rows[:, :, None], rows[:, None, :]
     return np.where((first >= 0) & (second >= 0), first * count + second, -1).ravel()

@@ -15,8 +15,8 @@ from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 UNIQUE = 0.05
-"""An element, or a vertex, counts as not rotated if the margin of its rotation's uniqueness is below this. Without
-deformation the margin is 8 / 27^(1/2).
+"""An element, or a vertex, counts as not rotated if the measure of its rotation's uniqueness is below this (see
+`rotation_from_stretch_sum`). Without deformation the measure is 8 / 27^(1/2).
 """
 LEAST_TURN = 3e-3
 """If no vertex is rotated by more than this angle [rad], all vertices count as not rotated. If stiffnesses differ by

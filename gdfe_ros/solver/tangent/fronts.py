@@ -23,7 +23,7 @@ from gdfe_ros.solver.tangent.substitution import Kept, Plan, solve_kept
 PANEL = 6
 """Columns that are eliminated together: two vertices. The rest of the front is updated once for all of them."""
 TILE = 256
-"""Number of columns of a row that are updated at a time; six such pieces fit into the fastest cache."""
+"""Number of columns of a row that are updated at a time; six rows of this length fit into the fastest cache."""
 
 
 @internal
@@ -182,7 +182,7 @@ class Fronts:
         self.kept = Kept(self._plan, values, found.order, x, np.empty(room), **bare, **turns)
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
-        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. If not, there is no factor."""
+        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. Otherwise it has no factor."""
         return factor_fronts(blocks, self._parts, self._plan, self._front, self._panel, self._stack, self.kept.values)
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,9 +26,13 @@ from gdfe_ros.solver.tangent.tangent import Tangent
 from gdfe_ros.solver.terms.term import Term
 
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
-"""If a tangent has no factor, a multiple of the constant matrix is added: the first multiple, and its growth factor."""
+"""If a tangent has no factor, a multiple of the constant matrix is added. FIRST_SHIFT is the first multiple,
+SHIFT_GROWTH the factor from one multiple to the next.
+"""
 MOST_SHIFT = 1e12
-"""Largest such multiple; if it is not enough, the constant matrix replaces the tangent."""
+"""Largest multiple of the constant matrix that is added to a tangent without a factor. If it is not enough, the
+constant matrix replaces the tangent.
+"""
 TURN = 1e-6
 """Change of a rigid row in finite differences of the handles' motion, divided by the body's size."""
 
@@ -40,7 +44,7 @@ class TangentLevel:
         body: the discretised body.
         matrix: (n, n) the assembled constant matrix.
         terms: the external terms.
-        elements: evaluates the tangents of the elements; None for the tangents of their laws.
+        elements: evaluator of the elements' tangents; None stands for the tangents of their material laws.
 
     Attributes:
         price: cost of factoring a tangent, divided by the cost of a solution with it.

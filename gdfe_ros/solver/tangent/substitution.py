@@ -91,7 +91,7 @@ def solve_kept(kept, right, out):
 
 @vector_kernel
 def solve_unturned(kept, right, out):
-    """Solve as `solve_kept` does, but with the factor as it was taken, without rotations."""
+    """Solve as `solve_kept` does, but without the rotations since the factor was taken."""
     solve_free(kept, right, out)
     if len(kept.schur):
         solve_rigid(kept.harmonic, kept.schur, right, out)

@@ -25,7 +25,7 @@ from gdfe_ros.solver.terms.term import Term, TermTable
 LOAD_FACTOR = 1.0
 """Default command of a load."""
 FINEST = 1e-9
-"""Lower bound of `Actuation.resolution`, over the body's size."""
+"""Lower bound of `Actuation.resolution`, which is a length divided by the body's size."""
 ROUNDING = 1e-9
 """Fraction of a cable's length that counts as zero."""
 
@@ -42,7 +42,7 @@ class Actuation:
     Attributes:
         terms: all terms, loads first.
         table: all terms in the layout of the kernels.
-        strung: cables between fixed points, which have a least length.
+        strung: cables between fixed points. Their length cannot be smaller than the distance between these points.
         growths: the growths, which change the elements' rest shape.
         neutral: dict from actuator or load name to the command without effect.
         loaded: names of the loads.
@@ -111,7 +111,7 @@ class Actuation:
             term.begin(commands, saved[term.name], positions, ratio)
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers; return the largest error of a constraint over the body's size."""
+        """Update the multipliers; return the largest error of a constraint, divided by the body's size."""
         misses = [term.update(positions) for term in self.terms if term.updates]
         return max(misses, default=0.0) / self._body.size
 
@@ -121,13 +121,13 @@ class Actuation:
             term.stiffen(vertices)
 
     def hasten(self, near: float) -> None:
-        """Extrapolate the contact multipliers if the last update left more than ``near``, over the body's size."""
+        """Extrapolate the contact multipliers if the last update's error exceeds ``near`` times the body's size."""
         for term in self.contacts:
             term.hasten(near * self._body.size)
 
     @property
     def resolution(self) -> float:
-        """Tolerance of a minimisation, over the body's size, that contact forces require; infinite without contacts."""
+        """Tolerance of a minimisation that contact forces require, divided by the body's size; inf without contacts."""
         if not self.contacts:
             return np.inf
         return max(FINEST, min(contact.resolution for contact in self.contacts) / self._body.size)
@@ -138,7 +138,7 @@ class Actuation:
 
     @property
     def missed(self) -> float:
-        """Largest error of a self-contact pair at the last update, over the body's size."""
+        """Largest error of a self-contact pair at the last update, divided by the body's size."""
         return max((contact.missed for contact in self.contacts), default=0.0) / self._body.size
 
     @property
@@ -168,9 +168,9 @@ class Actuation:
     ) -> str:
         """Return the name of the chamber that inflated without bound since an equilibrium; empty if none did.
 
-        ``since`` (n, 3) [m] are the positions of the equilibrium, ``positions`` (n, 3) [m] those of failed solves after
-        it. If the body ran away, its volumes have no meaning. ``before`` are then the earlier commands, and the result
-        is a chamber whose commanded pressure has risen.
+        ``since`` (n, 3) [m] are the positions of the equilibrium, ``positions`` (n, 3) [m] those after the failed
+        solve. If the energy has no lower bound, volumes have no meaning. The caller then gives the commands ``before``
+        the solve, and a chamber counts as unstable if its commanded pressure has risen.
         """
         for term in self._chambers:
             pressed = term.actuator.mode is Mode.PRESSURE
@@ -181,7 +181,7 @@ class Actuation:
         return ""
 
     def unreachable(self, base: NDArray[np.float64], commands: Mapping[str, float]) -> str:
-        """Return a message if a cable is commanded shorter than the distance of its handles; empty if none is.
+        """Return a message if a cable is commanded shorter than the distance between its handles; empty if not.
 
         ``base`` (n, 3) [m] has the commanded positions of the handles.
         """
@@ -210,10 +210,10 @@ class Actuation:
         return {term.name: report for term in self._more if (report := term.report(positions))}
 
     def balance(self, positions: NDArray[np.float64], commands: Mapping[str, float]) -> Balance:
-        """Return the potential [J] of the terms at ``positions`` (n, 3) [m], and its derivative by every command.
+        """Return the terms' potential [J] at ``positions`` (n, 3) [m], and its derivative with respect to each command.
 
         The potential is zero while the body is undeformed. A length or volume that a multiplier keeps has no potential.
-        The derivative by such a command is the multiplier, or minus the multiplier for a length.
+        The derivative with respect to such a command is the multiplier. For a length, it is minus the multiplier.
         """
         found = {
             term.name: term.potential(positions, commands[term.name])
@@ -235,7 +235,7 @@ def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]
 
 
 def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], commands: Mapping[str, float]) -> str:
-    """Return the remedy for a jump: commands of lengths and volumes instead of forces; empty if no force changed."""
+    """Return the remedy for a jump: command lengths and volumes, not tensions and pressures; empty if none changed."""
     other = {Mode.TENSION: Mode.LENGTH, Mode.PRESSURE: Mode.VOLUME}
     found = [
         f"`command: {other[each.mode].value}` for {each.name!r}"

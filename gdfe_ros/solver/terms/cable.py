@@ -28,13 +28,13 @@ EFFORT, TARGET, STIFFNESS, CARRIERS, WEIGHTS = range(5)
 these vertices."""
 
 BALANCED = 1e-9
-"""Force on a movable vertex, over the tension, that counts as zero."""
+"""Force on a movable vertex that counts as zero, divided by the tension."""
 NO_WEIGHT = 1e-9
 """A cable point does not depend on a vertex whose weight is below this."""
 FAINT, NEARLY = 1e-12, 3e-6
-"""Two negligible amounts: a tension, over Young's modulus times squared body size, and a lengthening, over the body's
-size. In finite differences, a cable at the limit of becoming taut gets the sum of both tensions, so that it counts as
-taut.
+"""FAINT: negligible tension, divided by Young's modulus times the squared body size. NEARLY: negligible lengthening,
+divided by the body's size. In finite differences, a cable that is about to become taut gets a tension from both
+amounts, so that it counts as taut.
 """
 ROUNDING = 1e-9
 """Fraction of a cable's length that counts as zero."""
@@ -142,7 +142,7 @@ class CableTerm(Term):
         return self.actuator.constrains
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set the stiffness of an elastic cable; for a kept length, a penalty in proportion to the body's stiffness."""
+        """Set an elastic cable's stiffness; for a kept length, set a penalty proportional to the body's stiffness."""
         if self.actuator.mode is Mode.TENSION:
             return
         if self._elastic:
@@ -272,7 +272,7 @@ class CableTerm(Term):
         return ActuatorState(self.actuator.mode, self._command, extent, float(effort))
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] and its derivative by the command.
+        """Return the potential [J] and its derivative with respect to the command.
 
         For a commanded length the derivative is minus the tension, for a shortening it is the tension.
         """

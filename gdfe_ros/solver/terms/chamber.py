@@ -52,7 +52,7 @@ def corners_of(x, integers, q):
 
 @kernel
 def chamber_volume(x, integers):
-    """Return the volume [m^3] enclosed by bilinear quads; exact: the mean over both diagonals of each quad."""
+    """Return the exact volume [m^3] inside bilinear quads: the mean over both divisions of each quad into triangles."""
     total = 0.0
     for q in range(len(integers) // 4):
         a, b, c, d = corners_of(x, integers, q)
@@ -159,7 +159,7 @@ def face_chamber_energy(x, reals, integers, force, size):
 
 @kernel
 def carried_energy(x, reals, integers, force, size):
-    """Return the energy [J] of a chamber between points that eight vertices each carry, and add its gradient.
+    """Return the energy [J] of a chamber whose corners are points carried by eight vertices each; add its gradient.
 
     ``reals`` has the vertices' weights after the chamber's own numbers. ``integers`` has the number of points, the
     eight vertices of each point, and the quads between the points.
@@ -307,7 +307,7 @@ class ChamberTerm(Term):
         return ActuatorState(self.actuator.mode, self._command, extent, float(self.reals[EFFORT]))
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] and its derivative by the command: for a commanded volume, the pressure."""
+        """Return the potential [J] and its derivative with respect to the command; for a volume it is the pressure."""
         if self.updates:
             return 0.0, float(self.reals[EFFORT])
         slope = self._rest_volume - self._volume(positions)

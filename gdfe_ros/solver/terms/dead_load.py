@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dead loads as terms: E = -s sum_v f_v . (x_v - X_v), forces of constant size and direction."""
+"""Dead loads as terms: forces of constant magnitude and direction, with the energy E = -s sum_v f_v . (x_v - X_v)."""
 
 from __future__ import annotations
 
@@ -61,6 +61,6 @@ class DeadLoadTerm(Term):
         self.reals[FACTOR] = commands[self.name]
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] at ``positions`` (n, 3) [m] and its derivative by the factor ``command``."""
+        """Return the potential [J] at ``positions`` (n, 3) [m] and its derivative with respect to ``command``."""
         slope = -float(np.vdot(self._forces, positions - self._rest))
         return command * slope, slope

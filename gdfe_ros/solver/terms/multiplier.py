@@ -10,9 +10,9 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 
 PENALTY = 10.0
-"""Penalty stiffness of a commanded length or volume, over the body's stiffness against it by the constant matrix. It is
-large enough for few updates. It is small enough to cause only one outlying eigenvalue, which the history of a
-minimisation resolves.
+"""Penalty stiffness of a commanded length or volume, divided by the stiffness with which the body resists a change of
+it. The constant matrix gives this stiffness. The ratio is large enough for few updates. It is small enough to cause
+only one outlying eigenvalue, which the history of a minimisation resolves.
 """
 
 
@@ -34,6 +34,6 @@ def remembered(effort: float, saved: Saved) -> Saved:
 
 
 def followed(saved: Saved, ratio: float) -> float:
-    """Return the initial tension or pressure: the last one plus ``ratio`` times its last change."""
+    """Return the initial tension or pressure: the last value plus ``ratio`` times the last change."""
     last, before = saved["effort"]
     return float(last + ratio * (last - before))

@@ -94,7 +94,7 @@ class Term:
         self.name, self.reals, self.integers = name, reals, integers
 
     def stiffness(self) -> sparse.spmatrix | None:
-        """Return the term's contribution to the constant matrix (n, n) [N/m]; None for none."""
+        """Return the term's contribution to the constant matrix (n, n) [N/m]; None if it has none."""
         return None
 
     def couplings(self) -> NDArray[np.int32]:
@@ -121,7 +121,7 @@ class Term:
         return np.zeros((0, 1), dtype=np.int32), np.zeros((0, 1, 3))
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set penalties in proportion to the body's stiffness by the constant ``matrix``."""
+        """Set penalties in proportion to the body's stiffness, which the constant ``matrix`` gives."""
 
     def neutral(self) -> Saved:
         """Return the initial stored state."""
@@ -137,8 +137,8 @@ class Term:
             commands: dict from actuator or load name to command.
             saved: the term's stored state after the last accepted step.
             positions: (n, 3) [m] at the start of the solve; energies may be relative to them.
-            ratio: the start is the last state plus this multiple of the last accepted step; multipliers may be
-                extrapolated by the same multiple.
+            ratio: ``positions`` are those of the last state plus this multiple of the displacement in the last accepted
+                step; multipliers may be extrapolated by the same multiple.
         """
 
     def update(self, positions: NDArray[np.float64]) -> float:
@@ -146,7 +146,7 @@ class Term:
         return 0.0
 
     def hasten(self, near: float) -> None:
-        """Extrapolate the multipliers, if the last update left more than ``near`` [m]."""
+        """Extrapolate the multipliers if the error after the last update exceeds ``near`` [m]."""
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Include contacts that were left out and that the minimisation has closed; return whether there were any."""
@@ -185,7 +185,8 @@ class Term:
         """Return the term's energy [J] at ``positions`` (n, 3) [m] for the energy balance of increments.
 
         The value must not change if the positions do not change. The default is the energy of the kernel. A term
-        overrides this method if its kernel's energy is relative to the start of a solve, or is that of a multiplier.
+        overrides this method if its kernel's energy is relative to the start of a solve, or is the energy of a
+        multiplier.
         """
         if self.kernel is None:
             return 0.0
@@ -196,7 +197,7 @@ class Term:
         return ""
 
     def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
-        """Return values of the term for users, by name, in SI units; they appear in `StepResult.terms`."""
+        """Return a dict from name to value in SI units, for users; it appears in `StepResult.terms`."""
         return {}
 
 

@@ -55,7 +55,7 @@ def test_a_slab_slides_as_theory_says(slider: Callable[..., Simulation], frictio
 
 @pytest.mark.parametrize("friction", [0.1, 0.57, 1.0])
 def test_a_slab_sticks_below_the_cone_and_slips_above(slider: Callable[..., Simulation], friction: float) -> None:
-    """A slab stands on a slope whose tangent is 0.98 of the friction coefficient, and slides at 1.02 of it."""
+    """A slab sticks to a slope whose tangent is 0.98 of the friction coefficient, and slides if it is 1.02 of it."""
     speeds = {}
     for demand in (0.98, 1.02):
         simulation = tilted(slider, friction, angle=math.degrees(math.atan(demand * friction)))

@@ -64,7 +64,7 @@ def test_depths_are_those_of_cubes_in_each_other(low: int, high: int, depth: flo
 
 @pytest.mark.parametrize("name", ["tendon_finger", "soft_pinch", "pneunet"])
 def test_nothing_is_inside_at_rest(name: str) -> None:
-    """No vertex of an undeformed shipped scene is inside other cells, nor is one at positions that are not finite."""
+    """No vertex of an undeformed shipped scene is inside other cells, and positions that are NaN have no depth."""
     simulation = Simulation(load_scene(name, overrides={"self_contact": {}}))
     assert deepest(simulation) == 0.0
     assert simulation.state.summary.converged, simulation.state.summary.message

@@ -58,7 +58,7 @@ def test_what_has_passed_a_face_is_remembered() -> None:
 
 
 def test_a_vertex_leaves_a_face_over_its_edge_by_and_by() -> None:
-    """Beside an edge, the supported fraction of the normal force falls with the distance, to zero at the rim."""
+    """Beyond an edge, the fraction of the normal force that a face carries falls with distance, to zero at the rim."""
     simulation = stack(2, 2)
     surface, rest = the_contact(simulation).surface, simulation.mesh.vertices
     corner = np.flatnonzero(

@@ -94,6 +94,6 @@ def test_a_beam_that_lies_down_touches_where_theory_says() -> None:
 
 
 def test_a_pressed_ball_gives_way_as_theory_says() -> None:
-    """The force on a ball between plates is above that on Hertz' half space and below Tatara's first order."""
+    """The force on a ball between plates exceeds Hertz' theory by more than 3 %, and is below Tatara's first order."""
     for approach, force in ball_between_plates(cells=16, approaches=[0.002, 0.0035, 0.005]).items():
         assert 1.03 * hertz(approach) < force < tatara(approach)

@@ -102,7 +102,7 @@ def test_what_slides_without_friction_is_where_it_is_said_to_be() -> None:
 
 
 def test_a_notch_closes_and_holds() -> None:
-    """A finger's notches close as its tendon is pulled: the links carry the additional force, and open again later."""
+    """As its tendon is pulled, a finger's notches close and carry the added force; as it is released, they open."""
     simulation, tips = Simulation(load_scene("tendon_finger", overrides={"self_contact": {}})), {}
     for tension in (3.0, 6.0, 9.0, 12.0, 3.0):
         result = simulation.step(Command(actuators={"flexor": tension}))

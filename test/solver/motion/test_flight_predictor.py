@@ -21,7 +21,7 @@ dynamics: {{step: {step}}}
 
 
 def test_a_force_at_a_light_vertex_leads_where_short_steps_lead() -> None:
-    """A force on one corner, whose free flight is 25 cells a step, moves it as with short steps and adds no energy."""
+    """A corner that its force alone would move by 25 cells a step moves as with short steps, without added energy."""
     moved = {}
     for step in (0.0005, 0.005):
         simulation = Simulation(scene_from_text(TEXT.format(step=step)))

@@ -41,7 +41,7 @@ def test_a_thrown_body_flies_a_parabola(moving: Callable, scheme: str) -> None:
 
 
 def test_the_first_step_of_bdf2_costs_its_parabola_once(moving: Callable) -> None:
-    """A body dropped by `bdf2` stays ahead of its parabola only by the error of its first step, of backward Euler."""
+    """A body dropped by `bdf2` has only the position error of its first step, which is made by backward Euler."""
     dropped = moving(handles={}, loads={"weight": {"gravity": [0, 0, -9.81]}}, dynamics__scheme="bdf2")
     for _ in range(50):
         result = dropped.step()
@@ -63,7 +63,7 @@ def test_a_spinning_body_keeps_its_momenta(moving: Callable) -> None:
 
 
 def test_a_dropped_body_sleeps_only_if_it_is_held(moving: Callable) -> None:
-    """A free body that drifts slowly is not taken as settled, since the least force would move it."""
+    """A free body that drifts slowly is solved in each step, since the least force would move it."""
     drifting = moving(handles={}, dynamics__velocity=[1e-9, 0.0, 0.0])
     for _ in range(3):
         assert "solve" not in drifting.step().skipped

@@ -75,7 +75,7 @@ def test_a_checkpoint_goes_on_to_the_last_bit(moving: Callable) -> None:
 
 
 def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
-    """A step cut by a deadline reports the simulated time; with the recorded ``cut_after`` it ends there again."""
+    """A cut step reports the simulated time; a step with the same ``cut_after`` ends at the same positions."""
     cut, again = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
     result = cut.step(dt=0.2, cut_after=7)
     assert not result.converged
@@ -200,7 +200,7 @@ def test_given_positions_start_without_velocity(moving: Callable) -> None:
 
 @pytest.mark.parametrize("short", [1e-17, 1e-9, 1e-6])
 def test_a_step_too_short_is_made_up_for_by_the_next(moving: Callable, short: float) -> None:
-    """Tiny steps between those of a swing pass time, and the swing continues as if there had been none."""
+    """Very short steps between those of a swing add their time, and the swing continues as without them."""
     plain, nudged = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
     for _ in range(20):
         for _ in range(5):

@@ -35,7 +35,7 @@ def test_steps_of_two_lengths_in_turn_make_no_energy(scheme: str, short: float) 
 
 
 def test_growth_does_not_hide_the_potential() -> None:
-    """A growth actuator that is never commanded changes no energy of the account."""
+    """A growth actuator that is never commanded changes none of the reported energies."""
     plain, grown = (Simulation(scene_from_text(BAR + more)) for more in ("", GROWTH))
     for _ in range(10):
         expected, found = plain.step(dt=0.01).energies, grown.step(dt=0.01).energies

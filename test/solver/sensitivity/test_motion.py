@@ -33,7 +33,7 @@ Case = tuple[str, Callable[[float], tuple[Command, dict[str, Any]]], float, dict
 
 
 def soft(key: str, value: float) -> Callable[[float], tuple[Command, dict[str, Any]]]:
-    """Return a function from a change to the pull command and the soft material's key changed by it."""
+    """Return a function from a change to the pull command and the soft material's override ``key: value + change``."""
     return lambda change: (PULL, {f"materials.soft.{key}": value + change})
 
 

@@ -27,7 +27,7 @@ solver: {max_iterations: 5000}
 
 @pytest.mark.parametrize("name", FORKS)
 def test_a_fork_that_is_drawn_in_one_step_is_near_or_says_that_it_is_not(name: str) -> None:
-    """Three fingers drawn far in one step, with stiffened tangents, end within the promise or not converged."""
+    """Three fingers drawn far in one step end within `PROMISE` tolerances of the equilibrium, or not converged."""
     scene = fork(dict(zip(FINGERS, FORKS[name], strict=True)))
     simulation, fine = Simulation(scene), Simulation(scene, settings=replace(scene.solver, tolerance=1e-8))
     result = next(simulation.play(1))

@@ -39,7 +39,7 @@ def test_the_least_eigenvalue_and_its_vector_are_found(least: float) -> None:
 
 
 def test_a_preconditioner_that_is_the_matrix_leaves_nothing_to_look_for() -> None:
-    """Where the preconditioner is the matrix up to noise, one product is enough, and no curvature is negative."""
+    """If the preconditioner is the matrix up to noise, the eigenvalue one is found with one product."""
     matrix, _ = _symmetric(np.linspace(1.0, 4.0, COUNT))
     noise = np.random.default_rng(2)
 

@@ -112,13 +112,13 @@ def test_what_is_filled_is_what_a_dense_factor_fills(slack: float, monkeypatch: 
 
 
 def test_the_order_with_less_work_is_taken() -> None:
-    """The elimination order with the smaller factor is taken: for a hand it is not the narrow order."""
+    """The elimination order with the smaller factor is used: for a hand this is not the narrow order."""
     graph, points = _hand(4, 20)
     assert len(Fronts(graph, points).kept.values) < 9 * eliminated(graph, narrow_order(graph, points)).entries
 
 
 def test_a_bar_is_as_narrow_as_its_cross_section() -> None:
-    """In the narrow order of a bar, neighbours are at most a cross-section, a row and a vertex apart."""
+    """In a bar's narrow order, the positions of neighbours differ by at most a cross-section, a row and a vertex."""
     graph, points = _bar(30, 2, 3)
     order = narrow_order(graph, points)
     rank = np.empty_like(order)

@@ -16,7 +16,7 @@ CONVERGED = {0.45: 18.0e-3, 0.4999: 17.8e-3}
 
 @pytest.mark.parametrize("poisson", CONVERGED)
 def test_a_clamped_bar_sags_within_one_per_cent(poisson: float) -> None:
-    """With 10 x 2 x 2 cubes of six tetrahedra the sag is within 1 %; linear ones reach a third or a tenth of it."""
+    """With 10 x 2 x 2 cubes of six tetrahedra the sag is within 1 %; linear ones give a third or a tenth of the sag."""
     found = sag(divided(bar([0.1, 0.02, 0.02], [10, 2, 2])), NeoHookean(young=2e5, poisson=poisson))
     assert found.metres == pytest.approx(CONVERGED[poisson], rel=0.01)
 
