@@ -84,7 +84,7 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
         **self_contact.all_tables(report),
         "slope": markdown_table(
             ("friction", "acceleration by theory [m/s^2]", "by gdfe_ros [m/s^2]", "iterations per step",
-             "drift over 60 s [nm/s]"),
+             "drift, 5 to 60 s [nm/s]"),
             slopes),
     }  # fmt: skip
 

@@ -131,7 +131,7 @@ class Walk:
 
 
 class Walker:
-    """A simulation that is commanded by points of the cube.
+    """A simulation, commanded by points of a track's cube.
 
     Attributes:
         simulation: the simulation.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe new``: write a scene to start from for a CAD or mesh file."""
+"""``gdfe new``: write a first scene for a CAD or mesh file."""
 
 from __future__ import annotations
 

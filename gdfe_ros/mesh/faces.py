@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faces of hexahedra: the boundary and its orientation."""
+"""Faces of cells: the boundary and its orientation."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def test_a_table_is_measured_once(table: Table) -> None:
 
 
 def test_a_table_without_a_probe_is_measured_again(table: Table) -> None:
-    """A report of this solver without a probe is not current."""
+    """A report without a probe is never current."""
     keep(table.file, Report([], stamp()))
     assert not is_current(table)
 

@@ -37,10 +37,7 @@ def test_processor_time_is_told_by_thread() -> None:
 
 
 def test_memory_is_told() -> None:
-    """Writing to 50 MB of mapped memory increases the resident memory by as much.
-
-    Memory from malloc may be resident already.
-    """
+    """Writing to a new mapping of 50 MB adds as much resident memory; malloc may reuse resident memory."""
     before = read_memory(os.getpid())
     with mmap.mmap(-1, 50_000_000) as block:
         block.write(bytes([1]) * len(block))

@@ -31,7 +31,7 @@ def _values(out: Path) -> dict[str, Any]:
 def test_a_modulus_comes_back_from_a_table(
     write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
 ) -> None:
-    """The modulus of equilibria with 1 % noise is found within 1 %, inside its interval, and all files are written."""
+    """From equilibria with 1 % noise: modulus within 1 %, true value in its interval, and all files are written."""
     out = tmp_path / "out"
     assert _fit(write_scene(), write_table(), "--vary", f"{YOUNG}=3e4..4e4..2e6", "--out", out) == 0
     found = _values(out)[YOUNG]

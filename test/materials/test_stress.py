@@ -120,7 +120,7 @@ DEFORMED = {
 
 @pytest.mark.parametrize("stretches", DEFORMED.values(), ids=DEFORMED)
 def test_forces_are_the_derivative_of_the_energy(law: Material, cube: MakeCube, stretches: list[float]) -> None:
-    """The forces of a deformed cube equal differences of its energy."""
+    """The forces of a deformed cube are central differences of its energy."""
     random = np.random.default_rng(3)
     body = cube(law)
     for _ in range(3):

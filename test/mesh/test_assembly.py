@@ -51,7 +51,7 @@ def test_vertices_at_one_place_stay_apart() -> None:
 
 
 def test_places_are_those_of_the_mesh_that_is_named() -> None:
-    """Selections within a named mesh use its frame, ids and sets; others use the world's."""
+    """Selections within a named mesh use its frame, ids and sets; others use the world's frame and the whole mesh's."""
     mesh, first = pair(), BAR.n_vertices
     for where in (
         Face(Side.X_LOW),

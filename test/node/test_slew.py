@@ -70,7 +70,7 @@ def test_a_change_that_does_not_converge_is_taken_back() -> None:
 
 
 def test_steps_without_iterations_count_too() -> None:
-    """If steps beyond 5 N are cut before an iteration, the command goes back after 50 of them."""
+    """If steps beyond 5 N make no iteration, the command goes back after 50 of them."""
     finger = _Finger(lambda value: ((good := value <= 5.0), not good, 0))
     seen = finger.go(20.0, 53)
     assert seen[2:52] == pytest.approx([6.0] * 50)

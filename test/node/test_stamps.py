@@ -140,7 +140,7 @@ def test_steps_follow_anothers_clock(client: Any, start: Callable, coarse: dict)
 
 
 def test_a_clock_that_jumps_ahead_is_not_made_up_for(client: Any, start: Callable) -> None:
-    """After jumps of /clock by 1000 s and to epoch time, a body with mass continues from there, with a message."""
+    """After /clock jumps by 1000 s and to epoch time, a moving body continues at the new time; the log says so."""
     mesh = "mesh.bar.cells=[10, 1, 1]"
     process = start(scene="drop", scene_overrides=[mesh], clock="external", use_sim_time=True, dt=0.02)
     clock = _Clock(client)

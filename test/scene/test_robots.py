@@ -88,7 +88,7 @@ def test_finger_curls_both_ways(played: Callable[[str], Played]) -> None:
 
 
 def test_arm_leans_where_the_pressure_says(played: Callable[[str], Played]) -> None:
-    """The arm leans to +y with pressure in the chamber at -y and the reverse, and down with the upper chamber."""
+    """Pressure in the chamber at -y leans the arm to +y, at +y to -y, and in the upper chamber down."""
     simulation, results = played("three_chamber_arm")
     probe = simulation.scene.probes["tip"]
     left, right, upper = (probe.at(at(results, moment).positions)[0] for moment in (2.0, 4.0, 6.0))

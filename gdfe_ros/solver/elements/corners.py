@@ -137,7 +137,7 @@ def scatter_general(b, shape, elements):
 
 @inlined
 def load_corners(b, x, shape, elements):
-    """Copy the corner coordinates of a block into its rows."""
+    """Copy a block's corner coordinates into rows of ``b``."""
     for lane in range(LANES):
         for a in range(8):
             v = shape.cells[elements[lane], a]
@@ -157,7 +157,7 @@ def store_corners(b, force, elements, used):
 
 @inlined
 def load_geometry(b, geometry, block):
-    """Copy the geometry of a block into its rows."""
+    """Copy a block's geometry into rows of ``b``."""
     first = block * GEOMETRY_ROWS * LANES
     for i in range(GEOMETRY_ROWS * LANES):
         b[GEOMETRY * LANES + i] = geometry[first + i]

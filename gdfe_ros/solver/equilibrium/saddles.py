@@ -79,7 +79,7 @@ class Saddles:
         return _told(found, soft, stable=start.summary.stable)
 
     def _left(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
-        """Check the stability, leave a saddle and any further saddles; return the last solution with its stability."""
+        """Leave saddles, at most `MOST_SADDLES` one after the other; return the last solution with its stability."""
         whole = descents.whole
         for _ in range(MOST_SADDLES):
             task = descents.task_at(solve, found)

@@ -52,16 +52,16 @@ class TermKernel:
 def term_kernel(entry: Callable[..., float]) -> TermKernel:
     """Return the compiled entry of a term, for use as decorator; solves call the entry by its address.
 
-    For the entry
+    An entry has the form
 
         @term_kernel
         def spring_entry(x, n, reals, k, integers, i, force, size):
             return spring_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
-    ``spring_energy(x, reals, integers, force, size)``, a `gdfe_ros.compiled.kernel`, receives the positions ``x`` (n,
-    3) [m] and the term's two arrays. It adds dE/dx to ``force`` (n, 3) [N]. It adds the sum of the absolute values of
-    the energy's summands, which bounds the energy's rounding, to ``size[0]`` [J]. It returns the energy [J], infinite
-    for positions out of bounds.
+    Here ``spring_energy(x, reals, integers, force, size)`` is a `gdfe_ros.compiled.kernel`. It receives the positions
+    ``x`` (n, 3) [m] and the term's two arrays. It adds dE/dx to ``force`` (n, 3) [N], and to ``size[0]`` [J] the sum of
+    the absolute values of the energy's summands, which bounds its rounding. It returns the energy [J]: infinity for
+    positions out of bounds.
     """
     return TermKernel(entry)
 

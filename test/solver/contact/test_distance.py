@@ -126,7 +126,7 @@ def test_beyond_its_grid_a_mesh_is_where_it_is() -> None:
 
 
 def test_the_normal_of_a_mesh_is_the_exact_gradient() -> None:
-    """The normal of a mesh equals central differences of its distance inside the grid, also at kinks."""
+    """In the grid, a mesh's normal is its spline's gradient, also near kinks of the exact distance."""
     mesh = meshed(trimesh.creation.box((1.0, 1.4, 0.6)))
     points = np.random.default_rng(9).uniform(-1.0, 1.0, (500, 3)) * [0.55, 0.75, 0.35]
     _, normals = gaps_and_normals(mesh, points)

@@ -156,7 +156,7 @@ def test_what_a_skin_pushes_is_what_the_body_feels(tmp_path: Path) -> None:
 
 
 def test_forces_are_the_slope_of_the_energy(tmp_path: Path) -> None:
-    """Forces of a skin contact equal differences of its energy, and no tangent has a negative eigenvalue."""
+    """Forces of a skin contact are central differences of its energy, and no tangent has a negative eigenvalue."""
     more = "bodies: {lid: {box: {size: [0.04, 0.04, 0.01]}, density: 2000, at: [0.05, 0, 0.015], friction: 0.5}}"
     simulation = slab(tmp_path, 0.5, more)
     for _ in range(8):

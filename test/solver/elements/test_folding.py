@@ -51,7 +51,7 @@ def pressed(mesh: HexMesh, share: float) -> np.ndarray:
 
 @pytest.mark.parametrize("filled", ["whole", "cut"])
 def test_forces_are_the_slopes_of_the_energy(element: HexMesh, make_body: Callable[..., Body], filled: str) -> None:
-    """The barrier's forces equal differences of its energy at pressed corners of whole and cut cells of four shapes."""
+    """The barrier's forces are the slopes of its energy at flattened corners, of whole and cut cells of four shapes."""
     body = make_body(element)
     shape = body.shape
     if filled == "cut":
