@@ -14,6 +14,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
+from gdfe_ros.analysis.face_values import face_values
 from gdfe_ros.analysis.scenery import Scenery, force_arrows
 from gdfe_ros.colour_map import colour_range
 from gdfe_ros.mesh import HexMesh
@@ -71,7 +72,7 @@ def draw_body(
     faces = outside.at(positions)[outside.faces]
     colours = matplotlib.colormaps[COLOURS]
     norm = matplotlib.colors.Normalize(*colour_range(*(limits or (float(values.min()), float(values.max())))))
-    lit = shaded(colours(norm(values[outside.cells])), faces)
+    lit = shaded(colours(norm(face_values(outside, values))), faces)
     edges = lit if outside.skin else np.tile((0.0, 0.0, 0.0, 0.25), (len(lit), 1))
     scenery = scenery or Scenery()
     _draw_surfaces(axes, (faces, lit, edges), positions, scenery.obstacles)

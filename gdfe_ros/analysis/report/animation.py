@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_steps import BagStep
 from gdfe_ros.analysis.difference_table import unit_of
+from gdfe_ros.analysis.face_values import face_values
 from gdfe_ros.analysis.report.levels import to_levels, to_text
 from gdfe_ros.analysis.report.surroundings import Surroundings
 from gdfe_ros.colour_map import NOISE
@@ -80,7 +81,8 @@ class Animation:
         for topic, name in self.fields:
             values = step.samples[topic][name]
             shown = self._outside
-            on_faces = values[shown.cells] if topic == "strain" else shown.at(values)[shown.faces].mean(axis=1)
+            of_cells = topic == "strain"
+            on_faces = face_values(shown, values) if of_cells else shown.at(values)[shown.faces].mean(axis=1)
             self._colours[topic, name].append(on_faces.astype(np.float32))
 
     def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
