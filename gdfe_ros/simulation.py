@@ -245,14 +245,14 @@ class Simulation:
         if moves and not rests:
             require_countable(dt=dt, step=moves.step)
         self.state = self.stepper.put(self.state, places) if places else self.state
-        former, self.targets, self.commands = self.targets, targets, commands
+        self.targets, self.commands = targets, commands
         before, self._joints, self._cuts = self._joints, moved.motions, moved.cuts
         limit = Deadline.of(started, deadline, cut_after, interrupted)
         march = None
         rests = rests or (bool(places) and self._rests(self._joints, targets, limited))
         if not rests and (dt or not moves):
             if self._coupling:
-                march = self._coupled((before, self._joints), (former, targets), limited, dt, limit)
+                march = self._coupled((before, self._joints), limited, dt, limit)
             else:
                 march = self._stepped(targets, limited, dt, limit)
             self.state = march.state
@@ -270,13 +270,12 @@ class Simulation:
     def _coupled(
         self,
         motors: tuple[Motions, Motions],
-        targets: tuple[Mapping[str, Pose], Mapping[str, Pose]],
         commands: Mapping[str, float],
         dt: float,
         limit: Deadline | None,
     ) -> March:
-        """Make a step of the body and the yielding joints; ``motors`` and ``targets`` are before and after the step."""
-        given = {"links": self._links, "motors": motors, "targets": targets, "commands": commands}
+        """Make a step of the body and the yielding joints; ``motors`` are their motions before and after the step."""
+        given = {"links": self._links, "motors": motors, "targets": self.targets, "commands": commands}
         outcome = self._coupling.step(self.state, **given, duration=dt, deadline=limit)
         self._links = outcome.links
         self.targets = {**self.targets, **outcome.poses}

@@ -16,6 +16,7 @@ from gdfe_ros.arms.carriers import Carriers, Motions
 from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.coupling.balance import JointBalance, Links, distance, on_links
 from gdfe_ros.coupling.link_motion import LinkMotion
+from gdfe_ros.coupling.search import BalanceSearch
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.motion.dynamics import Dynamics
@@ -30,8 +31,10 @@ from gdfe_ros.solver.value import changed
 Vector = NDArray[np.float64]
 BALANCED = 0.1
 """Joints are in balance if the next correction moves no flange farther than this, over the tolerance of the body."""
-SOLVES = 20
+SOLVES = 40
 """Largest number of solves of the body for one balance; usually there are 2 to 4."""
+PARTS = (1, 4, 16, 64)
+"""Numbers of parts into which a step without dynamics is divided, one after the other until a division succeeds."""
 LONGEST_CORRECTION = 1.0
 """Largest motion of a flange by one correction, over the body's size."""
 
@@ -51,12 +54,31 @@ class CoupledStep:
     poses: dict[str, Pose]
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Task:
+    """Arguments of `Coupling.step`: the state before the step, and the commands after it."""
+
+    state: State
+    links: Links
+    motors: tuple[Motions, Motions]
+    targets: Mapping[str, Pose]
+    commands: Mapping[str, float]
+
+    def at(self, share: float) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
+        """Return the poses and the commands at a ``share`` of the step, interpolated linearly."""
+        if share == 1.0:
+            return self.targets, self.commands
+        began = self.state
+        poses = {name: began.poses[name].blend(pose, share) for name, pose in self.targets.items()}
+        return poses, {name: at + share * (self.commands[name] - at) for name, at in began.commands.items()}
+
+
 class Coupling:
     """The arms with yielding joints, and the body that they carry.
 
     The wrenches in `JointBalance` are known only at positions q for which the body was solved, with its handle at the
-    flange's pose. Broyden's method (Math. Comp. 19, 1965) corrects q until the joints are in balance. Each correction
-    needs one more solve of the body, from the beginning of the step. Equilibria are solved to `FINER` times the
+    flange's pose. `BalanceSearch` corrects q until the joints are in balance. Each correction needs one more solve of
+    the body, from the beginning of the step. Equilibria are solved to `FINER` times the
     tolerance, because the error of a wrench is larger on joints that are softer than the body.
 
     Args:
@@ -118,40 +140,54 @@ class Coupling:
         *,
         links: Links,
         motors: tuple[Motions, Motions],
-        targets: tuple[Mapping[str, Pose], Mapping[str, Pose]],
+        targets: Mapping[str, Pose],
         commands: Mapping[str, float],
         duration: float,
         deadline: Deadline | None,
     ) -> CoupledStep:
         """Return the outcome of a step; with dynamics, the joints are in balance after each internal step.
 
+        Without dynamics, the step is divided into more and more parts if it fails: at the joints' positions before a
+        part, a command may press the body too far.
+
         Args:
             state: of the body.
             links: motion of the yielding joints before the step.
             motors: motions of the motors before and after the step.
-            targets: poses of handles and obstacles before and after the step.
+            targets: poses of handles and obstacles after the step; those on arms are replaced.
             commands: after the step.
             duration: of the step [s].
             deadline: of the step; None for none.
         """
-        count = 1 if self._dynamics is None else max(1, math.ceil(duration / self._dynamics.step - ROUNDING))
-        h = float(f"{duration / count:.9g}")
-        (began, aim), first, march, last = targets, state.commands, None, targets[0]
+        task = _Task(state=state, links=links, motors=motors, targets=targets, commands=commands)
+        if self._dynamics is not None:
+            count = max(1, math.ceil(duration / self._dynamics.step - ROUNDING))
+            task = changed(task, state=self._stepper.started(state, commands))
+            return self._in_parts(task, count, duration, deadline)
+        spent = 0
+        for count in PARTS:
+            found = self._in_parts(task, count, duration, deadline)
+            spent += found.march.iterations
+            if found.march.sound or past(deadline):
+                break
+        return changed(found, march=changed(found.march, iterations=spent))
+
+    def _in_parts(self, task: _Task, count: int, duration: float, deadline: Deadline | None) -> CoupledStep:
+        """Return the outcome of a step in ``count`` equal parts; it ends with the first part that fails."""
+        h, state, links, march = float(f"{duration / count:.9g}"), task.state, task.links, None
         for number in range(count):
             share = (number + 1) / count
-            ends = number + 1 == count
-            poses = aim if ends else {name: began[name].blend(pose, share) for name, pose in aim.items()}
-            values = commands if ends else {name: at + share * (commands[name] - at) for name, at in first.items()}
+            poses, values = task.at(share)
             balance = JointBalance(
                 arms=self._arms,
                 size=self._size,
-                before=Carriers.part_way(*motors, number / count),
-                after=Carriers.part_way(*motors, share),
+                before=Carriers.part_way(*task.motors, number / count),
+                after=Carriers.part_way(*task.motors, share),
                 links=links,
                 rules={name: link.rule(self._dynamics, h) for name, link in links.items()} if self._dynamics else {},
                 gravity=total_gravity(self._loads, values),
                 h=h,
-                last=last,
+                last=state.poses,
                 wrenches=self._wrenches,
             )
 
@@ -160,12 +196,12 @@ class Coupling:
                 return self._stepper.step(start, {**poses, **carried}, values, **given)
 
             found = self._balanced(balance, solve, deadline)
-            march, links, last = _joined(march, found.march), found.links, {**last, **found.poses}
+            march, links = _joined(march, found.march), found.links
             state = march.state
-            if march.reached and not ends and past(deadline):
-                told = f"simulated {march.simulated:.6g} of {duration:.6g} s: {deadline.reason}"
+            if march.reached and share < 1.0 and past(deadline):
+                told = f"{number + 1} of {count} parts of the step are done: {deadline.reason}"
                 march = changed(_flawed(march, told), reached=False)
-            if not march.reached:
+            if not march.reached or (self._dynamics is None and not march.sound):
                 break
         return CoupledStep(march=march, links=links, poses=found.poses)
 
@@ -174,24 +210,19 @@ class Coupling:
     ) -> CoupledStep:
         """Return body and joints in balance, or what is nearest to it; ``solve`` solves the body at given poses."""
         q, near = balance.predicted(), self._allowed(balance)
-        matrix = balance.first_derivative(q)
-        scale = np.sqrt(np.diag(matrix))
-        matrix = matrix / np.outer(scale, scale)
-        spent, least, best, last = 0, math.inf, None, None
+        search = BalanceSearch(balance.first_derivative(q))
+        spent, least, best = 0, math.inf, None
         for _ in range(SOLVES):
             march = solve(balance.poses(q))
             spent += march.iterations
-            gap = balance.gap(q, march.state) / scale
-            if last is not None:
-                matrix = _updated(matrix, (q - last[0]) * scale, gap - last[1])
-            correction = -np.linalg.solve(matrix, gap) / scale
-            length = balance.length(q, correction)
+            gap = balance.gap(q, march.state)
+            length = balance.length(q, search.bound(gap))
             ended = not march.reached or (deadline is not None and deadline.after is not None)
             if best is None or length < least or ended:
                 least, best = length, (q, march)
             if ended or length <= near:
                 break
-            last, q = (q, gap), q + correction * min(1.0, LONGEST_CORRECTION * self._size / length)
+            q = search.next(q, gap, longest=LONGEST_CORRECTION * self._size / length)
         q, march = best
         if march.reached and not least <= near:
             march = _flawed(march, f"yielding joints are not in balance: the flange is {least:.3g} m away from it")
@@ -208,11 +239,6 @@ class Coupling:
         if not balance.rules:
             return self._near
         return self._near * min(1.0, max(FINEST, ACCURACY * balance.swing() / self._size))
-
-
-def _updated(matrix: Vector, step: Vector, change: Vector) -> Vector:
-    """Return Broyden's matrix, which maps the last ``step`` (y,) to the ``change`` (y,) of the gap by it."""
-    return matrix + np.outer(change - matrix @ step, step) / (step @ step)
 
 
 def _flawed(march: March, flaw: str) -> March:

@@ -148,7 +148,7 @@ class MotionStepper:
         due = state.ledger.owed + duration
         if due < SHORTEST * self._dynamics.step:
             return _noted(state.with_(ledger=changed(state.ledger, owed=due)), duration)
-        began = state if self._began(state) else self._started(state, commands)
+        began = self.started(state, commands)
         if observer is not None and began is not state:
             observer(InternalStep(before=state, after=began, h=self._dynamics.step))
         flight = Flight.over(due, self._dynamics.step, began, targets, commands)
@@ -245,8 +245,13 @@ class MotionStepper:
     def _began(self, state: State) -> bool:
         return bool(state.terms[inertia.NAME]["h"][0])
 
-    def _started(self, state: State, commands: Mapping[str, float]) -> State:
-        """Return the state at the start of a motion: with the accelerations by its forces, and all loads acting."""
+    def started(self, state: State, commands: Mapping[str, float]) -> State:
+        """Return the state at the start of a motion: with the accelerations by its forces, and all loads acting.
+
+        A state in motion is returned unchanged.
+        """
+        if self._began(state):
+            return state
         loads = {name: commands[name] for name in self.actuation.loaded}
         before, state = state.commands, state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
