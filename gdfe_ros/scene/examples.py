@@ -253,6 +253,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{embedded: QUJD, flange: tool0, handle: wrist}   # as bags carry an arm",
     ),
     arm_schema.JointLimitsModel: ("{lower: -1.57, upper: 1.57, velocity: 2.0, acceleration: 10.0, effort: 50.0}",),
+    arm_schema.SpringModel: ("{stiffness: 8000, damping: 20}", "{stiffness: 3000}"),
     schema.JointPointModel: ("{time: 1.0, value: 0.5, velocity: 0.2}",),
     schema.ProgramModel: (
         "{duration: 1.0, joints: {elbow_joint: [{time: 0.0, value: 1.57}, {time: 1.0, value: 1.2}]}}",
