@@ -18,7 +18,7 @@ from gdfe_ros.command import Command, Orders, checked_positions, require_snapsho
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.coupling.coupling import Coupling
+from gdfe_ros.coupling.joint_coupling import JointCoupling
 from gdfe_ros.errors import ENDED, CommandError, GdfeError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
@@ -103,7 +103,7 @@ class Simulation:
         self.origin = working_origin(scene.mesh)
         body = scene_body(scene, self.origin, self.settings.torsion)
         self.stepper = make_stepper(scene, self.settings, body, terms)
-        self._coupling = Coupling(
+        self._coupling = JointCoupling(
             scene.arms,
             self.stepper,
             dynamics=scene.dynamics,
@@ -251,10 +251,7 @@ class Simulation:
         march = None
         rests = rests or (bool(places) and self._rests(self._joints, targets, limited))
         if not rests and (dt or not moves):
-            if self._coupling:
-                march = self._coupled((before, self._joints), limited, dt, limit)
-            else:
-                march = self._stepped(targets, limited, dt, limit)
+            march = self._stepped(before, limited, dt, limit)
             self.state = march.state
             if march.simulated is not None and march.simulated < dt:
                 self._joints = self._carriers.part_way(before, self._joints, march.simulated / dt)
@@ -267,24 +264,23 @@ class Simulation:
         """Return whether body and yielding joints are at rest, and would stay at rest at these commands."""
         return self._coupling.rests(motions, self._links) and self.stepper.rests(self.state, targets, commands)
 
-    def _coupled(
-        self,
-        motors: tuple[Motions, Motions],
-        commands: Mapping[str, float],
-        dt: float,
-        limit: Deadline | None,
-    ) -> March:
-        """Make a step of the body and the yielding joints; ``motors`` are their motions before and after the step."""
+    def _coupled(self, before: Motions, commands: Mapping[str, float], dt: float, limit: Deadline | None) -> March:
+        """Make a step of the body and the yielding joints; ``before`` are the motions of the motors before it."""
+        motors = before, self._joints
         given = {"links": self._links, "motors": motors, "targets": self.targets, "commands": commands}
         outcome = self._coupling.step(self.state, **given, duration=dt, deadline=limit)
         self._links = outcome.links
         self.targets = {**self.targets, **outcome.poses}
         return outcome.march
 
-    def _stepped(
-        self, targets: Mapping[str, Pose], commands: Mapping[str, float], dt: float, limit: Deadline | None
-    ) -> March:
-        """Make a step; update the derivatives if `follow` requested them."""
+    def _stepped(self, before: Motions, commands: Mapping[str, float], dt: float, limit: Deadline | None) -> March:
+        """Make a step to the targets; update the derivatives if `follow` requested them.
+
+        ``before`` are the motions of the arms' motors before the step.
+        """
+        if self._coupling:
+            return self._coupled(before, commands, dt, limit)
+        targets = self.targets
         given: dict[str, Any] = {"duration": dt, "deadline": limit}
         if self._trail is not None:
             self._trail.begin(self.state)

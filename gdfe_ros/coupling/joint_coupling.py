@@ -56,7 +56,7 @@ class CoupledStep:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Task:
-    """Arguments of `Coupling.step`: the state before the step, and the commands after it."""
+    """Arguments of `JointCoupling.step`: the state before the step, and the commands after it."""
 
     state: State
     links: Links
@@ -73,7 +73,7 @@ class _Task:
         return poses, {name: at + share * (self.commands[name] - at) for name, at in began.commands.items()}
 
 
-class Coupling:
+class JointCoupling:
     """The arms with yielding joints, and the body that they carry.
 
     The wrenches in `JointBalance` are known only at positions q for which the body was solved, with its handle at the
