@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors of the constant matrix compared with those of libraries: what is measured is solved and reported by name."""
+"""Factors of the constant matrix compared with those of libraries: each is measured and reported by name."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def test_one_cell_is_one_across() -> None:
 
 
 def test_rows_with_a_bent_cell_are_not_counted() -> None:
-    """With the first of 3 x 3 x 3 cells bent, the three rows through it count as one, and other counts stay."""
+    """With the first of 3 x 3 x 3 cells bent, its three rows have one cell across, and all other rows have three."""
     mesh, straight = bar([0.3, 0.3, 0.3], [3, 3, 3]), np.ones(27, bool)
     straight[0] = False
     across = cells_across(mesh.cells, np.zeros(27, np.int32), straight)

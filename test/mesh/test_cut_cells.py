@@ -152,7 +152,7 @@ def test_a_packed_mesh_keeps_its_filling() -> None:
 
 
 def test_a_cavity_that_cut_cells_close_is_named() -> None:
-    """Cut cells too large for a cavity, which has no empty cube, are refused."""
+    """A cavity smaller than a cell has no empty cube: it is refused, with a smaller cell as remedy."""
     hollow = trimesh.util.concatenate([trimesh.creation.box((1, 1, 1)), trimesh.creation.box((0.15, 0.15, 0.15))])
     with pytest.raises(MeshError, match="of 1 cavities 0 are left; remedy: a smaller cell"):
         fill_surface(hollow.vertices, hollow.faces, cell=0.1, cells=CutCubes.CUT)
