@@ -477,7 +477,7 @@ def quaternion(vector: tuple[float, float, float]) -> np.ndarray:
 def test_nearest_turn_goes_on_from_where_the_handle_is(
     reference: tuple[float, float, float], turn: tuple[float, float, float], expected: tuple[float, float, float]
 ) -> None:
-    """Past 180, 360 and 720 degrees, a quaternion gives the rotation vector that is nearest to the handle's last one."""
+    """Past 180, 360 and 720 degrees, a quaternion gives the rotation vector nearest to the last one."""
     found = nearest_turn(quaternion(turn), Pose(rotation=tuple(np.deg2rad(reference))))
     np.testing.assert_allclose(np.rad2deg(found), expected, atol=1e-6)
 
