@@ -61,12 +61,14 @@ class JointBalance:
     wrenches: Wrenches
 
     def predicted(self) -> Vector:
-        """Return the positions (y,) by constant velocities; without dynamics, the springs keep their stretch."""
+        """Return the positions (y,) by constant accelerations; without dynamics, the springs keep their stretch."""
         found = []
         for arm in self.arms:
             now, soft = self.links[arm.name], arm.springs.yielding
-            turned = (self.after[arm.name].positions - self.before[arm.name].positions)[soft]
-            found.append(now.positions + (self.h * now.velocities if self.rules else turned))
+            move = self.h * now.velocities + 0.5 * self.h**2 * now.accelerations
+            if not self.rules:
+                move = (self.after[arm.name].positions - self.before[arm.name].positions)[soft]
+            found.append(now.positions + move)
         return np.concatenate(found)
 
     def first_derivative(self, q: Vector) -> Vector:
