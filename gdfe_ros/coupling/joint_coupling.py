@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,14 @@ from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.coupling.balance import JointBalance, Links, distance, on_links
 from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.coupling.search import BalanceSearch
+from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.flight import ROUNDING
-from gdfe_ros.solver.motion.integrator import ACCURACY, FINEST
+from gdfe_ros.solver.motion.integrator import ACCURACY, FINEST, largest
 from gdfe_ros.solver.motion.stepper import CALM, MotionStepper
+from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import FINER, Stepper
@@ -30,11 +32,15 @@ from gdfe_ros.solver.value import changed
 
 Vector = NDArray[np.float64]
 BALANCED = 0.1
-"""Joints are in balance if the next correction moves no flange farther than this, over the tolerance of the body."""
-SOLVES = 40
+"""Longest correction that is not worth another solve, divided by the allowed correction."""
+PATIENCE = 4
+"""Number of solves that do not halve the correction, after which an allowed correction is left out."""
+SOLVES = 24
 """Largest number of solves of the body for one balance; usually there are 2 to 4."""
-PARTS = (1, 4, 16, 64)
-"""Numbers of parts into which a step without dynamics is divided, one after the other until a division succeeds."""
+SHARPER = 0.1
+"""Factor of the body's tolerance in a motion with yielding joints."""
+HALVINGS, MOVING_HALVINGS = 6, 2
+"""How often a failing step without dynamics, and an internal step of a motion, is halved."""
 LONGEST_CORRECTION = 1.0
 """Largest motion of a flange by one correction, over the body's size."""
 
@@ -47,11 +53,13 @@ class CoupledStep:
         march: outcome of the body.
         links: motion of the yielding joints after the step.
         poses: dict from handle or obstacle of a link to its pose.
+        balanced: whether the joints are in balance, or the body has not converged.
     """
 
     march: March
     links: Links
     poses: dict[str, Pose]
+    balanced: bool = True
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,13 +72,15 @@ class _Task:
     targets: Mapping[str, Pose]
     commands: Mapping[str, float]
 
-    def at(self, share: float) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
-        """Return the poses and the commands at a ``share`` of the step, interpolated linearly."""
-        if share == 1.0:
-            return self.targets, self.commands
-        began = self.state
-        poses = {name: began.poses[name].blend(pose, share) for name, pose in self.targets.items()}
-        return poses, {name: at + share * (self.commands[name] - at) for name, at in began.commands.items()}
+    def part(self, number: int, count: int, state: State, links: Links) -> _Task:
+        """Return part ``number`` of ``count`` equal parts; it starts from ``state`` and ``links``."""
+        share, began = (number + 1) / count, self.state
+        poses, values = self.targets, self.commands
+        if number + 1 < count:
+            poses = {name: began.poses[name].blend(pose, share) for name, pose in poses.items()}
+            values = {name: at + share * (values[name] - at) for name, at in began.commands.items()}
+        motors = Carriers.part_way(*self.motors, number / count), Carriers.part_way(*self.motors, share)
+        return _Task(state=state, links=links, motors=motors, targets=poses, commands=values)
 
 
 class JointCoupling:
@@ -103,7 +113,7 @@ class JointCoupling:
         self._arms = tuple(arm for arm in arms if arm.springs is not None)
         self._stepper, self._dynamics, self._loads, self._origin = stepper, dynamics, loads, origin
         self._size = stepper.body.size
-        self._near = BALANCED * tolerance * self._size
+        self._near = tolerance * self._size
         self._finer = {"tolerance": FINER * tolerance} if dynamics is None else {}
 
     def __bool__(self) -> bool:
@@ -130,7 +140,7 @@ class JointCoupling:
             now = links[arm.name]
             for move in (CALM * now.velocities, CALM**2 * now.balanced):
                 far = distance(arm, motions, now.positions, now.positions + move, self._size)
-                if not far <= self._near / BALANCED:
+                if not far <= self._near:
                     return False
         return True
 
@@ -147,9 +157,6 @@ class JointCoupling:
     ) -> CoupledStep:
         """Return the outcome of a step; with dynamics, the joints are in balance after each internal step.
 
-        Without dynamics, the step is divided into more and more parts if it fails: at the joints' positions before a
-        part, a command may press the body too far.
-
         Args:
             state: of the body.
             links: motion of the yielding joints before the step.
@@ -159,86 +166,109 @@ class JointCoupling:
             duration: of the step [s].
             deadline: of the step; None for none.
         """
+        count, halvings = 1, HALVINGS
+        if isinstance(self._stepper, MotionStepper):
+            count, halvings = max(1, math.ceil(duration / self._dynamics.step - ROUNDING)), MOVING_HALVINGS
+            state = self._stepper.started(state, commands)
         task = _Task(state=state, links=links, motors=motors, targets=targets, commands=commands)
-        if self._dynamics is not None:
-            count = max(1, math.ceil(duration / self._dynamics.step - ROUNDING))
-            task = changed(task, state=self._stepper.started(state, commands))
-            return self._in_parts(task, count, duration, deadline)
-        spent = 0
-        for count in PARTS:
-            found = self._in_parts(task, count, duration, deadline)
-            spent += found.march.iterations
-            if found.march.sound or past(deadline):
-                break
-        return changed(found, march=changed(found.march, iterations=spent))
+        return self._in_parts(task, count, duration, deadline, halvings)
 
-    def _in_parts(self, task: _Task, count: int, duration: float, deadline: Deadline | None) -> CoupledStep:
-        """Return the outcome of a step in ``count`` equal parts; it ends with the first part that fails."""
+    def _in_parts(
+        self, task: _Task, count: int, duration: float, deadline: Deadline | None, halvings: int
+    ) -> CoupledStep:
+        """Return the outcome of a task in ``count`` equal parts; it ends with the first part that fails."""
         h, state, links, march = float(f"{duration / count:.9g}"), task.state, task.links, None
         for number in range(count):
-            share = (number + 1) / count
-            poses, values = task.at(share)
-            balance = JointBalance(
-                arms=self._arms,
-                size=self._size,
-                before=Carriers.part_way(*task.motors, number / count),
-                after=Carriers.part_way(*task.motors, share),
-                links=links,
-                rules={name: link.rule(self._dynamics, h) for name, link in links.items()} if self._dynamics else {},
-                gravity=total_gravity(self._loads, values),
-                h=h,
-                last=state.poses,
-                wrenches=self._wrenches,
-            )
-
-            def solve(carried: Mapping[str, Pose], start=state, poses=poses, values=values) -> March:
-                given = {"duration": h, "deadline": deadline, **self._finer}
-                return self._stepper.step(start, {**poses, **carried}, values, **given)
-
-            found = self._balanced(balance, solve, deadline)
+            found = self._made(task.part(number, count, state, links), h, deadline, halvings)
             march, links = _joined(march, found.march), found.links
             state = march.state
-            if march.reached and share < 1.0 and past(deadline):
+            if march.reached and number + 1 < count and past(deadline):
                 told = f"{number + 1} of {count} parts of the step are done: {deadline.reason}"
                 march = changed(_flawed(march, told), reached=False)
             if not march.reached or (self._dynamics is None and not march.sound):
                 break
         return CoupledStep(march=march, links=links, poses=found.poses)
 
-    def _balanced(
-        self, balance: JointBalance, solve: Callable[[Mapping[str, Pose]], March], deadline: Deadline | None
-    ) -> CoupledStep:
-        """Return body and joints in balance, or what is nearest to it; ``solve`` solves the body at given poses."""
-        q, near = balance.predicted(), self._allowed(balance)
+    def _made(self, task: _Task, h: float, deadline: Deadline | None, halvings: int) -> CoupledStep:
+        """Return the outcome of a task; if it fails, that of its two halves if they succeed.
+
+        At the joints' first positions a long step may press the body too far. In a motion, the wrench may jump where
+        the stepper of the body chooses another scheme for the step.
+        """
+        found = self._balanced(task, h, deadline)
+        hopeless = self._dynamics is not None and found.balanced
+        if found.march.sound or hopeless or not halvings or past(deadline):
+            return found
+        halves = self._in_parts(task, 2, h, deadline, halvings - 1)
+        chosen = halves if halves.march.sound else found
+        spent = found.march.iterations + halves.march.iterations
+        return changed(chosen, march=changed(chosen.march, iterations=spent))
+
+    def _balanced(self, task: _Task, h: float, deadline: Deadline | None) -> CoupledStep:
+        """Return body and joints in balance at the end of a task, or what is nearest to it."""
+        balance = JointBalance(
+            arms=self._arms,
+            size=self._size,
+            before=task.motors[0],
+            after=task.motors[1],
+            links=task.links,
+            rules={name: link.rule(self._dynamics, h) for name, link in task.links.items()} if self._dynamics else {},
+            gravity=total_gravity(self._loads, task.commands),
+            h=h,
+            last=task.state.poses,
+            wrenches=self._wrenches,
+        )
+        q, near = balance.predicted(), self._allowed(balance, task.state)
         search = BalanceSearch(balance.first_derivative(q))
-        spent, least, best = 0, math.inf, None
+        spent, stale, least, best = 0, 0, math.inf, None
         for _ in range(SOLVES):
-            march = solve(balance.poses(q))
+            targets = {**task.targets, **balance.poses(q)}
+            given = {"duration": h, "deadline": deadline, **self._finer}
+            march = self._stepper.step(task.state, targets, task.commands, **given)
             spent += march.iterations
             gap = balance.gap(q, march.state)
             length = balance.length(q, search.bound(gap))
             ended = not march.reached or (deadline is not None and deadline.after is not None)
+            stale = stale + 1 if length > 0.5 * least else 0
             if best is None or length < least or ended:
                 least, best = length, (q, march)
-            if ended or length <= near:
+            if ended or length <= BALANCED * near or (stale >= PATIENCE and least <= near):
                 break
             q = search.next(q, gap, longest=LONGEST_CORRECTION * self._size / length)
         q, march = best
+        balanced = least <= near or not march.converged
         if march.reached and not least <= near:
             march = _flawed(march, f"yielding joints are not in balance: the flange is {least:.3g} m away from it")
         march = changed(march, iterations=spent)
-        return CoupledStep(march=march, links=balance.moved(q, march.simulated), poses=balance.poses(q))
+        moved = balance.moved(q, march.simulated)
+        return CoupledStep(march=march, links=moved, poses=balance.poses(q), balanced=balanced)
 
     def _wrenches(self, state: State) -> tuple[Mapping[str, Vector], Mapping[str, Touch]]:
         """Return dicts from handle or obstacle to its reaction, and from contact to its points, in a state."""
         contacts = {contact.name: contact.touch(state, self._origin) for contact in self._stepper.actuation.contacts}
         return state.summary.reactions, contacts
 
-    def _allowed(self, balance: JointBalance) -> float:
-        """Return the largest correction [m] that is left out; in a motion it is reduced as in `Integrator.solve`."""
+    def _allowed(self, balance: JointBalance, start: State) -> float:
+        """Return the largest correction [m] that may be left out.
+
+        In a motion it is reduced as the tolerance of the body (`Integrator.solve`), by the larger of the accelerations
+        of flange and body at the beginning.
+        """
         if not balance.rules:
             return self._near
-        return self._near * min(1.0, max(FINEST, ACCURACY * balance.swing() / self._size))
+        body = balance.h**2 * largest(self._stepper.accelerations(start))
+        return self._near * min(1.0, max(FINEST, ACCURACY * max(balance.swing(), body) / self._size))
+
+
+def solver_settings(scene: Scene, settings: SolverSettings) -> SolverSettings:
+    """Return the settings with which the body of a scene is solved.
+
+    In a motion with yielding joints the tolerance is `SHARPER` times that of ``settings``: the joints feel the error of
+    the wrench. Equilibria get their tolerance in each step.
+    """
+    if scene.dynamics is None or all(arm.springs is None for arm in scene.arms):
+        return settings
+    return replace(settings, tolerance=SHARPER * settings.tolerance)
 
 
 def _flawed(march: March, flaw: str) -> March:

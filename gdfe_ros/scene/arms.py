@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -181,7 +181,7 @@ class _Builder:
     def _start(self, robot: Description) -> NDArray[np.float64] | None:
         """Return the initial positions [rad] or [m] of the commanded joints; None if there are defects."""
         joints = {joint.name: joint for joint in robot.commanded}
-        sound = self._require_joints("start", self._model.start, joints)
+        sound = self._require_joints("start", self._model.start, robot)
         for joint in joints.values():
             value, limits = self._model.start.get(joint.name, 0.0), joint.limits
             if not limits.lower <= value <= limits.upper:
@@ -193,7 +193,7 @@ class _Builder:
     def _springs(self, robot: Description) -> JointSprings | None:
         """Return the springs of the joints; None if all joints are rigid."""
         joints, given = [joint.name for joint in robot.commanded], self._model.compliance
-        self._require_joints("compliance", given, joints)
+        self._require_joints("compliance", given, robot)
         rows = [(place, given[name]) for place, name in enumerate(joints) if name in given]
         if not rows:
             return None
@@ -203,11 +203,16 @@ class _Builder:
             damping=np.array([model.damping for _, model in rows]),
         )
 
-    def _require_joints(self, key: str, names: Iterable[str], joints: Collection[str]) -> bool:
+    def _require_joints(self, key: str, names: Iterable[str], robot: Description) -> bool:
         """Report each of the names below ``key`` that is not a commanded joint; return whether there is none."""
+        joints = [joint.name for joint in robot.commanded]
+        followers = {joint.name: joint.mimic.joint for joint in robot.joints.values() if joint.mimic is not None}
         unknown = [name for name in names if name not in joints]
         for name in unknown:
-            self._report.add((*self._path, key, name), f"there is no such joint{suggest(name, joints)}", value=NO_VALUE)
+            text = f"there is no such joint{suggest(name, joints)}"
+            if name in followers:
+                text = f"this joint follows {followers[name]!r} (mimic) and has no motor; remedy: {followers[name]}"
+            self._report.add((*self._path, key, name), text, value=NO_VALUE)
         return not unknown
 
     def _touching(self, robot: Description) -> list[str]:

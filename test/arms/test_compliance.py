@@ -232,3 +232,28 @@ def test_a_swinging_hand_bounces_off_a_wall(yielding: Callable) -> None:
     assert max(angles) < 0.043
     assert min(angles[50:]) < 0.5 * max(angles)
     assert max(energies) <= energies[0] + 5e-3 * 200.0 * max(angles) ** 2
+
+
+def test_a_hand_pressed_on_a_floor_stays_in_balance(yielding: Callable) -> None:
+    """A commanded joint presses the hand on a floor with friction and lifts it again: each step converges."""
+    floor = "obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.03], friction: 0.5, fixed: true}}\n"
+    springs = "{lift: {stiffness: 800, damping: 2}, bend: {stiffness: 50, damping: 0.1}}"
+    motion = "dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 100}}\n"
+    simulation, pressed = yielding(springs, f"{floor}{motion}", young=3.0e5), []
+    for number in range(160):
+        goal = np.interp(0.005 * number, [0.0, 0.4, 0.7], [np.pi / 2.0, 1.65, 1.5])
+        result = simulation.step(Command(joints={"lift": float(goal)}))
+        assert result.converged, result.message
+        pressed.append(result.contacts["floor"].presses.sum())
+    assert max(pressed) > 10.0
+
+
+def test_a_following_joint_has_no_spring(held_block: Path) -> None:
+    """A spring of a joint that mimics another one is refused with the name of the other joint."""
+    urdf = held_block.parent / "two.urdf"
+    follows = '<axis xyz="0 1 0"/><mimic joint="lift"/>'.join(urdf.read_text().rsplit('<axis xyz="0 1 0"/>', 1))
+    urdf.write_text(follows)
+    text = held_block.read_text().rstrip().removesuffix("}")
+    held_block.write_text(f"{text}, compliance: {{bend: {{stiffness: 10}}}}}}\n")
+    with pytest.raises(SceneError, match="this joint follows 'lift'"):
+        load_scene(held_block)
