@@ -159,7 +159,7 @@ bench: $(VENV)/.extra-test $(VENV)/.extra-bench
 	@$(BIN)/python -m pytest -q -m bench
 	@$(BIN)/python -m benchmarks
 
-# An hour on two quiet cores, table by table into test/data; what is interrupted goes on where it stopped.
+# 60 to 90 minutes on two quiet cores, table by table into test/data; what is interrupted goes on where it stopped.
 # CalculiX is measured where it is installed: apt-get install calculix-ccx
 measure: $(VENV)/.extra-test $(VENV)/.extra-bench
 	@$(BIN)/python -m benchmarks.measure $(if $(ONLY),--only $(ONLY)) $(if $(AGAIN),--again)

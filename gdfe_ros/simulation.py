@@ -18,7 +18,7 @@ from gdfe_ros.command import Command, Orders, checked_positions, require_snapsho
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.coupling.joint_coupling import JointCoupling, solver_settings
+from gdfe_ros.coupling.joint_coupling import JointCoupling
 from gdfe_ros.errors import ENDED, CommandError, GdfeError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
@@ -102,7 +102,7 @@ class Simulation:
         self._carriers = Carriers(scene.arms)
         self.origin = working_origin(scene.mesh)
         body = scene_body(scene, self.origin, self.settings.torsion)
-        self.stepper = make_stepper(scene, solver_settings(scene, self.settings), body, terms)
+        self.stepper = make_stepper(scene, self.settings, body, terms)
         self._coupling = JointCoupling(
             scene.arms,
             self.stepper,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 
+SHARPER = 0.1
+"""Factor of the tolerance in a motion with yielding joints of arms, which feel the error of the body's wrench."""
 RELATIVE_STEPS = 20
 """Default load steps of a program under the ``relative`` policy."""
 
@@ -41,6 +44,8 @@ def make_stepper(
 
     if scene.dynamics is None:
         return Stepper(body, settings, acting())
+    if any(arm.springs is not None for arm in scene.arms):
+        settings = replace(settings, tolerance=SHARPER * settings.tolerance)
     density, filling = cell_densities(scene.materials, scene.cell_material), scene.mesh.filling
     mass = mass_matrix(body.rest, body.cells, density, scene.masses, filling=filling)
     return MotionStepper(body, settings, scene.dynamics, mass, acting)

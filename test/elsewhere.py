@@ -43,6 +43,7 @@ COMPUTING = (
     "arms",
     "constraints",
     "control",
+    "coupling",
     "fitting",
     "test_blas.py",
     "test_checkpoint.py",

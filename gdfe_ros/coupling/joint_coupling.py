@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,12 @@ from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.coupling.balance import JointBalance, Links, distance, on_links
 from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.coupling.search import BalanceSearch
-from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.flight import ROUNDING
 from gdfe_ros.solver.motion.integrator import ACCURACY, FINEST, largest
 from gdfe_ros.solver.motion.stepper import CALM, MotionStepper
-from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import FINER, Stepper
@@ -37,8 +35,6 @@ PATIENCE = 4
 """Number of solves that do not halve the correction, after which an allowed correction is left out."""
 SOLVES = 24
 """Largest number of solves of the body for one balance; usually there are 2 to 4."""
-SHARPER = 0.1
-"""Factor of the body's tolerance in a motion with yielding joints."""
 HALVINGS, MOVING_HALVINGS = 6, 2
 """How often a failing step without dynamics, and an internal step of a motion, is halved."""
 LONGEST_CORRECTION = 1.0
@@ -258,17 +254,6 @@ class JointCoupling:
             return self._near
         body = balance.h**2 * largest(self._stepper.accelerations(start))
         return self._near * min(1.0, max(FINEST, ACCURACY * max(balance.swing(), body) / self._size))
-
-
-def solver_settings(scene: Scene, settings: SolverSettings) -> SolverSettings:
-    """Return the settings with which the body of a scene is solved.
-
-    In a motion with yielding joints the tolerance is `SHARPER` times that of ``settings``: the joints feel the error of
-    the wrench. Equilibria get their tolerance in each step.
-    """
-    if scene.dynamics is None or all(arm.springs is None for arm in scene.arms):
-        return settings
-    return replace(settings, tolerance=SHARPER * settings.tolerance)
 
 
 def _flawed(march: March, flaw: str) -> March:
