@@ -84,8 +84,8 @@ class JointCoupling:
 
     The wrenches in `JointBalance` are known only at positions q for which the body was solved, with its handle at the
     flange's pose. `BalanceSearch` corrects q until the joints are in balance. Each correction needs one more solve of
-    the body, from the beginning of the step. Equilibria are solved to `FINER` times the
-    tolerance, because the error of a wrench is larger on joints that are softer than the body.
+    the body, from the beginning of the step. Equilibria are solved to `FINER` times the tolerance, because the error of
+    a wrench moves joints that are softer than the body by more than the tolerance.
 
     Args:
         arms: of the scene; arms without springs are left out.
