@@ -22,6 +22,7 @@ from selenium.webdriver.support.ui import Select, WebDriverWait
 
 from benchmarks.chromium import PATIENCE, start
 from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.face_values import face_values
 from gdfe_ros.analysis.report.pictures import write_png
 from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
 from gdfe_ros.analysis.report.writer import write_report
@@ -123,7 +124,7 @@ def test_the_report_works_in_a_browser(
 
 
 def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, tmp_path: Path) -> None:
-    """For a rod of voxels with a skin, the page draws the skin's points, coloured by face, without edges."""
+    """For a rod of voxels with a skin, the page draws the skin's points, coloured smoothly, without edges."""
     rod = trimesh.creation.capsule(height=0.05, radius=0.01, count=[24, 24])
     rod.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
     rod.export(tmp_path / "rod.stl")
@@ -138,7 +139,7 @@ def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, tmp_pa
     positions = np.stack([_drawn(browser, axis) for axis in "xyz"], axis=1)
     np.testing.assert_allclose(positions, outside.at(bag.simulation.positions), atol=0.1 / 65535)
     assert len(_intensity(browser)) == len(outside.faces)
-    strain = bag.simulation.fields().eps_eq[outside.cells]
+    strain = face_values(outside, bag.simulation.fields().eps_eq)
     np.testing.assert_allclose(_intensity(browser), strain, atol=2.0 * strain.max() / 65535)
     _picture(browser, "report_skin.png")
     assert not browser.find_element(By.ID, "edges").is_selected()
