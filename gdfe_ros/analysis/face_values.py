@@ -6,18 +6,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.outside import Outside
+from gdfe_ros.mesh import HexMesh
 
 
-def face_values(outside: Outside, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return values on the faces (f,) of a surface, from ``values`` (m,) of the cells.
+def face_values(mesh: HexMesh, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return values on the faces (f,) of the drawn surface, from ``values`` (m,) of the cells.
 
     The faces of cells have the values of their cells. A skin has many faces for each cell, so that its values would
-    jump from cell to cell. There, a point has the mean value of its faces, and a face the mean value of its points.
+    jump from cell to cell. There, a vertex of the mesh has the mean value of its cells, and a face the mean value of
+    its points, interpolated between the vertices and limited to the range of ``values``.
     """
-    own = values[outside.cells]
+    outside = mesh.outside
     if not outside.skin:
-        return own
-    points, sides = outside.faces.ravel(), outside.faces.shape[1]
-    at_points = np.bincount(points, weights=np.repeat(own, sides)) / np.maximum(np.bincount(points), 1)
-    return at_points[outside.faces].mean(axis=1)
+        return values[outside.cells]
+    corners, sides, count = mesh.cells.ravel(), mesh.cells.shape[1], mesh.n_vertices
+    sums = np.bincount(corners, weights=np.repeat(values, sides), minlength=count)
+    at_vertices = sums / np.maximum(np.bincount(corners, minlength=count), 1)
+    on_faces = outside.at(at_vertices)[outside.faces].mean(axis=1)
+    return np.clip(on_faces, values.min(), values.max())

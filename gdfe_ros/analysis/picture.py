@@ -72,7 +72,7 @@ def draw_body(
     faces = outside.at(positions)[outside.faces]
     colours = matplotlib.colormaps[COLOURS]
     norm = matplotlib.colors.Normalize(*colour_range(*(limits or (float(values.min()), float(values.max())))))
-    lit = shaded(colours(norm(face_values(outside, values))), faces)
+    lit = shaded(colours(norm(face_values(mesh, values))), faces)
     edges = lit if outside.skin else np.tile((0.0, 0.0, 0.0, 0.25), (len(lit), 1))
     scenery = scenery or Scenery()
     _draw_surfaces(axes, (faces, lit, edges), positions, scenery.obstacles)

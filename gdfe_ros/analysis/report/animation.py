@@ -82,7 +82,7 @@ class Animation:
             values = step.samples[topic][name]
             shown = self._outside
             of_cells = topic == "strain"
-            on_faces = face_values(shown, values) if of_cells else shown.at(values)[shown.faces].mean(axis=1)
+            on_faces = face_values(self.mesh, values) if of_cells else shown.at(values)[shown.faces].mean(axis=1)
             self._colours[topic, name].append(on_faces.astype(np.float32))
 
     def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
