@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.carriers import Motions, link_pushes
@@ -73,17 +74,15 @@ class JointBalance:
 
     def first_derivative(self, q: Vector) -> Vector:
         """Return k + theta_v d + kappa M (y, y): the derivative of `gap` without that of the body's wrench."""
-        whole, begin = np.zeros((len(q), len(q))), 0
+        blocks = []
         for arm, own in self._split(q):
             block, soft = np.diag(arm.springs.stiffness), arm.springs.yielding
             if self.rules:
                 rule = self.rules[arm.name]
-                mass = arm.dynamics.mass_matrix(self._positions(arm, own))[np.ix_(soft, soft)]
+                mass = arm.dynamics.mass_matrix(joint_positions(arm, self.after, own))[np.ix_(soft, soft)]
                 block += rule.theta * np.diag(arm.springs.damping) + rule.kappa * mass
-            end = begin + len(own)
-            whole[begin:end, begin:end] = block
-            begin = end
-        return whole
+            blocks.append(block)
+        return block_diag(*blocks)
 
     def gap(self, q: Vector, state: State) -> Vector:
         """Return the efforts of the links minus the torques of the springs (y,) [N m] or [N], in a state."""
@@ -102,7 +101,7 @@ class JointBalance:
         """Return dict from handle or obstacle of a link to its pose."""
         found: dict[str, Pose] = {}
         for arm, own in self._split(q):
-            found |= arm.poses(self._positions(arm, own), self.last)
+            found |= arm.poses(joint_positions(arm, self.after, own), self.last)
         return found
 
     def length(self, q: Vector, correction: Vector) -> float:
@@ -135,12 +134,6 @@ class JointBalance:
         still = LinkMotion.at(own)
         return still._replace(velocities=motor.velocities[soft], balanced=motor.accelerations[soft])
 
-    def _positions(self, arm: Arm, own: Vector) -> Vector:
-        """Return the positions (n,) of all joints of an arm at the end."""
-        q = self.after[arm.name].positions.copy()
-        q[arm.springs.yielding] = own
-        return q
-
     def _split(self, q: Vector) -> Iterator[tuple[Arm, Vector]]:
         """Return pairs of each arm and its own part of ``q`` (y,)."""
         ends = np.cumsum([len(arm.springs.yielding) for arm in self.arms])[:-1]
@@ -157,6 +150,11 @@ def on_links(arm: Arm, motor: JointMotion, link: LinkMotion) -> JointMotion:
 
 def distance(arm: Arm, motors: Motions, one: Vector, other: Vector, size: float) -> float:
     """Return how far [m] a body of ``size`` [m] on the flange moves between two positions (y,) of the joints."""
-    first, second = motors[arm.name].positions.copy(), motors[arm.name].positions.copy()
-    first[arm.springs.yielding], second[arm.springs.yielding] = one, other
-    return arm.flange_distance(first, second, size)
+    return arm.flange_distance(joint_positions(arm, motors, one), joint_positions(arm, motors, other), size)
+
+
+def joint_positions(arm: Arm, motors: Motions, own: Vector) -> Vector:
+    """Return the positions (n,) of all joints of an arm, with those of the yielding joints at ``own`` (y,)."""
+    q = motors[arm.name].positions.copy()
+    q[arm.springs.yielding] = own
+    return q

@@ -25,6 +25,7 @@ from gdfe_ros.solver.motion.integrator import ACCURACY, FINEST, largest
 from gdfe_ros.solver.motion.stepper import CALM, MotionStepper
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.stepping.path import on_path
 from gdfe_ros.solver.stepping.stepper import FINER, Stepper
 from gdfe_ros.solver.value import changed
 
@@ -71,10 +72,7 @@ class _Task:
     def part(self, number: int, count: int, state: State, links: Links) -> _Task:
         """Return part ``number`` of ``count`` equal parts; it starts from ``state`` and ``links``."""
         share, began = (number + 1) / count, self.state
-        poses, values = self.targets, self.commands
-        if number + 1 < count:
-            poses = {name: began.poses[name].blend(pose, share) for name, pose in poses.items()}
-            values = {name: at + share * (values[name] - at) for name, at in began.commands.items()}
+        poses, values = on_path((began.poses, began.commands), (self.targets, self.commands), share)
         motors = Carriers.part_way(*self.motors, number / count), Carriers.part_way(*self.motors, share)
         return _Task(state=state, links=links, motors=motors, targets=poses, commands=values)
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
@@ -140,3 +141,23 @@ def make_bag(tmp_path: Path) -> Callable[..., Path]:
         return bag.close()
 
     return make
+
+
+ROD = """
+name: rod
+mesh: {voxels: {surface: rod.stl, cell: 0.005, cells: cut}}
+skin: {file: rod.stl}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
+"""
+
+
+@pytest.fixture
+def rod(tmp_path: Path) -> Scene:
+    """Return the scene of a rod of voxels with a skin."""
+    surface = trimesh.creation.capsule(height=0.05, radius=0.01, count=[24, 24])
+    surface.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
+    surface.export(tmp_path / "rod.stl")
+    (tmp_path / "rod.yaml").write_text(ROD)
+    return load_scene(tmp_path / "rod.yaml")

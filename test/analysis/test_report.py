@@ -13,7 +13,6 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-import trimesh
 from PIL import Image
 from selenium import webdriver
 from selenium.common.exceptions import TimeoutException
@@ -29,7 +28,7 @@ from gdfe_ros.analysis.report.writer import write_report
 from gdfe_ros.cli import main
 from gdfe_ros.colour_map import NOISE
 from gdfe_ros.constraints import Pose
-from gdfe_ros.scene import load_scene
+from gdfe_ros.scene import Scene, load_scene
 
 ARTEFACTS = Path(__file__).parents[2] / ".ci" / "artefacts"
 CHARTS = {
@@ -40,14 +39,6 @@ CHARTS = {
     "Error estimate over the body's size",
     "Solve time",
 }
-ROD = """
-name: rod
-mesh: {voxels: {surface: rod.stl, cell: 0.005, cells: cut}}
-skin: {file: rod.stl}
-materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
-regions: [{material: soft}]
-handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
-"""
 
 
 @pytest.fixture
@@ -123,13 +114,9 @@ def test_the_report_works_in_a_browser(
     assert [name for name in fetched if not name.startswith("data:")] == []
 
 
-def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, tmp_path: Path) -> None:
+def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, rod: Scene, tmp_path: Path) -> None:
     """For a rod of voxels with a skin, the page draws the skin's points, coloured smoothly, without edges."""
-    rod = trimesh.creation.capsule(height=0.05, radius=0.01, count=[24, 24])
-    rod.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
-    rod.export(tmp_path / "rod.stl")
-    (tmp_path / "rod.yaml").write_text(ROD)
-    bag = maker(tmp_path / "bag", load_scene(tmp_path / "rod.yaml"))
+    bag = maker(tmp_path / "bag", rod)
     for height in (0.0, 0.005, 0.01):
         bag.step({"tip": Pose(translation=(0.0, 0.0, height))})
     outside = bag.scene.mesh.outside

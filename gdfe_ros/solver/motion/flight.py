@@ -12,6 +12,7 @@ from gdfe_ros.solver.account import Failure
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.stepping.path import on_path
 from gdfe_ros.solver.value import changed
 
 HALVINGS = 4
@@ -86,13 +87,8 @@ class Flight:
     @property
     def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
         """Poses and commands at the end of the next internal step."""
-        end = self.done + self.size
-        if end >= self.total:
-            return self.poses, self.commands
-        share, began = end / self.total, self.began
-        poses = {name: began.poses[name].blend(target, share) for name, target in self.poses.items()}
-        commands = {name: value + share * (self.commands[name] - value) for name, value in began.commands.items()}
-        return poses, commands
+        began, goal = (self.began.poses, self.began.commands), (self.poses, self.commands)
+        return on_path(began, goal, (self.done + self.size) / self.total)
 
     @property
     def can_halve(self) -> bool:

@@ -12,6 +12,7 @@ from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.stepping.path import on_path
 from gdfe_ros.solver.value import changed
 
 SHORTEST_SUBSTEP = 1.0 / 256.0
@@ -108,12 +109,7 @@ class Way:
     @property
     def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
         """Poses and commands at the end of the next attempt."""
-        share, goal = self.next, self.goal
-        if share == 1.0:
-            return goal.poses, goal.commands
-        poses = {name: self.poses[name].blend(target, share) for name, target in goal.poses.items()}
-        commands = {name: value + share * (goal.commands[name] - value) for name, value in self.commands.items()}
-        return poses, commands
+        return on_path((self.poses, self.commands), (self.goal.poses, self.goal.commands), self.next)
 
     def tried(self, solution: Solution, *, jumps: bool) -> Way:
         """Return the load path after an attempt: iterations are added, and a jump or folded elements are recorded."""
