@@ -27,12 +27,14 @@ from gdfe_ros.solver.body import Body, working_origin
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import ElementFields, element_fields
 from gdfe_ros.solver.motion.imu import ImuReading, later_readings
+from gdfe_ros.solver.motion.putting import require_free
 from gdfe_ros.solver.motion.stepper import InternalStep, MotionStepper
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.state import Snapshot, State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.outcome import step_result
+from gdfe_ros.solver.stepping.placing import moved_along
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.step_time import require_countable, require_times
@@ -161,8 +163,7 @@ class Simulation:
         Raises:
             OverlapError: a rigid body overlaps the body's rest shape; the state is unchanged.
         """
-        before, bodies = self.snapshot(), [each.name for each in self.scene.handles if isinstance(each, RigidBody)]
-        places = {name: self.handle_pose(name) for name in bodies}
+        before, places = self.snapshot(), {name: self.handle_pose(name) for name in self._rigid}
         self.reset()
         self.time = before.time
         try:
@@ -170,6 +171,26 @@ class Simulation:
         except OverlapError:
             self.restore(before)
             raise
+
+    def reset_arms(self) -> None:
+        """Put all arms back to their initial joint positions at once; what an arm holds moves with it, in its shape.
+
+        Time, loads and actuators stay, rigid bodies keep their places, and all velocities are the initial ones.
+
+        Raises:
+            CommandError: the scene has no arms, or another handle holds what an arm holds; the state is unchanged.
+            OverlapError: a rigid body would be inside of the body or a link; the state is unchanged.
+        """
+        if not self._carriers:
+            raise CommandError(f"scene {self.scene.name!r} has no arms; ~/reset goes back to rest as a whole")
+        motions = self._carriers.at_rest()
+        poses = self._carriers.advance(motions, {}, 0.0, {}).poses
+        moved, positions = moved_along(self.stepper.body, self.stepper.equilibrium.handles, self.state, poses)
+        found = self.stepper.place(moved, positions)
+        require_free(self.stepper.body, found, self._rigid)
+        self.state, self._joints, self._cuts = found, motions, {}
+        self._links = self._coupling.at_rest()
+        self.targets = {**self.targets, **poses}
 
     def rest_command(self) -> Command:
         """Return the initial command: handles at their rest poses, neutral actuators, loads with initial factors."""
@@ -179,6 +200,11 @@ class Simulation:
             loads={load.name: self._neutral[load.name] for load in self.scene.loads},
             joints=self._carriers.parts(self._carriers.at_rest(), "goals"),
         )
+
+    @property
+    def _rigid(self) -> list[str]:
+        """Names of the rigid bodies."""
+        return [each.name for each in self.scene.handles if isinstance(each, RigidBody)]
 
     @property
     def _movable(self) -> list[str]:

@@ -83,6 +83,11 @@ class Channel:
         """Whether a subscriber or a bag needs the messages. If not, no message has to be built."""
         return self.recorder is not None or self._count() > self._own
 
+    @property
+    def subscribers(self) -> int:
+        """Number of subscriptions that the middleware has connected."""
+        return self._count()
+
     def due(self, step: Step) -> bool:
         """Return whether to publish a step. A repeated step is published only for new subscribers that lack it."""
         if step.again:

@@ -103,6 +103,10 @@ class Inputs:
                 self._unheard.discard(topic)
         return found
 
+    def connections(self) -> dict[str, int]:
+        """Return a dict from topic to the number of publishers that the middleware has connected."""
+        return {each.topic_name: each.get_publisher_count() for each in self._subscriptions.values()}
+
     @property
     def infos(self) -> list[TopicInfo]:
         """Descriptions of the topics for a bag."""

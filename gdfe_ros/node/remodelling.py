@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replacement of a running simulation by a simulation with other Young's moduli."""
+"""Replacement of a running simulation by one with other Young's moduli, or with other rigid bodies."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.errors import OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.motion.carry import carried
+from gdfe_ros.solver.motion.carry import carried, with_bodies_of
+from gdfe_ros.solver.value import changed as replaced
 
 _LONG = 1e9
 """Duration of a step [s] so long that no rate limit restricts a command."""
@@ -57,3 +61,32 @@ def with_moduli(
     changed.step(command, dt=_LONG, interrupted=interrupted)
     changed.time = old.time
     return changed
+
+
+def take_over(old: Simulation, new: Simulation) -> None:
+    """Continue the motion of ``old`` in ``new``, whose scene differs in its rigid bodies only.
+
+    The energy account continues: what a new or removed body adds to the energy counts as work.
+
+    Raises:
+        OverlapError: a new body is inside of an obstacle, another rigid body, or the soft body; ``new`` is at rest.
+    """
+    fresh = new.snapshot()
+    new.restore(with_bodies_of(old.snapshot(), fresh, old.scene.handles, new.scene.handles))
+    known = {handle.name for handle in old.scene.handles}
+    added = [each.name for each in new.scene.handles if isinstance(each, RigidBody) and each.name not in known]
+    try:
+        if added:
+            new.state = new.stepper.put(new.state, dict.fromkeys(added, Pose()))
+    except OverlapError:
+        new.restore(fresh)
+        raise
+    new.state = new.state.with_(balance=new.stepper.actuation.balance(new.state.positions, new.state.commands))
+    ledger, gap = new.state.ledger, _unbalanced(new) - _unbalanced(old)
+    new.state = new.state.with_(ledger=replaced(ledger, work=ledger.work + gap))
+
+
+def _unbalanced(simulation: Simulation) -> float:
+    """Return the energy [J] that is not accounted for as work."""
+    energies = simulation.stepper.energies(simulation.state)
+    return sum(energies[name] for name in ("kinetic", "elastic", "potential", "dissipated")) - energies["work"]

@@ -41,6 +41,7 @@ class Services:
             services.RESET_COMMANDS: self._reset_commands,
             services.RESET_BODIES: self._reset_bodies,
             services.RESET_SHAPE: self._reset_shape,
+            services.RESET_ARMS: self._reset_arms,
             services.PAUSE: self._pause,
             services.STEP: self._step,
             services.RECORD: self._record,
@@ -93,6 +94,16 @@ class Services:
         def reset() -> str:
             session.reset_shape()
             return f"at the rest shape, time {session.simulation.time:.9g} s"
+
+        return session.stepper.post(reset, urgent=True)
+
+    def _reset_arms(self, request: Trigger.Request) -> Future[str]:
+        session = self._session()
+        session.interrupt("~/reset_arms ended it")
+
+        def reset() -> str:
+            session.reset_arms()
+            return f"the arms are at their initial positions, time {session.simulation.time:.9g} s"
 
         return session.stepper.post(reset, urgent=True)
 

@@ -102,8 +102,8 @@ class SimulationSession:
         """The scene that is simulated."""
         return self.simulation.scene
 
-    def start(self) -> None:
-        """Start the threads; the present state is published at once.
+    def start(self, *, paused: bool = False) -> None:
+        """Start the threads; the present state is published at once. ``paused``: only requests make further steps.
 
         Raises:
             GdfeError: the bag cannot be created, ``command_set`` names an unknown input, or the external clock is not
@@ -120,14 +120,17 @@ class SimulationSession:
         self.courier = Courier(self.run.node.guarded(self.outputs.publish_step, "publishing a step"))
         # Before the first state is published, because a client may send commands as soon as it has received it.
         self.inputs.inbox = inbox
-        self.stepper.start(pace, inbox)
+        self.stepper.start(pace, inbox, paused=paused)
         self.inputs.followers.look(anew=True)
 
-    def stop(self) -> None:
-        """End the threads after the step in progress, publish queued steps, and finish the bag."""
+    def stop(self, why: str = "the node was deactivated") -> None:
+        """End the threads after the step in progress, publish queued steps, and finish the bag.
+
+        Trajectories in progress are told the reason ``why``.
+        """
         self.inputs.inbox = None
         self.stepper.stop()
-        self.inputs.give_up("the node was deactivated")
+        self.inputs.give_up(why)
         if self.courier is not None:
             self.courier.stop()
         if self._jumps is not None:
@@ -144,6 +147,11 @@ class SimulationSession:
         if self._transforms is not None:
             self._transforms.destroy()
         self.outputs.destroy()
+
+    def connections(self) -> dict[str, int]:
+        """Return a dict from topic to the number of other endpoints that the middleware has connected to it."""
+        found = {channel.info.name: channel.subscribers for channel in self.outputs.channels}
+        return found | self.inputs.connections()
 
     def look(self) -> None:
         """Check for commands to unknown names, for delay behind a clock, and for subscribers without the last state."""
@@ -227,11 +235,25 @@ class SimulationSession:
         Raises:
             GdfeError: a bag is being written, or a rigid body overlaps the rest shape.
         """
+        self._continue_from(self.simulation.reset_shape, "the shape was reset")
+
+    def reset_arms(self) -> None:
+        """Put all arms, with what they hold, back to their initial joint positions; keep time and shape.
+
+        Called between steps.
+
+        Raises:
+            GdfeError: a bag is being written, there are no arms, or something is in the way.
+        """
+        self._continue_from(self.simulation.reset_arms, "the arms were reset")
+
+    def _continue_from(self, reset: Callable[[], None], why: str) -> None:
+        """Continue from the state after a partial ``reset``; trajectories are told the reason ``why``."""
         if self.bags.active:
             raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
-        self.simulation.reset_shape()
+        reset()
         self.stepper.restart(Begin.LOADED)
-        self.inputs.give_up("the shape was reset")
+        self.inputs.give_up(why)
         self.inputs.freshness.reset()
         if self._transforms is not None:
             self._transforms.reset()

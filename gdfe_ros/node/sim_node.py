@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import threading
+import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
+from lifecycle_msgs.msg import State
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
@@ -15,19 +17,25 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
 from gdfe_ros.node.diagnostics import Diagnostics
+from gdfe_ros.node.entities import Entities
+from gdfe_ros.node.exchange import SceneExchange
 from gdfe_ros.node.interface import NODE_NAME, topics
 from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.preparation import prepare
 from gdfe_ros.node.refusals import Refusal, RefusalLog
+from gdfe_ros.node.remodelling import take_over
 from gdfe_ros.node.services import Services
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard import StandardServices
 from gdfe_ros.node.trajectory_action import TrajectoryAction
+from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Simulation
 
 _DIAGNOSTICS_PERIOD = 1.0
+_RECONNECTION = 1.0
+"""Longest wait for the endpoints of others after the topics were opened anew [s]; later ones join as late ones do."""
 
 
 class SimNode(ManagedNode):
@@ -60,7 +68,9 @@ class SimNode(ManagedNode):
         self._diagnostics = Diagnostics(self, self.refusals)
         self._interrupted = interrupted or threading.Event()
         self._answers = Services(self, self._settings, lambda: self.session)
-        self._standard = StandardServices(self, lambda: self.session, interrupted)
+        exchange = SceneExchange(self, lambda: self.session, self._replace)
+        self._entities = Entities(self, lambda: self.session, exchange)
+        self._standard = StandardServices(self, lambda: self.session, self._entities, interrupted)
         self._trajectories = TrajectoryAction(self, lambda: self.session)
         # A steady clock, because with use_sim_time the ROS clock may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -104,6 +114,7 @@ class SimNode(ManagedNode):
     def close(self) -> None:
         """End the threads, finish the bag, drop the simulation; safe to call at any time."""
         self.await_preparation()
+        self._entities.forget()
         session, self.session = self.session, None
         if session is not None:
             session.destroy()
@@ -135,6 +146,39 @@ class SimNode(ManagedNode):
         parts = [f"{section} {', '.join(names) or 'none'}" for section, names in named.items()]
         size = f"{scene.mesh.n_vertices} vertices, {scene.mesh.n_cells} cells"
         self.get_logger().info(f"scene {scene.name!r}: {', '.join([size, *parts])}")
+
+    def _replace(self, simulation: Simulation, anew: bool) -> None:
+        """Replace the session by one of ``simulation``, which starts anew or else continues the motion.
+
+        Raises:
+            GdfeError: a new body overlaps something; the session goes on as before.
+        """
+        old = self.session
+        active, paused, known = old.stepper.running, old.stepper.paused, old.connections()
+        old.stop("the scene was changed")
+        try:
+            if not anew:
+                take_over(old.simulation, simulation)
+        except GdfeError:
+            if active:
+                old.start(paused=paused)
+            raise
+        old.destroy()
+        self.session = SimulationSession(self, self._settings, simulation, self.refusals, ending=self._interrupted)
+        self.session.stepper.restart(Begin.REST if anew else Begin.LOADED)
+        self._await_connections(known)
+        if active:
+            super().on_activate(LifecycleState(State.PRIMARY_STATE_ACTIVE, "active"))
+            self.session.start(paused=paused)
+
+    def _await_connections(self, known: Mapping[str, int]) -> None:
+        """Wait until the new topics are connected to as many endpoints as the old ones, at most `_RECONNECTION`."""
+        end = time.monotonic() + _RECONNECTION
+        while time.monotonic() < end:
+            now = self.session.connections()
+            if all(now.get(topic, count) >= count for topic, count in known.items()):
+                return
+            time.sleep(0.002)
 
     def _activate(self) -> None:
         self.session.start()

@@ -13,23 +13,12 @@ from enum import IntEnum
 from typing import Any
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.entities import Entities
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.qos import installed, interface_class
 from gdfe_ros.node.session import SimulationSession
-
-
-class _Result(IntEnum):
-    """Result codes of ``simulation_interfaces/msg/Result``, whose names differ between its versions.
-
-    Codes above 100 belong to a single service.
-    """
-
-    UNSUPPORTED = 0
-    OK = 1
-    INCORRECT_STATE = 3
-    FAILED = 4
-    ALREADY = 101
+from gdfe_ros.node.standard_answers import ResultCode, done, failed, later
 
 
 class _State(IntEnum):
@@ -42,10 +31,16 @@ class _State(IntEnum):
     INITIALIZING = 4
 
 
-_FEATURES = (20, 24, 25, 26, 31, 32, 33)
-"""Codes of the supported features: reset; get state, set state, pause; one step, several steps, steps as an action."""
-_TIME, _STATE = 1, 2
-"""Bits of a reset's scope: time, state; a scope of 0 means all."""
+_FEATURES = (0, 1, 9, 10, 11, 20, 23, 24, 25, 26, 31, 32, 33)
+"""Codes of the supported features.
+
+Spawn, delete, spawn from text, get and set the state of a body; reset, reset of spawned bodies; get state, set state,
+pause; one step, several steps, steps as an action.
+"""
+_FORMATS = ("urdf", "gdfe_ros")
+"""Formats of spawned bodies; the second one is YAML like an entry of `bodies` in a scene file."""
+_TIME, _STATE, _SPAWNED = 1, 2, 4
+"""Bits of a reset's scope: time, state, spawned bodies; a scope of 0 means all."""
 
 
 class StandardServices:
@@ -54,13 +49,18 @@ class StandardServices:
     Args:
         node: node that offers the services.
         session: function that returns the running session, or None.
+        entities: the spawned bodies, which some requests remove.
         quit: event that ends the process; None: this node cannot end it.
     """
 
     def __init__(
-        self, node: ManagedNode, session: Callable[[], SimulationSession | None], quit: threading.Event | None
+        self,
+        node: ManagedNode,
+        session: Callable[[], SimulationSession | None],
+        entities: Entities,
+        quit: threading.Event | None,
     ) -> None:
-        self._node, self._session, self._quit = node, session, quit
+        self._node, self._session, self._entities, self._quit = node, session, entities, quit
         self._at_start = False
         if not installed(services.STEP_SIMULATION.type):
             return
@@ -78,7 +78,7 @@ class StandardServices:
     def _features(self, request: Any, response: Any) -> Any:
         # The message's only field, which versions of the package name differently.
         features = getattr(response, next(iter(response.get_fields_and_field_types())))
-        features.features = list(_FEATURES)
+        features.features, features.spawn_formats = list(_FEATURES), list(_FORMATS)
         features.custom_info = (
             "soft bodies; one scene, loaded by the transition configure; see also ~/step, ~/save_state"
         )
@@ -86,7 +86,7 @@ class StandardServices:
 
     def _get_state(self, request: Any, response: Any) -> Any:
         response.state.state = int(self._state())
-        response.result.result = int(_Result.OK)
+        response.result.result = int(ResultCode.OK)
         return response
 
     def _state(self) -> _State:
@@ -105,48 +105,50 @@ class StandardServices:
         wanted, session = request.state.state, self._session()
         if wanted == _State.QUITTING and self._quit is not None:
             self._quit.set()
-            return _done(response)
+            return done(response)
         if wanted not in (_State.STOPPED, _State.PLAYING, _State.PAUSED):
-            return _failed(response, _Result.UNSUPPORTED, f"state {wanted} cannot be set here")
+            return failed(response, ResultCode.UNSUPPORTED, f"state {wanted} cannot be set here")
         if session is None or not session.stepper.running:
-            return _failed(response, _Result.INCORRECT_STATE, self._inactive())
+            return failed(response, ResultCode.INCORRECT_STATE, self._inactive())
         if wanted == self._state():
-            return _failed(response, _Result.ALREADY, f"the simulation is {_State(wanted).name.lower()} already")
+            return failed(response, ResultCode.ALREADY, f"the simulation is {_State(wanted).name.lower()} already")
         if wanted == _State.PLAYING:
             return self._play(session, response)
         session.interrupt("set_simulation_state ended it")
         session.stepper.pause(True)
         self._at_start = wanted == _State.STOPPED
-        return (
-            self._later(session.stepper.post(session.reset, urgent=True), response)
-            if self._at_start
-            else _done(response)
-        )
+        return later(self._restarted(session, spawned=True), response) if self._at_start else done(response)
 
     def _play(self, session: SimulationSession, response: Any) -> Any:
         try:
             session.play()
         except GdfeError as error:
-            return _failed(response, _Result.INCORRECT_STATE, str(error))
-        return _done(response)
+            return failed(response, ResultCode.INCORRECT_STATE, str(error))
+        return done(response)
 
     def _reset(self, request: Any, response: Any) -> Any:
         session, scope = self._session(), request.scope or 255
         if session is None:
-            return _failed(response, _Result.INCORRECT_STATE, self._inactive())
+            return failed(response, ResultCode.INCORRECT_STATE, self._inactive())
         whole = scope & (_TIME | _STATE)
         if whole not in (0, _TIME | _STATE):
-            return _failed(response, _Result.UNSUPPORTED, f"scope {scope}: time and state are reset together only")
-        if not whole:  # the scope is spawned entities only, of which there are none
-            return _done(response)
+            return failed(response, ResultCode.UNSUPPORTED, f"scope {scope}: time and state are reset together only")
+        if not whole:
+            return later(self._entities.remove_all(anew=False), response) if scope & _SPAWNED else done(response)
         session.interrupt("reset_simulation ended it")
-        return self._later(session.stepper.post(session.reset, urgent=True), response)
+        return later(self._restarted(session, spawned=bool(scope & _SPAWNED)), response)
+
+    def _restarted(self, session: SimulationSession, *, spawned: bool) -> Future[Any]:
+        """Go back to rest at time 0; ``spawned``: without the spawned bodies."""
+        if spawned and self._entities.spawned:
+            return self._entities.remove_all(anew=True)
+        return session.stepper.post(session.reset, urgent=True)
 
     def _step(self, request: Any, response: Any) -> Any:
         try:
-            return self._later(self._walk(request.steps), response)
+            return later(self._walk(request.steps), response)
         except GdfeError as error:
-            return _failed(response, _Result.FAILED, str(error))
+            return failed(response, ResultCode.FAILED, str(error))
 
     def _walk(self, steps: int, told: Callable[[int], None] | None = None) -> Future[str]:
         session = self._session()
@@ -158,17 +160,6 @@ class StandardServices:
 
     def _inactive(self) -> str:
         return f"the node is {self._node.lifecycle_state}; call the transitions `configure` and `activate` first"
-
-    def _later(self, work: Future[Any], response: Any) -> Future[Any]:
-        """Return a ``Future`` of the response, which is complete when ``work`` is done."""
-        answer: Future = Future()
-
-        def respond(done: Future[Any]) -> None:
-            error = done.exception()
-            answer.set_result(_done(response) if error is None else _failed(response, _Result.FAILED, str(error)))
-
-        work.add_done_callback(respond)
-        return answer
 
     def _offer_action(self) -> None:
         from rclpy.action import ActionServer, CancelResponse
@@ -200,9 +191,9 @@ class StandardServices:
                 result = kind.Result()
                 if error is None:
                     goal.succeed()
-                    return _done(result)
+                    return done(result)
                 (goal.canceled if goal.is_cancel_requested else goal.abort)()
-                return _failed(result, _Result.FAILED, str(error))
+                return failed(result, ResultCode.FAILED, str(error))
 
             goal.execute(conclude)
 
@@ -210,13 +201,3 @@ class StandardServices:
             self._walk(steps, tell).add_done_callback(lambda done: finish(done.exception()))
         except GdfeError as error:
             finish(error)
-
-
-def _done(response: Any) -> Any:
-    response.result.result = int(_Result.OK)
-    return response
-
-
-def _failed(response: Any, result: _Result, text: str) -> Any:
-    response.result.result, response.result.error_message = int(result), text
-    return response

@@ -105,10 +105,13 @@ class SteppingThread:
         """Whether only ``advance`` makes steps."""
         return self._paused
 
-    def start(self, pace: Pace, inbox: Inbox) -> None:
-        """Start the thread: it delivers the present state at once, then makes a step whenever ``pace`` requires it."""
+    def start(self, pace: Pace, inbox: Inbox, *, paused: bool = False) -> None:
+        """Start the thread: it delivers the present state at once, then makes a step whenever ``pace`` requires it.
+
+        ``paused``: only ``advance`` makes steps.
+        """
         self._pace, self._inbox = pace, inbox
-        self._stopping = self._paused = False
+        self._stopping, self._paused = False, paused
         self.failure = ""
         self._thread = threading.Thread(target=self._work, name=STEPPER, daemon=True)
         self._thread.start()

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.form import TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.errors import SceneError
@@ -236,7 +237,8 @@ def _source(
         within[path[-1]] = entry
         changed = True
     for handle in handles:
-        if isinstance(handle, Obstacle) and isinstance(handle.form, TriangleMesh):
+        own = isinstance(handle, Obstacle) and not isinstance(handle, ArmLink)  # the arm's entry has its links' meshes
+        if own and isinstance(handle.form, TriangleMesh):
             model = getattr(draft, handle.section)[handle.name]
             data[handle.section][handle.name]["mesh"] = model.mesh.embed(handle.form)
             changed = True

@@ -16,6 +16,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros import Command, Simulation, load_scene
@@ -92,6 +93,18 @@ def test_a_node_tells_of_the_arm(client: Any, start: Callable, interfaces: Calla
     client.publish("joint_command", JointState(name=["lift", "bend"], position=[0.1]))
     client.publish("handles/wrist/target", PoseStamped())
     client.wait(lambda: client.diagnostics().get("commands refused") == "4")
+
+
+def test_an_arm_goes_back_at_once(client: Any, start: Callable, held_block: Path) -> None:
+    """The service puts the joints back between two steps; time goes on, and the next command starts from there."""
+    start(scene=str(held_block), clock="fast", heartbeat=0.0, dt=0.01)
+    client.publish("joint_command", JointState(name=["lift"], position=[1.0]))
+    client.wait(lambda: abs(client.mesh()[:, 5]).max() > 0.2)
+    before = client.record().time
+    response = client.call(Trigger, "reset_arms", Trigger.Request())
+    assert response.success, response.message
+    client.wait(lambda: abs(client.mesh()[:, 5]).max() < 0.05)
+    assert client.record().time >= before
 
 
 def test_what_is_cut_is_told(client: Any, start: Callable, held_block: Path) -> None:

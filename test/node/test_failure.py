@@ -68,9 +68,9 @@ def test_a_failure_while_the_node_becomes_active_is_not_forgotten(
     """If the first step raises during activation, the node is active, paused, and gives the reason."""
     start = SteppingThread.start
 
-    def start_and_wait(stepper: SteppingThread, *given: Any) -> None:
+    def start_and_wait(stepper: SteppingThread, *given: Any, **options: Any) -> None:
         monkeypatch.setattr(stepper._simulation, "step", _broken)
-        start(stepper, *given)
+        start(stepper, *given, **options)
         while not stepper.failure:
             time.sleep(0.01)
         monkeypatch.undo()

@@ -25,6 +25,13 @@ RESET_SHAPE = ServiceSpec(
     meaning="put the elastic body back to its rest shape and all commands back to those of rest; time continues, and "
     "rigid bodies keep their places but lose their velocities. Not while a bag is written",
 )
+RESET_ARMS = ServiceSpec(
+    name="~/reset_arms",
+    type="std_srvs/srv/Trigger",
+    meaning="put all arms back to their initial joint positions at once; what an arm holds moves with it and keeps its "
+    "shape. Time, loads, actuators and places of rigid bodies stay; velocities are the initial ones. Not while a bag "
+    "is written",
+)
 PAUSE = ServiceSpec(name="~/pause", type="std_srvs/srv/SetBool", meaning="true: pause the stepping; false: continue")
 STEP = ServiceSpec(
     name="~/step",
@@ -67,7 +74,7 @@ SET_STATE = ServiceSpec(
 RESET_SIMULATION = ServiceSpec(
     name="~/reset_simulation",
     type="simulation_interfaces/srv/ResetSimulation",
-    meaning="as ~/reset; time and state can only be reset together",
+    meaning="as ~/reset, and remove spawned bodies (scope 4, or all); time and state can only be reset together",
 )
 STEP_SIMULATION = ServiceSpec(
     name="~/step_simulation",
@@ -79,6 +86,32 @@ SIMULATE_STEPS = ServiceSpec(
     type="simulation_interfaces/action/SimulateSteps",
     meaning="an action: as ~/step_simulation, with feedback after each step; it can be cancelled",
 )
+SPAWN_ENTITY = ServiceSpec(
+    name="~/spawn_entity",
+    type="simulation_interfaces/srv/SpawnEntity",
+    meaning="add a rigid body, from a URDF with one link (box, cylinder or sphere with a mass) or from YAML like an "
+    "entry of `bodies`; the scene needs `dynamics`. Not while a bag is written",
+)
+DELETE_ENTITY = ServiceSpec(
+    name="~/delete_entity",
+    type="simulation_interfaces/srv/DeleteEntity",
+    meaning="remove a spawned body. Not while a bag is written",
+)
+GET_ENTITIES = ServiceSpec(
+    name="~/get_entities",
+    type="simulation_interfaces/srv/GetEntities",
+    meaning="list the rigid bodies whose names match `filters.filter`; other filters are not supported",
+)
+GET_ENTITY_STATE = ServiceSpec(
+    name="~/get_entity_state",
+    type="simulation_interfaces/srv/GetEntityState",
+    meaning="answer a rigid body's pose and velocity after the last step, in the frame `frame_id`",
+)
+SET_ENTITY_STATE = ServiceSpec(
+    name="~/set_entity_state",
+    type="simulation_interfaces/srv/SetEntityState",
+    meaning="teleport a rigid body with the next step; it is then without velocity",
+)
 FOLLOW_TRAJECTORY = ServiceSpec(
     name="~/follow_joint_trajectory",
     type="control_msgs/action/FollowJointTrajectory",
@@ -87,7 +120,19 @@ FOLLOW_TRAJECTORY = ServiceSpec(
     "hold back. A later command of one of its actuators ends it. After a cancellation the commands keep their "
     "present values",
 )
-STANDARD_SERVICES = (GET_FEATURES, GET_STATE, SET_STATE, RESET_SIMULATION, STEP_SIMULATION, SIMULATE_STEPS)
+STANDARD_SERVICES = (
+    GET_FEATURES,
+    GET_STATE,
+    SET_STATE,
+    RESET_SIMULATION,
+    STEP_SIMULATION,
+    SIMULATE_STEPS,
+    SPAWN_ENTITY,
+    DELETE_ENTITY,
+    GET_ENTITIES,
+    GET_ENTITY_STATE,
+    SET_ENTITY_STATE,
+)
 """Services offered if the package simulation_interfaces is installed."""
 ACTIONS = (FOLLOW_TRAJECTORY,)
 """Actions offered if the package control_msgs is installed."""
@@ -97,6 +142,7 @@ SERVICES = (
     RESET_COMMANDS,
     RESET_BODIES,
     RESET_SHAPE,
+    RESET_ARMS,
     PAUSE,
     STEP,
     RECORD,

@@ -1,11 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transfer of a motion to a body of the same shape with other materials."""
+"""Transfer of a motion to a body of the same shape with other materials, or to a scene with other rigid bodies."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from gdfe_ros.solver.state import Snapshot
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.solver.motion import inertia
+from gdfe_ros.solver.state import Saved, Snapshot, State
 from gdfe_ros.solver.value import changed
 
 
@@ -31,3 +38,82 @@ def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
         ledger=changed(old.ledger, failure=None, bound=None),
     )
     return replace(moving, state=state, scene=fresh.scene)
+
+
+def with_bodies_of(moving: Snapshot, fresh: Snapshot, old: Sequence[Handle], new: Sequence[Handle]) -> Snapshot:
+    """Return a snapshot that continues a motion in a scene that differs in its rigid bodies only.
+
+    Bodies of both scenes, the soft body, the contacts between them and the arms continue. A new body is at rest in its
+    rest pose, as in ``fresh``.
+
+    Args:
+        moving: snapshot in the old scene.
+        fresh: snapshot in the new scene before its first step.
+        old: handles, obstacles and rigid bodies of the old scene.
+        new: those of the new scene.
+    """
+    before, start = moving.state, fresh.state
+    rows = _rows(old, new, len(start.positions))
+    loose = _matches([each.name for each in _loose(old)], [each.name for each in _loose(new)])
+    terms = {name: before.terms.get(name, saved) for name, saved in start.terms.items()}
+    terms[inertia.NAME] = _moved_rows(before.terms[inertia.NAME], start.terms[inertia.NAME], rows, len(start.positions))
+    state = before.with_(
+        positions=_taken(before.positions, start.positions, rows),
+        base=_taken(before.base, start.base, rows),
+        poses={name: before.poses.get(name, pose) for name, pose in start.poses.items()},
+        slides=_taken(before.slides, start.slides, loose),
+        turns=_taken(before.turns, start.turns, loose),
+        orientation=_taken(before.orientation, start.orientation, loose),
+        motion=None,
+        terms=terms,
+        history=start.history,
+        part_history=start.part_history,
+        tangent=start.tangent,
+        sleep=start.sleep,
+        unfinished=None,
+        soft=None,
+        anchor=None,
+        summary=changed(before.summary, converged=False, reactions=_kept(before.summary.reactions, start)),
+        ledger=changed(before.ledger, failure=None, bound=None),
+    )
+    targets = {name: moving.targets.get(name, pose) for name, pose in fresh.targets.items()}
+    return replace(moving, state=state, targets=targets, scene=fresh.scene)
+
+
+def _rows(old: Sequence[Handle], new: Sequence[Handle], count: int) -> NDArray[np.intp]:
+    """Return the old index of each of ``count`` vertices, or -1 for those of a new rigid body."""
+    known = {each.name: each.vertices for each in old if isinstance(each, RigidBody)}
+    rows = np.arange(count)
+    for body in (each for each in new if isinstance(each, RigidBody)):
+        rows[body.vertices] = known.get(body.name, -1)
+    return rows
+
+
+def _loose(handles: Sequence[Handle]) -> list[Handle]:
+    return [handle for handle in handles if handle.free or handle.turning]
+
+
+def _matches(old: Sequence[str], new: Sequence[str]) -> NDArray[np.intp]:
+    return np.array([old.index(name) if name in old else -1 for name in new], dtype=np.intp)
+
+
+def _taken(old: NDArray[np.float64], new: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return ``new`` with the rows of ``old`` whose indices are in ``rows``; -1 keeps a row of ``new``."""
+    found, kept = new.copy(), rows >= 0
+    found[kept] = old[rows[kept]]
+    return found
+
+
+def _moved_rows(old: Saved, new: Saved, rows: NDArray[np.intp], count: int) -> Saved:
+    """Return the stored inertia ``old`` with other rows: a row that -1 marks has the rest position and no motion."""
+    found = {}
+    for name, array in old.items():
+        if len(array) > 1:
+            rest = new["positions"] if name in ("positions", "before") else np.zeros((count, *array.shape[1:]))
+            array = _taken(array, rest, rows)
+        found[name] = array
+    return found
+
+
+def _kept(reactions: Mapping[str, NDArray[np.float64]], start: State) -> dict[str, NDArray[np.float64]]:
+    return {name: reactions.get(name, found) for name, found in start.summary.reactions.items()}

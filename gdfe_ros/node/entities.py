@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Services of ``simulation_interfaces`` for rigid bodies: spawn, delete, list, and get and set their state."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node import messages
+from gdfe_ros.node.entity_request import EntityRequest, placement_of
+from gdfe_ros.node.exchange import SceneExchange
+from gdfe_ros.node.interface import services
+from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.placement import Placement
+from gdfe_ros.node.qos import installed, interface_class
+from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.standard_answers import Refused, ResultCode, done, failed, later
+from gdfe_ros.scene.entity import with_body, without_bodies
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Simulation
+
+
+class Entities:
+    """The rigid bodies of a node's scene as entities; only spawned ones can be deleted.
+
+    Args:
+        node: node that offers the services.
+        session: function that returns the running session, or None.
+        exchange: carries out the changes of the scene.
+    """
+
+    def __init__(
+        self, node: ManagedNode, session: Callable[[], SimulationSession | None], exchange: SceneExchange
+    ) -> None:
+        self._node, self._find, self._exchange = node, session, exchange
+        self._inner: dict[str, Placement] = {}
+        if not installed(services.SPAWN_ENTITY.type):
+            return
+        offered = {
+            services.SPAWN_ENTITY: self._spawn,
+            services.DELETE_ENTITY: self._delete,
+            services.GET_ENTITIES: self._list,
+            services.GET_ENTITY_STATE: self._get_state,
+            services.SET_ENTITY_STATE: self._set_state,
+        }
+        for spec, answer in offered.items():
+            node.offer(interface_class(spec.type), spec.name, partial(self._answer, answer))
+
+    @property
+    def spawned(self) -> tuple[str, ...]:
+        """Names of the spawned bodies, including those that are still being added."""
+        return tuple(self._inner)
+
+    def forget(self) -> None:
+        """Forget the spawned bodies, because their scene is gone."""
+        self._inner.clear()
+
+    def remove_all(self, *, anew: bool) -> Future[Scene]:
+        """Remove all spawned bodies; ``anew``: start again at rest at time 0."""
+        return self._remove(self.spawned, anew=anew)
+
+    def _answer(self, action: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
+        try:
+            return action(request, response)
+        except Refused as error:
+            return failed(response, error.code, str(error))
+
+    def _session(self) -> SimulationSession:
+        session = self._find()
+        if session is None:
+            raise Refused(ResultCode.INCORRECT_STATE, "the node is unconfigured; call the transition `configure` first")
+        return session
+
+    def _spawn(self, request: Any, response: Any) -> Future[Any]:
+        session, wanted = self._session(), EntityRequest.of(request)
+        if session.scene.dynamics is None:
+            raise Refused(ResultCode.FAILED, f"scene {session.scene.name!r} has no `dynamics`, which rigid bodies need")
+        entity = wanted.entity()
+        taken = {handle.name for handle in session.scene.handles} | set(self._inner)
+        name = wanted.unique_name(entity, taken)
+        outer = placement_of(wanted.pose, session.run.frames)
+        self._inner[name] = Placement()
+        given = {"origin": outer.origin, "turn": outer.turn}
+        work = self._exchange.request(lambda scene: with_body(scene, name, entity, **given))
+        work.add_done_callback(lambda work: self._spawned(name, outer, work))
+
+        def fill(response: Any, scene: Scene) -> None:
+            response.entity_name = name
+            response.result.error_message = entity.remark
+
+        return later(work, response, fill)
+
+    def _spawned(self, name: str, outer: Placement, work: Future[Scene]) -> None:
+        """Note the frame of a body that was added, or forget a body that could not be added."""
+        if work.exception() is not None:
+            self._inner.pop(name, None)
+            return
+        self._inner[name] = outer.inverse() @ _rest(self._body(name))
+
+    def _delete(self, request: Any, response: Any) -> Future[Any]:
+        name = request.entity
+        self._body(name)
+        if name not in self._inner:
+            remedy = f"spawned: {', '.join(self._inner) or 'none'}"
+            raise Refused(
+                ResultCode.FAILED, f"body {name!r} belongs to the scene file; only spawned ones can go; {remedy}"
+            )
+        return later(self._remove((name,), anew=False), response)
+
+    def _remove(self, names: tuple[str, ...], *, anew: bool) -> Future[Scene]:
+        command_set = self._session().run.parameters.entries("command_set")
+        waited = [key for key in command_set if key in {f"bodies/{name}/set" for name in names}]
+
+        def without(scene: Scene) -> Scene:
+            if waited:
+                raise GdfeError(f"command_set has {', '.join(waited)}; remedy: deactivate, and set it without them")
+            return without_bodies(scene, names)
+
+        work = self._exchange.request(without, anew=anew)
+
+        def conclude(work: Future[Scene]) -> None:
+            if work.exception() is None:
+                for name in names:
+                    self._inner.pop(name, None)
+
+        work.add_done_callback(conclude)
+        return work
+
+    def _list(self, request: Any, response: Any) -> Any:
+        filters = request.filters
+        if filters.categories or filters.tags.tags or filters.bounds.type:
+            raise Refused(ResultCode.UNSUPPORTED, "only filters.filter, an expression for names, is supported")
+        try:
+            pattern = re.compile(filters.filter)
+        except re.error as error:
+            raise Refused(
+                ResultCode.FAILED, f"filters.filter {filters.filter!r} is no regular expression: {error}"
+            ) from error
+        response.entities = [body.name for body in self._bodies() if pattern.search(body.name)]
+        return done(response)
+
+    def _get_state(self, request: Any, response: Any) -> Future[Any]:
+        session, body = self._session(), self._body(request.entity)
+        inner = self._inner.get(body.name, Placement()).inverse()
+
+        def fill(response: Any, found: tuple[Placement, Any, Any]) -> None:
+            place, linear, angular = found
+            own = place @ inner
+            arm = own.origin - place.origin
+            state = response.state
+            state.header = messages.header(session.run.now(), session.run.frames.frame_id)
+            _write(state.pose.position, own.origin)
+            _write(state.pose.orientation, own.turn.as_quat())
+            _write(state.twist.linear, linear + np.cross(angular, arm))
+            _write(state.twist.angular, angular)
+
+        return later(session.stepper.post(lambda: _motion(session.simulation, body)), response, fill)
+
+    def _set_state(self, request: Any, response: Any) -> Future[Any]:
+        session, body = self._session(), self._body(request.entity)
+        twist = request.state.twist
+        values = [getattr(part, axis) for part in (twist.linear, twist.angular) for axis in "xyz"]
+        if getattr(request, "set_twist", any(values)) and any(values):
+            raise Refused(ResultCode.UNSUPPORTED, "a velocity cannot be set; a body that is put elsewhere has none")
+        if not getattr(request, "set_pose", True):
+            return done(response)
+        outer = placement_of(request.state, session.run.frames)
+        pose = _from_rest(body, outer @ self._inner.get(body.name, Placement()))
+        return later(session.stepper.post(lambda: session.stepper.place({body.name: pose})), response)
+
+    def _bodies(self) -> list[RigidBody]:
+        return [handle for handle in self._session().scene.handles if isinstance(handle, RigidBody)]
+
+    def _body(self, name: str) -> RigidBody:
+        for body in self._bodies():
+            if body.name == name:
+                return body
+        names = ", ".join(body.name for body in self._bodies()) or "none"
+        raise Refused(ResultCode.NOT_FOUND, f"there is no rigid body {name!r}; bodies: {names}")
+
+
+def _rest(body: RigidBody) -> Placement:
+    """Return the initial placement of a body's frame."""
+    return Placement(np.array(body.origin), Rotation.from_rotvec(body.turn))
+
+
+def _from_rest(body: RigidBody, place: Placement) -> Pose:
+    """Return the pose relative to rest of a body whose frame has the placement ``place``."""
+    rest = _rest(body)
+    return Pose(tuple(place.origin - rest.origin), tuple((place.turn * rest.turn.inv()).as_rotvec()))
+
+
+def _motion(simulation: Simulation, body: RigidBody) -> tuple[Placement, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the placement of a body's frame, and its linear and angular velocity (3,) [m/s] and [rad/s]."""
+    origin, axes = body.found(simulation.state.positions + simulation.origin)
+    velocities = simulation.stepper.velocities(simulation.state)[body.vertices]
+    arms = simulation.state.positions[body.vertices] + simulation.origin - origin
+    spread = np.vdot(arms, arms) * np.eye(3) - arms.T @ arms
+    angular = np.linalg.solve(spread, np.cross(arms, velocities).sum(axis=0))
+    return Placement(origin, Rotation.from_matrix(axes)), velocities.mean(axis=0), angular
+
+
+def _write(message: Any, values: NDArray[np.float64]) -> None:
+    for name, value in zip("xyzw", values, strict=False):
+        setattr(message, name, float(value))

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A request of ``simulation_interfaces`` to spawn a body: its resource, its name and its place are checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlparse
+
+from gdfe_ros.errors import ArmError, SceneError
+from gdfe_ros.node.frames import Frames
+from gdfe_ros.node.handle_orders import require_pose
+from gdfe_ros.node.placement import Placement
+from gdfe_ros.node.refusals import Refusal
+from gdfe_ros.node.standard_answers import Refused, ResultCode
+from gdfe_ros.scene.entity import Entity, read_entity
+from gdfe_ros.scene.schema import NAME
+
+_SUFFIXES = (".urdf", ".yaml", ".yml")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EntityRequest:
+    """A request to spawn a body.
+
+    Attributes:
+        name: wanted name; empty: the name in the resource.
+        renames: whether another name may be given if this one is taken.
+        uri: file of the resource; empty: ``text`` is the resource.
+        text: the resource itself.
+        pose: initial pose, with the frame in its header.
+    """
+
+    name: str
+    renames: bool
+    uri: str
+    text: str
+    pose: Any
+
+    @classmethod
+    def of(cls, request: Any) -> EntityRequest:
+        """Return the contents of a request of any version of ``simulation_interfaces``.
+
+        Raises:
+            Refused: it asks for a namespace.
+        """
+        resource = getattr(request, "entity_resource", request)  # version 2.1 has a message of its own for it
+        if request.entity_namespace:
+            text = f"entity_namespace is {request.entity_namespace!r}; allowed: empty, the topics of a body are below "
+            raise Refused(ResultCode.NAMESPACE_INVALID, f"{text}this node's name")
+        return cls(
+            name=request.name,
+            renames=request.allow_renaming,
+            uri=resource.uri,
+            text=resource.resource_string,
+            pose=request.initial_pose,
+        )
+
+    def entity(self) -> Entity:
+        """Return the body that the resource describes.
+
+        Raises:
+            Refused: there is no resource, it cannot be read, or it has defects.
+        """
+        if not (self.uri or self.text):
+            raise Refused(ResultCode.NO_RESOURCE, "uri and resource_string are empty; one of them must state the body")
+        try:
+            return read_entity(_read(self.uri) if self.uri else self.text, where=self.uri or "resource_string")
+        except (ArmError, SceneError) as error:
+            raise Refused(ResultCode.PARSE_ERROR, str(error)) from error
+
+    def unique_name(self, entity: Entity, taken: set[str]) -> str:
+        """Return the name of the body.
+
+        Raises:
+            Refused: there is no name, it is no valid name, or it is taken and must not be changed.
+        """
+        name = self.name or entity.name or ("body" if self.renames else "")
+        if not NAME.match(name):
+            text = f"name is {name!r}; allowed: letters, digits and _, with a letter first"
+            raise Refused(ResultCode.NAME_INVALID, text)
+        if name not in taken:
+            return name
+        if not self.renames:
+            text = f"the name {name!r} is taken; remedy: another one, or allow_renaming"
+            raise Refused(ResultCode.NAME_NOT_UNIQUE, text)
+        number = 2
+        while f"{name}_{number}" in taken:
+            number += 1
+        return f"{name}_{number}"
+
+
+def placement_of(stamped: Any, frames: Frames) -> Placement:
+    """Return the placement in the node's frame of a message with a ``header`` and a ``pose``.
+
+    Raises:
+        Refused: a number is not finite, the quaternion is not of unit length, or the frame is not known.
+    """
+    frame = stamped.header.frame_id
+    try:
+        place, inner = frames.place(frame), require_pose(stamped.pose)
+    except Refusal as refusal:
+        raise Refused(ResultCode.INVALID_POSE, str(refusal)) from refusal
+    if place is None:
+        text = f"header.frame_id is {frame!r}; allowed: empty, {frames.frame_id!r}, or a frame connected to it on /tf"
+        raise Refused(ResultCode.INVALID_POSE, text)
+    return place @ inner
+
+
+def _read(uri: str) -> str:
+    """Return the text of the file at a URI ``file:///path`` or at a path.
+
+    Raises:
+        Refused: it is neither, or the file cannot be read.
+    """
+    parts, path = urlparse(uri), Path(unquote(urlparse(uri).path))
+    if parts.scheme not in ("", "file") or path.suffix.lower() not in _SUFFIXES:
+        text = f"uri is {uri!r}; allowed: file:///path or a path, to a file {', '.join(_SUFFIXES)}"
+        raise Refused(ResultCode.UNSUPPORTED_FORMAT, text)
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise Refused(ResultCode.PARSE_ERROR, f"uri {uri!r} cannot be read as text: {error}") from error

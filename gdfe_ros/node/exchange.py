@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Changes of a configured node's scene: the new simulation is built in a thread, then it takes the old one's place."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+
+from rclpy.clock import Clock, ClockType
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Simulation
+
+
+@dataclass(eq=False)
+class _Change:
+    """A requested change.
+
+    Attributes:
+        make: function that returns the new scene from the present one.
+        anew: whether the new simulation starts at rest at time 0; otherwise it continues the motion.
+        outcome: of the change: the new scene.
+        built: the new simulation, or the exception that prevented it.
+        before: the scene from which it was built.
+    """
+
+    make: Callable[[Scene], Scene]
+    anew: bool
+    outcome: Future[Scene] = field(default_factory=Future)
+    built: Simulation | Exception | None = None
+    before: Scene | None = None
+
+
+class SceneExchange:
+    """Carries out changes of the scene one after another; the steps go on while a simulation is built.
+
+    Args:
+        node: node whose executor exchanges the simulations.
+        session: function that returns the running session, or None.
+        replace: function that replaces the session's simulation; its second argument is whether to start anew.
+    """
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        session: Callable[[], SimulationSession | None],
+        replace: Callable[[Simulation, bool], None],
+    ) -> None:
+        self._node, self._session, self._replace = node, session, replace
+        self._waiting: deque[_Change] = deque()
+        self._busy = False
+
+    def request(self, make: Callable[[Scene], Scene], *, anew: bool = False) -> Future[Scene]:
+        """Change the scene by ``make``, and return a ``Future`` of the new scene. Called in the executor's thread."""
+        change = _Change(make, anew)
+        self._waiting.append(change)
+        self._begin()
+        return change.outcome
+
+    def _begin(self) -> None:
+        if self._busy or not self._waiting:
+            return
+        change, session = self._waiting.popleft(), self._session()
+        if session is None:
+            change.outcome.set_exception(GdfeError("the node was cleaned up before the scene was changed"))
+            self._begin()
+            return
+        self._busy, change.before = True, session.scene
+
+        def finish() -> None:
+            self._node.destroy_timer(finisher)
+            self._finish(change)
+
+        def build() -> None:
+            try:
+                change.built = Simulation(change.make(change.before))
+                change.built.warm_up()
+            except Exception as error:
+                change.built = error
+            finisher.reset()
+
+        # A timer runs the rest in the executor's thread.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        finisher = self._node.create_timer(0.0, finish, clock=steady, autostart=False)
+        threading.Thread(target=build, name="exchange", daemon=True).start()
+
+    def _finish(self, change: _Change) -> None:
+        self._busy, session = False, self._session()
+        if session is not None and session.scene is not change.before and not isinstance(change.built, Exception):
+            self._waiting.appendleft(change)  # moduli, or the whole scene, have changed: build it again
+        else:
+            try:
+                change.outcome.set_result(self._exchange(change))
+            except Exception as error:
+                change.outcome.set_exception(error)
+        self._begin()
+
+    def _exchange(self, change: _Change) -> Scene:
+        if isinstance(change.built, Exception):
+            raise change.built
+        session = self._session()
+        if session is None:
+            raise GdfeError("the node was cleaned up before the scene was changed")
+        if session.bags.active:
+            raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
+        if session.walk is not None and session.walk.going:
+            raise GdfeError(f"a request has made {session.walk}; wait for its end, or end it with ~/pause true")
+        self._replace(change.built, change.anew)
+        return change.built.scene

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Answers of the services of ``simulation_interfaces``: result codes and texts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from enum import IntEnum
+from typing import Any
+
+from gdfe_ros.errors import GdfeError
+
+
+class ResultCode(IntEnum):
+    """Result codes of ``simulation_interfaces/msg/Result``, whose names differ between its versions.
+
+    Codes above 100 belong to a single service.
+    """
+
+    UNSUPPORTED = 0
+    OK = 1
+    NOT_FOUND = 2
+    INCORRECT_STATE = 3
+    FAILED = 4
+    ALREADY = 101
+    NAME_NOT_UNIQUE = 101
+    NAME_INVALID = 102
+    UNSUPPORTED_FORMAT = 103
+    NO_RESOURCE = 104
+    NAMESPACE_INVALID = 105
+    PARSE_ERROR = 106
+    INVALID_POSE = 109
+
+
+class Refused(GdfeError):
+    """A request that cannot be granted.
+
+    Args:
+        code: result code of the answer.
+        text: reason and remedy.
+    """
+
+    def __init__(self, code: int, text: str) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+def done(response: Any) -> Any:
+    """Return the response with the code of success."""
+    response.result.result = int(ResultCode.OK)
+    return response
+
+
+def failed(response: Any, code: int, text: str) -> Any:
+    """Return the response with a code and the reason of a failure."""
+    response.result.result, response.result.error_message = int(code), text
+    return response
+
+
+def later(work: Future[Any], response: Any, fill: Callable[[Any, Any], None] | None = None) -> Future[Any]:
+    """Return a ``Future`` of the response, which is complete when ``work`` is done.
+
+    Args:
+        work: its exception, if any, becomes the answer's text; that of `Refused` also its code.
+        response: the response.
+        fill: function that writes the result of ``work``, its second argument, into the response.
+    """
+    answer: Future = Future()
+
+    def respond(found: Future[Any]) -> None:
+        error = found.exception()
+        if error is not None:
+            code = error.code if isinstance(error, Refused) else ResultCode.FAILED
+            answer.set_result(failed(response, code, str(error) or repr(error)))
+            return
+        if fill is not None:
+            fill(response, found.result())
+        answer.set_result(done(response))
+
+    work.add_done_callback(respond)
+    return answer

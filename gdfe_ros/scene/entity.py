@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid bodies that join a scene later: read from URDF or YAML, added to the scene's text, and removed from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.arms.description import Geometry, GeometryKind, Link
+from gdfe_ros.arms.urdf import parse_urdf
+from gdfe_ros.errors import ArmError, SceneError
+from gdfe_ros.scene.document import parse_document
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.scene.obstacle_schema import BodyModel, form_of
+from gdfe_ros.scene.scene import Scene
+
+PLACED = ("at", "rotation_deg")
+"""Keys of a body's entry that state its place."""
+ODD = 0.05
+"""Largest relative difference between given moments of inertia and those of a homogeneous body that is not told."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Entity:
+    """A rigid body that can join a scene.
+
+    Attributes:
+        name: its name in the resource; empty if the resource states none.
+        entry: keys and values of its entry in `bodies`, without its place.
+        origin: origin (3,) [m] of the frame of this entry, in the frame in which the entity is placed.
+        axes: rotation (3, 3) of the frame of this entry relative to that frame.
+        remark: difference between the resource and the body that is simulated; empty if there is none.
+    """
+
+    name: str
+    entry: dict[str, Any]
+    origin: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    remark: str = ""
+
+
+def read_entity(text: str, *, where: str = "the resource") -> Entity:
+    """Return the rigid body that a URDF, or a YAML entry like those in `bodies`, describes.
+
+    A URDF must have one link with one <collision> that is a box, a cylinder or a sphere, and with a mass. The body's
+    density is uniform; its coefficient of friction is <mu1> of the link's <gazebo> element, or else 0.
+
+    Args:
+        text: the URDF or the YAML text.
+        where: name of the text in an error.
+
+    Raises:
+        ArmError: the URDF has defects, or is not of this kind.
+        SceneError: the YAML text is no mapping, or states a place.
+    """
+    if text.lstrip().startswith("<"):
+        return _from_urdf(text, where)
+    entry = parse_document(text, heading=where).data
+    stated = [key for key in PLACED if key in entry]
+    if stated:
+        raise SceneError(where, [f"it has {' and '.join(stated)}; remedy: leave it out, initial_pose states the place"])
+    return Entity(name="", entry=entry, origin=np.zeros(3), axes=np.eye(3))
+
+
+def with_body(scene: Scene, name: str, entity: Entity, *, origin: NDArray[np.float64], turn: Rotation) -> Scene:
+    """Return ``scene`` with the rigid body ``name`` as its last body.
+
+    Args:
+        scene: the scene; it is not changed.
+        name: name of the body.
+        entity: its shape, mass and friction.
+        origin: initial origin (3,) [m] of the entity's frame.
+        turn: initial rotation of the entity's frame.
+
+    Raises:
+        SceneError: the entry has defects, or the scene cannot be solved with it.
+    """
+    at, turned = origin + turn.apply(entity.origin), turn * Rotation.from_matrix(entity.axes)
+    entry = {**entity.entry, "at": at.tolist(), "rotation_deg": np.degrees(turned.as_rotvec()).tolist()}
+    return scene_from_text(scene.source, origin=scene.name, overrides={f"bodies.{name}": entry})
+
+
+def without_bodies(scene: Scene, names: Iterable[str]) -> Scene:
+    """Return ``scene`` without the rigid bodies in ``names``."""
+    overrides: dict[str, None] = {f"bodies.{name}": None for name in names}
+    return scene_from_text(scene.source, origin=scene.name, overrides=overrides)
+
+
+def _from_urdf(text: str, where: str) -> Entity:
+    robot = parse_urdf(text, where=where)
+    if len(robot.links) != 1:
+        names = ", ".join(robot.links)
+        text = f"it has the links {names}; allowed: one link, because only rigid bodies can join a scene"
+        raise ArmError(where, [f"{text}; remedy for a robot: `arm` in the scene file"])
+    link = next(iter(robot.links.values()))
+    element = ElementTree.fromstring(text)
+    inertial = element.find("link/inertial")
+    if inertial is None or not float(inertial.find("mass").get("value")) > 0.0:
+        raise ArmError(where, [f'link {link.name!r} has no mass; remedy: <inertial> with <mass value="0.05"/>'])
+    shape, mass = _only_shape(link, where), float(inertial.find("mass").get("value"))
+    entry = {**_shape_entry(shape), "mass": mass}
+    friction = element.find("gazebo/mu1")
+    if friction is not None:
+        entry["friction"] = _friction(friction.text, where)
+    return Entity(
+        name=robot.name,
+        entry=entry,
+        origin=shape.origin,
+        axes=shape.axes,
+        remark=_remark(inertial.find("inertia"), entry),
+    )
+
+
+def _friction(text: str | None, where: str) -> float:
+    try:
+        return float(text or "")
+    except ValueError:
+        raise ArmError(where, [f"<mu1> is {text!r}; allowed: a number, 0 or more"]) from None
+
+
+def _only_shape(link: Link, where: str) -> Geometry:
+    if len(link.collisions) != 1:
+        text = f"link {link.name!r} has {len(link.collisions)} elements <collision>; allowed: one"
+        raise ArmError(where, [text])
+    shape = link.collisions[0]
+    if shape.kind is GeometryKind.MESH:
+        text = "its <collision> is a mesh; allowed: box, cylinder, sphere"
+        remedy = "remedy: the YAML text `mesh: {file: /path/part.stl}` with `mass` or `density` as the resource"
+        raise ArmError(where, [f"{text}; {remedy}"])
+    return shape
+
+
+def _shape_entry(shape: Geometry) -> dict[str, Any]:
+    match shape.kind:
+        case GeometryKind.BOX:
+            return {"box": {"size": list(shape.numbers)}}
+        case GeometryKind.CYLINDER:
+            return {"cylinder": {"radius": shape.numbers[0], "length": shape.numbers[1]}}
+        case _:
+            return {"sphere": {"radius": shape.numbers[0]}}
+
+
+def _remark(inertia: ElementTree.Element, entry: dict[str, Any]) -> str:
+    """Return a text about moments of inertia that a homogeneous body does not have; empty if they agree."""
+    xx, xy, xz, yy, yz, zz = (float(inertia.get(part, 0.0)) for part in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    given = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments = form_of(BodyModel.model_validate(entry)).moments
+    own = np.sort(entry["mass"] * (moments.sum() - moments))
+    if np.abs(given - own).max() <= ODD * own.max():
+        return ""
+    shown = (", ".join(f"{value:.3g}" for value in values) for values in (given, own))
+    return "its principal moments are {} kg m^2; the simulated ones are those of a homogeneous body, {}".format(*shown)
