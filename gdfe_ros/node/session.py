@@ -126,7 +126,7 @@ class SimulationSession:
     def stop(self, why: str = "the node was deactivated") -> None:
         """End the threads after the step in progress, publish queued steps, and finish the bag.
 
-        Trajectories in progress are told the reason ``why``.
+        ``why`` is the reason that ends trajectories in progress.
         """
         self.inputs.inbox = None
         self.stepper.stop()
@@ -243,12 +243,12 @@ class SimulationSession:
         Called between steps.
 
         Raises:
-            GdfeError: a bag is being written, there are no arms, or something is in the way.
+            GdfeError: a bag is being written, there are no arms, or a body would be inside of something.
         """
         self._continue_from(self.simulation.reset_arms, "the arms were reset")
 
     def _continue_from(self, reset: Callable[[], None], why: str) -> None:
-        """Continue from the state after a partial ``reset``; trajectories are told the reason ``why``."""
+        """Continue from the state after a partial ``reset``; ``why`` is the reason that ends trajectories."""
         if self.bags.active:
             raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
         reset()

@@ -23,7 +23,7 @@ from gdfe_ros.scene.scene import Scene
 PLACED = ("at", "rotation_deg")
 """Keys of a body's entry that state its place."""
 ODD = 0.05
-"""Largest relative difference between given moments of inertia and those of a homogeneous body that is not told."""
+"""Largest relative difference between given moments of inertia and those of a homogeneous body that is not reported."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
