@@ -19,6 +19,7 @@ from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.settings import Policy, SolverSettings, Torsion
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.terms.fibres import FibreTerm
 from gdfe_ros.solver.terms.term import Term
 
 SHARPER = 0.1
@@ -40,7 +41,8 @@ def make_stepper(
     """
 
     def acting(more: Sequence[Term] = ()) -> Actuation:
-        return Actuation(body, scene.actuators, scene.loads, [*(make(body) for make in makers), *more])
+        passive = [*(FibreTerm(layer, body) for layer in scene.fibres), *(make(body) for make in makers)]
+        return Actuation(body, scene.actuators, scene.loads, [*passive, *more])
 
     if scene.dynamics is None:
         return Stepper(body, settings, acting())

@@ -8,6 +8,7 @@ from pydantic import BaseModel
 from gdfe_ros.scene import (
     actuator_schema,
     arm_schema,
+    fibres_schema,
     generator_schema,
     material_schema,
     mesh_schema,
@@ -40,6 +41,8 @@ actuators:
   tendon: {cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]], command: tension, range: [0.0, 20.0]}}
 loads:
   weight: {gravity: [0, 0, -9.81]}
+fibres:
+  paper: {where: {face: z-}, along: [1, 0, 0], angles_deg: [0, 60, 120], stiffness: 2.0e4, compression: true}
 masses:
   camera: {mass: 0.02, where: {face: x+}}
 probes:
@@ -244,6 +247,10 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     actuator_schema.SurfaceLoadModel: (
         "{where: {face: z+}, traction: [0, 0, -1.0e3]}",
         "{where: {face: z+}, force: [0, 0, -1]}",
+    ),
+    fibres_schema.FibreLayerModel: (
+        "{where: {box: {z: [0.005, 0.095]}}, along: [0, 0, 1], angles_deg: [90], stiffness: 2.0e4}   # hoops",
+        "{wall: inner, along: [0, 0, 1], angles_deg: [-30, 30], stiffness: 1.0e3, compression: true}   # a braid",
     ),
     arm_schema.ArmModel: (
         "{urdf: ur5e.urdf, flange: tool0, handle: wrist, at: [-0.4, 0, 0], rotation_deg: [0, 0, 90], start: "

@@ -21,6 +21,7 @@ from gdfe_ros.scene.actuation import build_actuators, build_loads, build_masses,
 from gdfe_ros.scene.arms import build_arms, joint_starts, require_arms
 from gdfe_ros.scene.builder import assign_materials, build_handles, build_materials, build_program, require_held
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
+from gdfe_ros.scene.fibres import build_fibres
 from gdfe_ros.scene.meshes import Carried, build_mesh, require_body
 from gdfe_ros.scene.override import apply_override
 from gdfe_ros.scene.report import NO_VALUE, Defects
@@ -82,7 +83,7 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
 
 _SECTIONS = (
     "arms", "meshes", "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses",
-    "probes", "sensors",
+    "fibres", "probes", "sensors",
 )  # fmt: skip
 
 
@@ -122,6 +123,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     loads = build_loads(draft, mesh, materials, cell_material, masses, report)
     sensors = build_sensors(draft, mesh, report)
     self_contact = build_self_contact(draft, mesh, report)
+    fibres = build_fibres(draft, mesh, report)
     program = None
     if draft.program is not None:
         start = neutral_commands(mesh, actuators, loads) if mesh is not None else {}
@@ -134,7 +136,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
     parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
     cut = () if mesh is None or report.concerns("skin") else cut_key(mesh)
-    parts |= {"cut": cut, "self_contact": self_contact, "mesh": mesh, "arms": arms}
+    parts |= {"fibres": fibres, "cut": cut, "self_contact": self_contact, "mesh": mesh, "arms": arms}
     for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
         if key == ("bodies",) and report.concerns("dynamics"):
             continue
@@ -158,6 +160,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         masses=masses,
         self_contact=self_contact,
         dynamics=dynamics,
+        fibres=fibres,
         arms=arms,
     )
 

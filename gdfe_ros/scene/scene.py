@@ -16,6 +16,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.materials import Material
+from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.program import Program
 from gdfe_ros.solver.motion.dynamics import Dynamics
@@ -45,6 +46,7 @@ class Scene:
         masses: attached masses in the order of the file, then the masses of the rigid bodies.
         self_contact: faces of the mesh that may touch each other; None if they pass through each other.
         dynamics: inertia, damping and time steps; None if every step ends in a static equilibrium.
+        fibres: layers of fibres, in the order of the file.
         arms: arms that carry handles, in the order of the file; their links are among the handles.
     """
 
@@ -65,4 +67,5 @@ class Scene:
     masses: tuple[AttachedMass, ...] = ()
     self_contact: SelfContact | None = None
     dynamics: Dynamics | None = None
+    fibres: tuple[FibreLayer, ...] = ()
     arms: tuple[Arm, ...] = ()

@@ -13,6 +13,7 @@ from gdfe_ros.constraints import Axis, Pose
 from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, Place
 from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.fibres_schema import FibreLayerModel
 from gdfe_ros.scene.material_schema import MaterialModel
 from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel
 from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
@@ -201,6 +202,11 @@ class SceneModel(Entry):
     masses: dict[Name, MassModel] = Field(
         {}, description="attached masses by name, e.g. payload: {mass: 0.05, where: ...}"
     )
+    fibres: dict[Name, FibreLayerModel] = Field(
+        {},
+        description="thin layers of fibres on the surface, by name, e.g. hoops: {along: [0, 0, 1], angles_deg: [90], "
+        "stiffness: 2.0e4, where: ...}",
+    )
     probes: dict[Name, Place] = Field(
         {}, description="material points whose positions are reported, by name, e.g. tip: [0.1, 0, 0]"
     )
@@ -231,6 +237,7 @@ class Draft(BaseModel):
     actuators: dict[str, ActuatorModel] = {}
     loads: dict[str, LoadModel] = {}
     masses: dict[str, MassModel] = {}
+    fibres: dict[str, FibreLayerModel] = {}
     self_contact: SelfContactModel | None = None
     dynamics: DynamicsModel | None = None
     probes: dict[str, Place] = {}

@@ -16,6 +16,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
+from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import Mesh, TetMesh
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
@@ -49,6 +50,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
         policy=settings.policy,
         mesh=scene.mesh,
         cut=cut_key(scene.mesh),
+        fibres=scene.fibres,
         arms=scene.arms,
     )
     if defects:
@@ -105,6 +107,7 @@ def unsolvable(
     self_contact: SelfContact | None = None,
     mesh: Mesh | None = None,
     cut: tuple[str, ...] = (),
+    fibres: Sequence[FibreLayer] = (),
     arms: Sequence[Arm] = (),
 ) -> list[tuple[tuple[str, ...], str]]:
     """Return the conflicts between the entries of a scene, each as a key path in the scene file and a sentence.
@@ -117,6 +120,7 @@ def unsolvable(
         (("materials",), _contrast(materials, cell_material)),
         (("solver", "policy"), _forces(handles, actuators, loads, self_contact, arms, policy)),
         *((("actuators", name), text) for name, text in held.items()),
+        (("fibres",), _stiffened(fibres, policy)),
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
         (("bodies",), _still(handles) if dynamics is None else _inside(handles, mesh)),
         (cut, _beside(handles, actuators, self_contact, policy, mesh) if cut else ""),
@@ -124,6 +128,13 @@ def unsolvable(
         (("mesh",), _tetrahedra(mesh, actuators, self_contact, policy)),
     ]
     return [(key, text) for key, text in found if text]
+
+
+def _stiffened(fibres: Sequence[FibreLayer], policy: Policy) -> str:
+    """Return a message about fibres with a policy that has no forces; empty if there are none."""
+    if not fibres or policy is Policy.ENERGY:
+        return ""
+    return f"the policy {policy.value!r} has no forces, and thus no fibres; remedy: solver.policy: energy"
 
 
 def _tetrahedra(

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Construction of layers of fibres from the valid parts of a scene file."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.materials.fibre_layer import FibreLayer
+from gdfe_ros.mesh import Mesh, select_faces
+from gdfe_ros.mesh.cavities import corners_of, inside_volume, surface_pieces
+from gdfe_ros.mesh.fibres import fibre_points, perpendicular_faces
+from gdfe_ros.scene.builder import select
+from gdfe_ros.scene.fibres_schema import FibreLayerModel, Wall
+from gdfe_ros.scene.report import NO_VALUE, Defects
+from gdfe_ros.scene.schema import Draft
+
+
+def build_fibres(draft: Draft, mesh: Mesh | None, report: Defects) -> tuple[FibreLayer, ...]:
+    """Return the valid layers of fibres; report layers whose name is taken or whose faces do not fit."""
+    layers = []
+    others = {**draft.actuators, **draft.loads, **draft.handles, **draft.obstacles, **draft.bodies}
+    for name, model in draft.fibres.items():
+        if name in others:
+            text = "an actuator, load, handle, obstacle or body has this name; remedy: another one"
+            report.add(("fibres", name), text, value=NO_VALUE)
+            continue
+        layer = _layer(name, model, mesh, report) if mesh is not None else None
+        if layer is not None:
+            layers.append(layer)
+    return tuple(layers)
+
+
+def _layer(name: str, model: FibreLayerModel, mesh: Mesh, report: Defects) -> FibreLayer | None:
+    path = ("fibres", name)
+    if mesh.skin is not None or mesh.filling is not None:
+        text = "the faces of voxels are steps, not the wall of the body"
+        report.add(path, f"{text}; remedy: a mesh of hexahedra or tetrahedra, e.g. mesh: {{tets: ...}}", value=NO_VALUE)
+        return None
+    faces = _wall(mesh, model.wall)
+    if model.where is not None:
+        chosen = select(select_faces, mesh, model.where, (*path, "where"), "boundary face", report)
+        if chosen is None:
+            return None
+        faces = faces[np.isin(_keys(faces), _keys(chosen))]
+    if not len(faces):
+        text = f"no face of the {model.wall.value} wall is there; remedy: wall: {_other(model.wall).value}, or `where`"
+        report.add(path, text, value=NO_VALUE)
+        return None
+    along = np.array(model.along)
+    steep = perpendicular_faces(mesh.vertices, faces, along)
+    if len(steep):
+        middle = mesh.vertices[corners_of(faces[steep[:1]])].mean(axis=(0, 1))
+        place = ", ".join(f"{value:.4g}" for value in middle)
+        text = f"{len(steep)} of {len(faces)} faces are perpendicular to this direction, the first at [{place}] m"
+        report.add((*path, "along"), f"{text}; remedy: leave them out with `where`", value=list(model.along))
+        return None
+    families = tuple(fibre_points(mesh.vertices, faces, along, np.radians(angle)) for angle in model.angles_deg)
+    return FibreLayer(name=name, stiffness=model.stiffness, compression=model.compression, families=families)
+
+
+def _wall(mesh: Mesh, wall: Wall) -> NDArray[np.int32]:
+    """Return the faces of one wall: of the closed pieces of the boundary with a positive or a negative volume."""
+    faces = mesh.surface()
+    piece, kept = surface_pieces(mesh.vertices, corners_of(faces)), np.zeros(len(faces), dtype=bool)
+    for number in range(int(piece.max(initial=-1)) + 1):
+        own = piece == number
+        kept |= own & ((inside_volume(mesh.vertices, faces[own]) > 0.0) is (wall is Wall.OUTER))
+    return faces[kept]
+
+
+def _keys(faces: NDArray[np.int32]) -> NDArray[np.void]:
+    """Return one comparable value for each face."""
+    rows = np.ascontiguousarray(np.sort(faces, axis=1))
+    return rows.view([("", rows.dtype)] * rows.shape[1]).ravel()
+
+
+def _other(wall: Wall) -> Wall:
+    return Wall.INNER if wall is Wall.OUTER else Wall.OUTER

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Layers of fibres as terms.
+
+The energy of a fibre point with area A is k A / 2 e^2, with e = (d . d - 1) / 2. The present fibre vector d is linear
+in the positions of the face's nodes (`gdfe_ros.mesh.fibres`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.materials.fibre_layer import FibreLayer
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+
+NODES, POINTS, SLACK, HEAD = range(4)
+"""Offsets in ``integers``: nodes of a face, points of a face, whether compressed fibres are slack; then the nodes of
+all faces. In ``reals``, each point has its k A [N m] and then the factors of the nodes [1/m]."""
+ONSET = -1e-6
+"""A slack fibre whose strain is above this counts as taut in the tangent, which only speeds up the minimisation."""
+
+
+@inlined
+def fibre(x, reals, integers, face, start):
+    """Return the present vector of the fibre point of ``face`` whose data begin at ``start`` in ``reals``."""
+    d0, d1, d2, nodes = 0.0, 0.0, 0.0, integers[NODES]
+    for a in range(nodes):
+        v, factor = integers[HEAD + face * nodes + a], reals[start + 1 + a]
+        d0 += factor * x[v, 0]
+        d1 += factor * x[v, 1]
+        d2 += factor * x[v, 2]
+    return d0, d1, d2
+
+
+@kernel
+def fibre_energy(x, reals, integers, force, size):
+    """Return the energy [J] of a layer of fibres and add its gradient; `term_kernel` needs this signature."""
+    nodes, points, slack, energy, start = integers[NODES], integers[POINTS], integers[SLACK], 0.0, 0
+    for face in range((len(integers) - HEAD) // nodes):
+        for _ in range(points):
+            d0, d1, d2 = fibre(x, reals, integers, face, start)
+            strain = 0.5 * (d0 * d0 + d1 * d1 + d2 * d2 - 1.0)
+            if strain > 0.0 or not slack:
+                pull = reals[start] * strain
+                energy += 0.5 * pull * strain
+                for a in range(nodes):
+                    v, share = integers[HEAD + face * nodes + a], pull * reals[start + 1 + a]
+                    force[v, 0] += share * d0
+                    force[v, 1] += share * d1
+                    force[v, 2] += share * d2
+            start += 1 + nodes
+    size[0] += energy
+    return energy
+
+
+@term_kernel
+def _entry(x, n, reals, k, integers, i, force, size):
+    return fibre_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+class FibreTerm(Term):
+    """A layer of fibres.
+
+    Args:
+        layer: the layer.
+        body: the body that carries it.
+    """
+
+    kernel = _entry
+
+    def __init__(self, layer: FibreLayer, body: Body) -> None:
+        self._layer, self._count = layer, len(body.rest)
+        faces = layer.families[0].faces
+        self._factors = np.concatenate([family.factors for family in layer.families], axis=1)
+        self._springs = layer.stiffness * np.concatenate([family.areas for family in layer.families], axis=1)
+        head = np.array([faces.shape[1], self._springs.shape[1], not layer.compression], dtype=np.int32)
+        reals = np.concatenate([self._springs[..., None], self._factors], axis=2)
+        super().__init__(layer.name, reals.ravel(), np.concatenate([head, faces.ravel()]))
+
+    @property
+    def _faces(self) -> NDArray[np.int32]:
+        return self.integers[HEAD:].reshape(-1, self.integers[NODES])
+
+    def stiffness(self) -> sparse.csc_matrix:
+        """Return the layer's stiffness (n, n) [N/m] for undeformed taut fibres, the same along x, y and z."""
+        faces = self._faces
+        blocks = np.einsum("fp,fpa,fpb->fab", self._springs, self._factors, self._factors)
+        row, column = np.broadcast_arrays(faces[:, :, None], faces[:, None, :])
+        return sparse.coo_matrix((blocks.ravel(), (row.ravel(), column.ravel())), shape=2 * (self._count,)).tocsc()
+
+    def couplings(self) -> NDArray[np.int32]:
+        """Return the nodes of the faces (f, c)."""
+        return self._faces
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the tangent k A (d d^T + max(e, 0) I) of taut fibres, (f, 3 c, 3 c) [N/m]."""
+        vectors, strains = self._strained(positions)
+        taut = self._springs * (self._layer.compression | (strains > ONSET))
+        inner = vectors[..., :, None] * vectors[..., None, :] + np.maximum(strains, 0.0)[..., None, None] * np.eye(3)
+        spread = np.einsum("fp,fpa,fpij,fpb->faibj", taut, self._factors, inner, self._factors, optimize=True)
+        return spread.reshape(len(spread), 3 * self._factors.shape[2], -1)
+
+    def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
+        """Return the largest stretch of a fibre, and the largest force per undeformed width [N/m]."""
+        _, strains = self._strained(positions)
+        stretch = np.sqrt(1.0 + 2.0 * strains)
+        pulled = np.maximum(strains, 0.0) if not self._layer.compression else strains
+        return {"stretch": float(stretch.max()), "force": float((self._layer.stiffness * pulled * stretch).max())}
+
+    def _strained(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the present fibre vectors (f, p, 3) and their Green strains (f, p)."""
+        vectors = np.einsum("fpa,fai->fpi", self._factors, positions[self._faces])
+        return vectors, 0.5 * (np.einsum("fpi,fpi->fp", vectors, vectors) - 1.0)
