@@ -29,15 +29,12 @@ class Derivatives:
         parameters: available parameters.
 
     Raises:
-        CommandError: the policy has no forces, or sensitivities are not implemented for the body's kind of cells.
+        CommandError: the policy has no forces.
     """
 
     def __init__(self, scene: Scene, stepper: Stepper | MotionStepper) -> None:
         if not isinstance(stepper.equilibrium, EquilibriumSolver):
             raise CommandError("sensitivities need forces, which this policy lacks; remedy: solver.policy: energy")
-        if not stepper.body.cell_type.softens:
-            noun = stepper.body.cell_type.noun
-            raise CommandError(f"a body of {noun} has no sensitivities yet; remedy: `mesh: {{voxels: ...}}`")
         names = [handle.name for handle in scene.handles]
         self._outputs = Outputs(scene.probes, names, scene.mesh.n_vertices)
         model = MaterialVariant(

@@ -133,3 +133,34 @@ def _hourglass_vectors(corners: NDArray[np.float64], gradient: NDArray[np.float6
     slopes = np.einsum("ka,eai->eki", MODES, corners)
     vectors = MODES - np.einsum("eki,eai->eka", slopes, gradient)
     return np.ascontiguousarray(vectors / np.linalg.norm(vectors, axis=2, keepdims=True))
+
+
+def grown_operators(shape: ShapeOperators, cells: NDArray[np.intp], stretch: NDArray[np.float64]) -> ShapeOperators:
+    """Return the operators of cells whose rest shape is mapped by G.
+
+    The gradients of a cell become G^-T g_a, its volume becomes det G V, and its edges become G d. Its hourglass vectors
+    stay, because linear maps do not affect them.
+
+    Args:
+        shape: operators without growth; they are not modified.
+        cells: (k,) cells that grow.
+        stretch: (k, 3, 3) their growth G, symmetric and positive definite.
+    """
+    inverse, ratio = np.linalg.inv(stretch), np.linalg.det(stretch)
+    edges = np.einsum("eij,ekj->eki", stretch, (shape.edge_axes * shape.edge_lengths[..., None])[cells])
+    lengths = np.linalg.norm(edges, axis=2)
+    return shape._replace(
+        volume=with_rows(shape.volume, cells, shape.volume[cells] * ratio),
+        gradient=with_rows(shape.gradient, cells, shape.gradient[cells] @ inverse),
+        edge_axes=with_rows(shape.edge_axes, cells, edges / lengths[..., None]),
+        edge_lengths=with_rows(shape.edge_lengths, cells, lengths),
+        reference=with_rows(shape.reference, cells, shape.reference[cells] @ inverse),
+        corner_ratio=with_rows(shape.corner_ratio, cells, shape.corner_ratio[cells] / ratio[:, None]),
+    )
+
+
+def with_rows(array: NDArray[np.float64], rows: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a copy of ``array`` in which ``values`` replace the given ``rows``."""
+    changed = array.copy()
+    changed[rows] = values
+    return changed

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.mesh.operators import with_rows
 from gdfe_ros.mesh.tetrahedra import POINTS, quadratic_slopes
 
 
@@ -45,6 +46,18 @@ def tet_operators(vertices: NDArray[np.float64], cells: NDArray[np.int32]) -> Te
         np.ascontiguousarray(inverse),
         np.ascontiguousarray(np.einsum("eg,egai->eai", weight, local) / volume[:, None, None]),
         1.0 / np.linalg.det(corner_jacobians(nodes)),
+    )
+
+
+def grown_tet_operators(shape: TetOperators, cells: NDArray[np.intp], stretch: NDArray[np.float64]) -> TetOperators:
+    """Return the operators of cells whose rest shape is mapped by G; arguments as for `grown_operators`."""
+    inverse, ratio = np.linalg.inv(stretch), np.linalg.det(stretch)
+    return shape._replace(
+        volume=with_rows(shape.volume, cells, shape.volume[cells] * ratio),
+        weight=with_rows(shape.weight, cells, shape.weight[cells] * ratio[:, None]),
+        inverse=with_rows(shape.inverse, cells, shape.inverse[cells] @ inverse[:, None]),
+        gradient=with_rows(shape.gradient, cells, shape.gradient[cells] @ inverse),
+        corner_ratio=with_rows(shape.corner_ratio, cells, shape.corner_ratio[cells] / ratio[:, None]),
     )
 
 

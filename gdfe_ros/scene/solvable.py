@@ -147,7 +147,6 @@ def _tetrahedra(
     if not isinstance(mesh, TetMesh):
         return ""
     lacking = [f"policy {policy.value!r}"] * (policy is not Policy.ENERGY)
-    lacking += [f"growth {item.name!r}" for item in actuators if isinstance(item, Growth)]
     lacking += ["self_contact"] * (self_contact is not None)
     if mesh.skin is not None:
         lacking += ["skin"]

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from gdfe_ros.materials.table import MaterialTable, with_local_share
 from gdfe_ros.mesh.faces import Faces, boundary_faces
-from gdfe_ros.mesh.operators import ShapeOperators, shape_operators
+from gdfe_ros.mesh.operators import ShapeOperators, grown_operators, shape_operators
 from gdfe_ros.mesh.tet_faces import tet_boundary
-from gdfe_ros.mesh.tet_operators import TetOperators, gradients, tet_operators
+from gdfe_ros.mesh.tet_operators import TetOperators, gradients, grown_tet_operators, tet_operators
 from gdfe_ros.solver.elements import tangent_rows, tetrahedra
-from gdfe_ros.solver.elements.blocks import make_blocks
-from gdfe_ros.solver.elements.tet_blocks import make_tet_blocks
+from gdfe_ros.solver.elements.blocks import block_geometry, make_blocks
+from gdfe_ros.solver.elements.tet_blocks import make_tet_blocks, tet_geometry
 
 
 class CellType(NamedTuple):
@@ -30,6 +30,9 @@ class CellType(NamedTuple):
         blocks: function that returns elements in the layout of the kernels, from operators, material indices (m,),
             material table and element indices (k,).
         table: function that returns the material table for the kernels of this type, from the packed material table.
+        grown: function that returns the operators of grown rest shapes, from operators, cells (k,) and their growths
+            (k, 3, 3).
+        geometry: function that returns the geometry of ``blocks`` for other operators, from operators and blocks.
         matrix_blocks: function that returns the blocks (m, c, c) [N/m] of the constant matrix, from operators, weights
             (m,) [Pa] and hourglass stiffnesses (m,) [N/m].
         tangents: compiled function that writes d(node force)/d(node position) (m, 3 c, 3 c) [N/m].
@@ -42,6 +45,8 @@ class CellType(NamedTuple):
     operators: Callable
     blocks: Callable
     table: Callable[[MaterialTable], MaterialTable]
+    grown: Callable
+    geometry: Callable[..., NDArray[np.float64]]
     matrix_blocks: Callable[..., NDArray[np.float64]]
     tangents: Callable
     softens: bool
@@ -75,6 +80,8 @@ HEXAHEDRA = CellType(
     shape_operators,
     make_blocks,
     lambda table: table,
+    grown_operators,
+    lambda shape, blocks: block_geometry(shape, blocks.element),
     _hex_matrix,
     tangent_rows.element_tangents,
     True,
@@ -86,6 +93,8 @@ TETRAHEDRA = CellType(
     lambda vertices, cells, filling=None: tet_operators(vertices, cells),
     make_tet_blocks,
     with_local_share,
+    grown_tet_operators,
+    tet_geometry,
     _tet_matrix,
     tetrahedra.element_tangents,
     False,

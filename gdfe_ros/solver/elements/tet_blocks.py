@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.mesh.tet_operators import TetOperators
-from gdfe_ros.solver.elements.blocks import lanes_of
+from gdfe_ros.solver.elements.blocks import LANES, lanes_of
 from gdfe_ros.solver.elements.lanes import ROWS
 
 INVERSE, WEIGHT, TET_GEOMETRY_ROWS = 0, 36, 40
@@ -59,9 +59,16 @@ def make_tet_blocks(
     straight = bend <= STRAIGHT * np.abs(inverse[:, 0]).max(axis=1)
     element, used = lanes_of((2 * table.law[material] + straight)[elements], elements)
     kind = straight[element[:, 0]]
+    sizes = LANES * np.where(kind, TET_GEOMETRY_ROWS // 4, TET_GEOMETRY_ROWS)
+    start = np.cumsum([0, *sizes])[:-1]
+    blocks = TetBlocks(element, used, table.law[material[element[:, 0]]], kind, start, np.zeros(0))
+    return blocks._replace(geometry=tet_geometry(shape, blocks))
+
+
+def tet_geometry(shape: TetOperators, blocks: TetBlocks) -> NDArray[np.float64]:
+    """Return the array ``TetBlocks.geometry`` of elements that are already in blocks."""
+    inverse = shape.inverse.reshape(-1, 4, 9)
     whole = np.concatenate([shape.inverse.reshape(-1, 36), shape.weight], axis=1)
     short = np.concatenate([inverse[:, 0], shape.weight[:, :1]], axis=1)
-    rows = [(short if kind[b] else whole)[lanes].T.ravel() for b, lanes in enumerate(element)]
-    start = np.cumsum([0, *map(len, rows)])[:-1]
-    geometry = np.concatenate([np.zeros(0), *rows])
-    return TetBlocks(element, used, table.law[material[element[:, 0]]], kind, start, geometry)
+    rows = [(short if blocks.straight[b] else whole)[lanes].T.ravel() for b, lanes in enumerate(blocks.element)]
+    return np.concatenate([np.zeros(0), *rows])

@@ -227,6 +227,12 @@ class Viscosity(Term):
         own = self._sum[:: self._places]
         return assemble(self._body.shape, own, own * self._bend[:: self._places], len(self._body.rest))
 
+    def forces(self, x: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
+        """Return dE/dx (n, 3) [N] at ``x`` (n, 3) [m] with other nodes ``cells`` (m, c) of the elements."""
+        energy, force = viscous_point_energy if self._points else viscous_energy, np.zeros_like(x)
+        energy(x, self.reals, np.repeat(cells, self._places, axis=0).ravel(), force, np.zeros(1))
+        return force
+
     def neutral(self) -> Saved:
         """Return the stored state of the undeformed body: strains and branches."""
         rest = self._strains(self._body.rest)

@@ -139,7 +139,7 @@ class Linearised:
     ) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of the elements with the materials of ``table``, at their pressures."""
         body, found = self.body, operators or self.end.operators
-        force, energies = np.zeros((len(body.material), 8, 3)), np.zeros(len(body.material))
+        force, energies = self.no_forces(), np.zeros(len(body.material))
         if found is self.end.operators:
             material, pressure = body.material, self.volumes.pressed(body.material, self.table, table)
         else:  # growth changes the volumes
@@ -148,6 +148,10 @@ class Linearised:
         given = self.x, found.shape, found.blocks, material, pressure, scale, table, self._watch.watched
         evaluate(*given, force, energies, None)
         return self._summed(force)
+
+    def no_forces(self) -> NDArray[np.float64]:
+        """Return zero forces (m, c, 3) [N] of the elements on their nodes."""
+        return np.zeros((*self.body.cells.shape, 3))
 
     def restore(self) -> None:
         """Reset the arrays ``reals`` of all terms to their values at the end of the solve."""
@@ -211,8 +215,7 @@ class Linearised:
         """
         x, gradient = self.x.copy(), np.zeros_like(u)
         place(u, frame, self._unknowns, x)
-        none = np.zeros((len(self.body.material), 8, 3))
-        gather_rigid_rows(u, x, none, self.forces, True, frame, self._unknowns, gradient)
+        gather_rigid_rows(u, x, self.no_forces(), self.forces, True, frame, self._unknowns, gradient)
         return gradient[3 * len(self._unknowns.free) :]
 
     def _problem(self) -> Problem:
@@ -234,18 +237,18 @@ class Linearised:
     def _soften(self, equilibrium: EquilibriumSolver) -> None:
         """Compute d(element forces)/d(hourglass scale), if the hourglass scales depend on strains."""
         self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
-        self._slopes = self._softened = np.zeros((0, 24))
+        self._slopes = self._softened = np.zeros((0, 3 * self.body.cells.shape[1]))
         if not len(self.softening):
             return
         body, shape = self.body, self.end.operators.shape
         self._slopes = slopes(self.x, self.softening, shape, body.material, body.table)
         forces = []
         for side in (0.5, -0.5):  # the force is linear in the scale
-            force, energies = np.zeros((len(body.material), 8, 3)), np.zeros(len(body.material))
+            force, energies = self.no_forces(), np.zeros(len(body.material))
             given = self.x, shape, self.end.operators.blocks, self.volumes.material, self.volumes.pressure
             none = np.zeros(0, np.int32)
             evaluate(*given, self.scale + side, self.volumes.table, none, force, energies, None)
-            forces.append(force.reshape(-1, 24))
+            forces.append(force.reshape(len(force), -1))
         self._softened = forces[0] - forces[1]
 
     def _turned_stiffness(self) -> NDArray[np.float64]:

@@ -100,7 +100,7 @@ class Column:
         for sign in (step, -step):
             solve.actuation.table.reals[...] = solve.numbers + sign * self._numbers
             solve.joint.hold(solve.multipliers + sign * change.multipliers)
-            given = solve.x + sign * change.positions, np.zeros((len(solve.body.material), 8, 3))
+            given = solve.x + sign * change.positions, solve.no_forces()
             outside = solve.forces + sign * forces
             found.append(handle_reactions(solve.body, *given, outside, solve.actuation.contacts))
         solve.restore()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Problem
-from gdfe_ros.solver.motion.viscosity import Viscosity, viscous_energy
+from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.tangent.element_stiffness import SPACING, ElementStiffness
 
 
@@ -21,25 +21,24 @@ class WholeStiffness(ElementStiffness):
     """
 
     def __init__(self, body: Body, viscosity: Viscosity | None) -> None:
-        super().__init__(len(body.cells))
+        super().__init__(*body.cells.shape)
         self._viscosity, self._step = viscosity, SPACING * float(np.cbrt(body.shape.volume.min()))
 
     def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m]; the attribute ``values`` excludes viscosity."""
+        """Return the tangents (m, 3 c, 3 c) [N/m] at ``x`` (n, 3) [m]; the attribute ``values`` excludes viscosity."""
         own = super().at(problem, x)
         return own if self._viscosity is None else own + self._viscous(problem, x)
 
     def _viscous(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the viscous tangents (m, 24, 24) [N/m]: central differences with separate corners for each element."""
+        """Return the viscous tangents (m, 3 c, 3 c) [N/m]: central differences with separate nodes for each element."""
         cells = problem.shape.cells
-        count, own = len(cells), np.arange(cells.size, dtype=np.int32)
-        out = np.empty((count, 24, 24))
-        for column in range(24):
+        (count, nodes), apart = cells.shape, np.arange(cells.size, dtype=np.int32).reshape(cells.shape)
+        out = np.empty((count, 3 * nodes, 3 * nodes))
+        for column in range(3 * nodes):
             forces = []
             for step in (self._step, -self._step):
-                corners, force = x[cells].reshape(-1, 3), np.zeros((8 * count, 3))
-                corners[column // 3 :: 8, column % 3] += step
-                viscous_energy(corners, self._viscosity.reals, own, force, np.zeros(1))
-                forces.append(force.reshape(count, 24))
+                places = x[cells].reshape(-1, 3)
+                places[column // 3 :: nodes, column % 3] += step
+                forces.append(self._viscosity.forces(places, apart).reshape(count, -1))
             out[:, :, column] = (forces[0] - forces[1]) / (2.0 * self._step)
         return out

@@ -58,7 +58,7 @@ class Variant:
     def __init__(self, body: Body, own: MaterialVariant, model: MaterialVariant) -> None:
         materials = tuple(model.materials.values())
         changed = materials != tuple(own.materials.values())
-        self.table: MaterialTable = pack(materials) if changed else body.table
+        self.table: MaterialTable = body.cell_type.table(pack(materials)) if changed else body.table
         self._body = replace(body, materials=materials, table=self.table)
         self._own, self._model, self.dynamics = own, model, model.dynamics
         self._heavier = [each.density for each in materials] != [each.density for each in own.materials.values()]

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Growth of cells: it changes the operators of the cells' rest shape, and has no energy of its own.
 
-Let G be the growth and F_e = F G^-1 the elastic part of F. The gradients of a cell become G^-T g_a, its volume becomes
-det G V, and its edges become G d. Its hourglass vectors stay unchanged, because linear maps do not affect them. The
-element kernels then compute F_e in place of F.
+Let G be the growth and F_e = F G^-1 the elastic part of F. The operators of the cells that grow are replaced by those
+of their grown rest shape (`CellType.grown`). The element kernels then compute F_e in place of F.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Growth
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.blocks import block_geometry
 from gdfe_ros.solver.elements.operators import Operators
 
 
@@ -53,20 +51,9 @@ class Growths:
             return last
         if np.array_equal(stretch, self.ungrown.stretch):
             return self.ungrown
-        shape, own, inverse = self._body.shape, self.cells, np.linalg.inv(stretch)
-        edges = np.einsum("eij,ekj->eki", stretch, (shape.edge_axes * shape.edge_lengths[..., None])[own])
-        lengths = np.linalg.norm(edges, axis=2)
-        volume_ratio = np.linalg.det(stretch)
-        grown = shape._replace(
-            volume=_replaced(shape.volume, own, shape.volume[own] * volume_ratio),
-            gradient=_replaced(shape.gradient, own, shape.gradient[own] @ inverse),
-            edge_axes=_replaced(shape.edge_axes, own, edges / lengths[..., None]),
-            edge_lengths=_replaced(shape.edge_lengths, own, lengths),
-            reference=_replaced(shape.reference, own, shape.reference[own] @ inverse),
-            corner_ratio=_replaced(shape.corner_ratio, own, shape.corner_ratio[own] / volume_ratio[:, None]),
-        )
-        blocks = self._body.blocks
-        return Operators(grown, blocks._replace(geometry=block_geometry(grown, blocks.element)), stretch)
+        kind = self._body.cell_type
+        grown, blocks = kind.grown(self._body.shape, self.cells, stretch), self._body.blocks
+        return Operators(grown, blocks._replace(geometry=kind.geometry(grown, blocks)), stretch)
 
     def state(self, growth: Growth, commands: Mapping[str, float], grown: Operators) -> ActuatorState:
         """Return the state of a growth: its command and the mean det G of its cells."""
@@ -80,10 +67,3 @@ class Growths:
         for growth, rows in zip(self.growths, self._rows, strict=True):
             stretch[rows] += commands[growth.name] * (growth.stretch - np.eye(3))
         return stretch
-
-
-def _replaced(array: NDArray[np.float64], rows: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a copy of ``array`` with the given ``rows`` replaced."""
-    changed = array.copy()
-    changed[rows] = values
-    return changed

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Exact derivatives of bodies of quadratic tetrahedra against central differences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gdfe_ros import Command, Pose
+from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.tetmesh import divided
+from test.solver.sensitivity import test_equilibrium, test_motion
+
+MESH = {"embedded": pack_mesh(divided(bar([0.1, 0.03, 0.03], [5, 1, 1])))}
+CABLE = "{cable: {points: [[0, 0, 0.012], [0.05, 0.003, 0.012], [0.098, 0, 0.012]], command: shortening}}"
+GROWTH = "{growth: {stretch: [1.2, 1, 0.95], where: {box: {x: [0, 0.061]}}}}"
+
+
+def _material(key: str, value: float) -> Any:
+    return lambda change: (Command(), {f"materials__soft__{key}": value + change})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "step"),
+    [("young", 1e5, 1e3), ("poisson", 0.45, 1e-4), ("poisson", 0.495, 5e-5), ("density", 1100.0, 11.0)],
+)
+def test_materials(key: str, value: float, step: float) -> None:
+    """Derivatives with respect to moduli, Poisson's ratios with and without pressures, and densities."""
+    beside = _material(key, value)
+    given = beside(0.0)[1]
+    test_equilibrium.compared(
+        test_equilibrium.BAR, Command(), f"materials.soft.{key}", beside, step, mesh=MESH, **given
+    )
+
+
+@pytest.mark.parametrize(("kind", "value", "step"), [(CABLE, 0.004, 1e-4), (GROWTH, 0.5, 1e-2)])
+def test_actuators(kind: str, value: float, step: float) -> None:
+    """Derivatives with respect to the shortening of a cable and the fraction of a growth."""
+    test_equilibrium.varied(kind, value, step, mesh=MESH)
+
+
+def test_poses() -> None:
+    """Derivatives with respect to the rotation of a handle that slides."""
+
+    def posed(change: float) -> tuple[Command, dict[str, Any]]:
+        return Command(handles={"tip": Pose((-0.006, 0.004, 0.0), (0.1 + change, -0.2, 0.3))}), {}
+
+    tip = test_equilibrium.TIP["free"]
+    test_equilibrium.compared(test_equilibrium.BAR, posed(0.0)[0], "handles.tip.rx", posed, 5e-3, mesh=MESH, **tip)
+
+
+@pytest.mark.parametrize("case", ["modulus", "volume", "tension", "viscosity", "relaxation"])
+def test_motions(case: str) -> None:
+    """Derivatives along a motion: modulus, Poisson's ratio with pressures, tension, viscosity, relaxation."""
+    name, beside, step, given = test_motion.CASES[case]
+    test_motion.compare((name, beside, step, {**given, "mesh": MESH}))
