@@ -18,7 +18,7 @@ class SelfContact:
     """Contact of a mesh with itself: of its parts with each other, and of each part with itself.
 
     Attributes:
-        quads: (q, 4) int32 vertex ids of the boundary faces in contact.
+        quads: (q, 4) int32 vertex ids of the boundary faces in contact; triangles repeat their last corner.
         friction: Coulomb's coefficient of friction.
         parts: dict from the name of each mesh of an assembly to the index of its first vertex; empty for a single mesh.
         origin: (3,) [m] point to which the solver's positions are relative.

@@ -16,6 +16,11 @@ FACES = np.array([[1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6], [0, 1, 3, 4, 8, 7], [0
 """Nodes of the faces, counter-clockwise seen from outside: three corners, then the nodes on the edges 01, 12, 20."""
 FACETS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]], dtype=np.int32)
 """The four triangles between the six nodes of a face."""
+PARTS = np.array(
+    [[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8], [4, 9, 8, 5]],
+    dtype=np.int32,
+)
+"""Nodes of the eight tetrahedra with straight edges between the ten nodes of a cell, in any orientation."""
 SIX = np.array([[0, 1, 2], [1, 2, 0]], dtype=np.int32)
 """The two end corners (2 rows) of each edge of a face; column i is the edge with the node 3 + i."""
 

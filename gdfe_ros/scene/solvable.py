@@ -125,7 +125,7 @@ def unsolvable(
         (("bodies",), _still(handles) if dynamics is None else _inside(handles, mesh)),
         (cut, _beside(handles, actuators, self_contact, policy, mesh) if cut else ""),
         (("self_contact",), _by_skin(mesh) if self_contact is not None and not cut else ""),
-        (("mesh",), _tetrahedra(mesh, actuators, self_contact, policy)),
+        (("mesh",), _tetrahedra(mesh, policy)),
     ]
     return [(key, text) for key, text in found if text]
 
@@ -137,17 +137,11 @@ def _stiffened(fibres: Sequence[FibreLayer], policy: Policy) -> str:
     return f"the policy {policy.value!r} has no forces, and thus no fibres; remedy: solver.policy: energy"
 
 
-def _tetrahedra(
-    mesh: Mesh | None,
-    actuators: Sequence[Actuator],
-    self_contact: SelfContact | None,
-    policy: Policy,
-) -> str:
-    """Return a message about items that bodies of tetrahedra do not support yet; empty if there are none."""
+def _tetrahedra(mesh: Mesh | None, policy: Policy) -> str:
+    """Return a message about items that bodies of tetrahedra do not support; empty if there are none."""
     if not isinstance(mesh, TetMesh):
         return ""
     lacking = [f"policy {policy.value!r}"] * (policy is not Policy.ENERGY)
-    lacking += ["self_contact"] * (self_contact is not None)
     if mesh.skin is not None:
         lacking += ["skin"]
     if not lacking:

@@ -15,6 +15,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, select_faces
 from gdfe_ros.mesh.selection import select_touching
 from gdfe_ros.mesh.solid import Solid
+from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.report import NO_VALUE, Defects
@@ -88,7 +89,7 @@ def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Defects) -> S
     if model.where is not None:
         quads = select(select_faces, mesh, model.where, ("self_contact", "where"), "boundary face", report)
     parts = {name: part.first_vertex for name, part in mesh.parts.items()}
-    return None if quads is None else SelfContact(quads=quads, friction=model.friction, parts=parts)
+    return None if quads is None else SelfContact(quads=flat_quads(quads), friction=model.friction, parts=parts)
 
 
 def build_sensors(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, ContactSensor]:

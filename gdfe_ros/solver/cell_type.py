@@ -14,6 +14,7 @@ from gdfe_ros.mesh.faces import Faces, boundary_faces
 from gdfe_ros.mesh.operators import ShapeOperators, grown_operators, shape_operators
 from gdfe_ros.mesh.tet_faces import tet_boundary
 from gdfe_ros.mesh.tet_operators import TetOperators, gradients, grown_tet_operators, tet_operators
+from gdfe_ros.mesh.tetrahedra import EDGES, PARTS
 from gdfe_ros.solver.elements import tangent_rows, tetrahedra
 from gdfe_ros.solver.elements.blocks import block_geometry, make_blocks
 from gdfe_ros.solver.elements.tet_blocks import make_tet_blocks, tet_geometry
@@ -38,6 +39,8 @@ class CellType(NamedTuple):
         tangents: compiled function that writes d(node force)/d(node position) (m, 3 c, 3 c) [N/m].
         softens: whether the hourglass stiffness depends on the strain.
         boundary: function that returns the outer faces of cells (m, c).
+        edges: pairs of nodes of a cell that are neighbours on an edge.
+        simple: (k, 8) nodes of the hexahedra that fill a cell; those of a tetrahedron have coincident corners.
     """
 
     noun: str
@@ -51,6 +54,8 @@ class CellType(NamedTuple):
     tangents: Callable
     softens: bool
     boundary: Callable[[NDArray[np.int32]], Faces]
+    edges: tuple[tuple[int, int], ...]
+    simple: NDArray[np.int32]
 
 
 def _hex_matrix(
@@ -86,6 +91,8 @@ HEXAHEDRA = CellType(
     tangent_rows.element_tangents,
     True,
     boundary_faces,
+    ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+    np.arange(8, dtype=np.int32)[None],
 )
 TETRAHEDRA = CellType(
     "tetrahedra",
@@ -99,6 +106,8 @@ TETRAHEDRA = CellType(
     tetrahedra.element_tangents,
     False,
     tet_boundary,
+    tuple((corner, middle) for middle, ends in enumerate(EDGES, start=4) for corner in ends),
+    PARTS[:, [0, 1, 2, 2, 3, 3, 3, 3]],
 )
 _BY_CORNERS = {kind.corners: kind for kind in (HEXAHEDRA, TETRAHEDRA)}
 

@@ -113,9 +113,7 @@ def test_a_shaken_body_keeps_its_period_and_damps() -> None:
 
 
 def test_what_tetrahedra_lack_is_refused() -> None:
-    """Self-contact and the policy `relative` are refused in one message with a remedy."""
-    with pytest.raises(SceneError, match=r"tetrahedra cannot have self_contact yet; remedy"):
-        scene_of(divided(SLAB), self_contact={})
+    """The policy `relative` is refused with a remedy."""
     with pytest.raises(SceneError, match=r"tetrahedra cannot have policy 'relative' yet"):
         scene_of(divided(SLAB), solver={"policy": "relative"})
 

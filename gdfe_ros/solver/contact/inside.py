@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.constraints.self_contact import SelfContact
-from gdfe_ros.mesh.faces import boundary_faces, vertex_pieces
+from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import among, closest_on, point_on
-from gdfe_ros.solver.contact.own_surface import Topology, vertices_about
+from gdfe_ros.solver.contact.own_surface import Topology, flat_boundary, vertices_about
 
 MOST_STEPS = 25
 """Largest number of Newton iterations in one cell."""
@@ -35,13 +35,14 @@ class Inside:
 
     def __init__(self, body: Body, surface: Topology, meant: SelfContact) -> None:
         self._meant = meant
-        cells, faces = body.cells, boundary_faces(body.cells)
-        pieces = vertex_pieces(cells, len(body.rest))
-        near = vertices_about(cells, np.arange(len(cells)), len(body.rest))
+        simple, (faces, _) = body.cell_type.simple, flat_boundary(body)
+        pieces = vertex_pieces(body.cells, len(body.rest))
+        near = vertices_about(body.cells, np.repeat(np.arange(len(body.cells)), len(simple)), len(body.rest))
+        cells = np.ascontiguousarray(body.cells[:, simple].reshape(-1, 8))
         chosen = {tuple(quad) for quad in surface.quads.tolist()}
-        touchable = np.array([tuple(quad) in chosen for quad in faces.quads.tolist()])
-        order = np.argsort(pieces[faces.quads[:, 0]], kind="stable")
-        quads, count = faces.quads[order], int(pieces.max()) + 1
+        touchable = np.array([tuple(quad) in chosen for quad in faces.tolist()])
+        order = np.argsort(pieces[faces[:, 0]], kind="stable")
+        quads, count = faces[order], int(pieces.max()) + 1
         starts = np.searchsorted(pieces[quads[:, 0]], np.arange(count + 1)).astype(np.int64)
         self._skin = (surface.vertices, np.ascontiguousarray(quads, dtype=np.int32), touchable[order], starts)
         self._cells = (cells, pieces[cells[:, 0]].astype(np.int64), near.indptr.astype(np.int64))

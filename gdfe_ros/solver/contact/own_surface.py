@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from gdfe_ros.mesh.faces import boundary_faces
+from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_faces
 
@@ -78,7 +78,7 @@ class OwnSurface:
 
     Args:
         body: the discretised body.
-        quads: (q, 4) int32 boundary faces.
+        quads: (q, 4) int32 boundary faces; triangles repeat their last corner.
 
     Attributes:
         topology: neighbourhoods of the undeformed surface.
@@ -87,22 +87,22 @@ class OwnSurface:
     def __init__(self, body: Body, quads: NDArray[np.int32]) -> None:
         count, corners = len(body.rest), quads.ravel().astype(np.int64)
         faces = np.repeat(np.arange(len(quads), dtype=np.int64), 4)
-        order = np.argsort(corners, kind="stable")
-        about, about_starts = faces[order], _starts(np.bincount(corners, minlength=count))
+        once = np.ones(quads.shape, dtype=bool)
+        once[:, 3] = quads[:, 3] != quads[:, 2]  # a triangle repeats its last corner
+        own = np.flatnonzero(once)
+        order = own[np.argsort(corners[own], kind="stable")]
+        about, about_starts = faces[order], _starts(np.bincount(corners[own], minlength=count))
         rest = np.empty((len(quads), 3))
         face_areas(body.rest, quads, rest)
         normals = rest / np.linalg.norm(rest, axis=1)[:, None]
-        shared = np.bincount(corners, minlength=count)[corners]
+        shared = np.diff(about_starts)[corners]
         owner, other = np.repeat(np.arange(4 * len(quads)), shared), np.concatenate(
             [about[about_starts[v] : about_starts[v + 1]] for v in corners]
         )  # fmt: skip
         on = np.einsum("ij,ij->i", normals[faces[owner]], normals[other]) > CREASE
         near = _near(body, quads)
         edges = body.rest[body.cells]
-        shortest = min(
-            float(np.linalg.norm(edges[:, a] - edges[:, b], axis=1).min())
-            for a, b in ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
-        )
+        shortest = min(float(np.linalg.norm(edges[:, a] - edges[:, b], axis=1).min()) for a, b in body.cell_type.edges)
         self.topology = Topology(
             vertices=np.unique(quads).astype(np.int32),
             quads=np.ascontiguousarray(quads, dtype=np.int32),
@@ -175,14 +175,21 @@ def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _near(body: Body, quads: NDArray[np.int32]) -> sparse.csr_matrix:
     """Return the vertices (q, n) of all cells that share a vertex with the cell of each face, as a sparse matrix."""
-    boundary = boundary_faces(body.cells)
-    owner = {tuple(quad): cell for quad, cell in zip(boundary.quads.tolist(), boundary.cells.tolist(), strict=True)}
+    faces, cells = flat_boundary(body)
+    owner = {tuple(quad): cell for quad, cell in zip(faces.tolist(), cells.tolist(), strict=True)}
     return vertices_about(body.cells, np.array([owner[tuple(quad)] for quad in quads.tolist()]), len(body.rest))
+
+
+def flat_boundary(body: Body) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the boundary faces of a body as quads (q, 4), as `flat_quads` does, and the cell of each one (q,)."""
+    boundary = body.cell_type.boundary(body.cells)
+    quads = flat_quads(boundary.quads)
+    return quads, np.repeat(boundary.cells, len(quads) // max(len(boundary.quads), 1))
 
 
 def vertices_about(cells: NDArray[np.int32], chosen: NDArray[np.int64], count: int) -> sparse.csr_matrix:
     """Return the vertices (k, n) of all cells that share a vertex with each of the ``chosen`` cells (k,)."""
-    rows = np.repeat(np.arange(len(cells)), 8)
+    rows = np.repeat(np.arange(len(cells)), cells.shape[1])
     incidence = sparse.csr_matrix((np.ones(cells.size, np.int32), (rows, cells.ravel())), shape=(len(cells), count))
     near = (incidence[chosen] @ incidence.T @ incidence).tocsr()
     near.sort_indices()
