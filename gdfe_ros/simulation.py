@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -188,6 +189,9 @@ class Simulation:
         moved, positions = moved_along(self.stepper.body, self.stepper.equilibrium.handles, self.state, poses)
         found = self.stepper.place(moved, positions)
         require_free(self.stepper.body, found, self._rigid)
+        if isinstance(self.stepper, MotionStepper):
+            kept = replace(found.ledger, work=self.state.ledger.work, lost=self.state.ledger.lost)
+            found = self.stepper.continued(found.with_(ledger=kept), self.stepper.unbalanced(self.state))
         self.state, self._joints, self._cuts = found, motions, {}
         self._links = self._coupling.at_rest()
         self.targets = {**self.targets, **poses}

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +42,13 @@ class CommandAssembler:
         self._twists: dict[str, tuple[TwistOrder, float]] = {}
         self._courses: dict[str, _Course] = {}
         self._resting: Command | None = None
+
+    def take_over(self, other: CommandAssembler, bodies: Collection[str]) -> None:
+        """Continue the velocities, trajectories and requests of another assembler; only ``bodies`` are teleported."""
+        self._twists, self._courses, self._resting = other._twists, other._courses, other._resting
+        if self._resting is not None:
+            kept = {name: pose for name, pose in self._resting.bodies.items() if name in bodies}
+            self._resting = replace(self._resting, bodies=kept)
 
     def place(self, bodies: Mapping[str, Pose]) -> None:
         """Teleport rigid bodies with the next command."""

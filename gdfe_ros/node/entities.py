@@ -21,13 +21,17 @@ from gdfe_ros.node.entity_request import EntityRequest, placement_of
 from gdfe_ros.node.exchange import SceneExchange
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.orders import require_near
 from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.qos import installed, interface_class
+from gdfe_ros.node.refusals import Refusal
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard_answers import Refused, ResultCode, done, failed, later
 from gdfe_ros.scene.entity import with_body, without_bodies
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
+
+_REPEATED_GROUP = re.compile(r"(?<!\\)\)[*+{]")
 
 
 class Entities:
@@ -86,8 +90,7 @@ class Entities:
         if session.scene.dynamics is None:
             raise Refused(ResultCode.FAILED, f"scene {session.scene.name!r} has no `dynamics`, which rigid bodies need")
         entity = wanted.entity()
-        taken = {handle.name for handle in session.scene.handles} | set(self._inner)
-        name = wanted.unique_name(entity, taken)
+        name = wanted.unique_name(entity, _names(session.scene) | set(self._inner))
         outer = placement_of(wanted.pose, session.run.frames)
         self._inner[name] = Placement()
         given = {"origin": outer.origin, "turn": outer.turn}
@@ -140,6 +143,9 @@ class Entities:
         filters = request.filters
         if filters.categories or filters.tags.tags or filters.bounds.type:
             raise Refused(ResultCode.UNSUPPORTED, "only filters.filter, an expression for names, is supported")
+        if _REPEATED_GROUP.search(filters.filter):  # matching could take forever
+            text = f"filters.filter {filters.filter!r} repeats a group, which is not supported"
+            raise Refused(ResultCode.UNSUPPORTED, text)
         try:
             pattern = re.compile(filters.filter)
         except re.error as error:
@@ -176,7 +182,17 @@ class Entities:
             return done(response)
         outer = placement_of(request.state, session.run.frames)
         pose = _from_rest(body, outer @ self._inner.get(body.name, Placement()))
-        return later(session.stepper.post(lambda: session.stepper.place({body.name: pose})), response)
+        try:
+            require_near(pose.translation, session.scene.mesh.size)
+        except Refusal as refusal:
+            raise Refused(ResultCode.INVALID_POSE, str(refusal)) from refusal
+
+        def put() -> None:
+            simulation = session.simulation
+            simulation.stepper.put(simulation.state, {body.name: pose})  # raises an error if the place is not free
+            session.stepper.place({body.name: pose})
+
+        return later(session.stepper.post(put), response)
 
     def _bodies(self) -> list[RigidBody]:
         return [handle for handle in self._session().scene.handles if isinstance(handle, RigidBody)]
@@ -187,6 +203,12 @@ class Entities:
                 return body
         names = ", ".join(body.name for body in self._bodies()) or "none"
         raise Refused(ResultCode.NOT_FOUND, f"there is no rigid body {name!r}; bodies: {names}")
+
+
+def _names(scene: Scene) -> set[str]:
+    """Return the names of a scene that a body cannot have."""
+    items = (*scene.handles, *scene.actuators, *scene.loads, *scene.fibres)
+    return {item.name for item in items}
 
 
 def _rest(body: RigidBody) -> Placement:

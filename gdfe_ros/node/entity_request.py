@@ -17,6 +17,8 @@ from gdfe_ros.node.standard_answers import Refused, ResultCode
 from gdfe_ros.scene.entity import Entity, read_entity
 from gdfe_ros.scene.schema import NAME
 
+LONGEST = 60
+"""Largest number of letters of a body's name, which becomes a part of the names of topics."""
 _SUFFIXES = (".urdf", ".yaml", ".yml")
 
 
@@ -77,8 +79,8 @@ class EntityRequest:
             Refused: there is no name, it is no valid name, or it is taken and must not be changed.
         """
         name = self.name or entity.name or ("body" if self.renames else "")
-        if not NAME.match(name):
-            text = f"name is {name!r}; allowed: letters, digits and _, with a letter first"
+        if not NAME.match(name) or len(name) > LONGEST:
+            text = f"name is {name[: LONGEST + 1]!r}; allowed: up to {LONGEST} letters, digits and _, a letter first"
             raise Refused(ResultCode.NAME_INVALID, text)
         if name not in taken:
             return name
@@ -120,5 +122,5 @@ def _read(uri: str) -> str:
         raise Refused(ResultCode.UNSUPPORTED_FORMAT, text)
     try:
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # no file, no text, or no path
         raise Refused(ResultCode.PARSE_ERROR, f"uri {uri!r} cannot be read as text: {error}") from error

@@ -43,18 +43,19 @@ class SceneExchange:
     Args:
         node: node whose executor exchanges the simulations.
         session: function that returns the running session, or None.
-        replace: function that replaces the session's simulation; its second argument is whether to start anew.
+        replace: function that replaces the session's simulation. Its further arguments are the scene from which the
+            simulation was made, and whether to start anew. It returns whether this is still the session's scene.
     """
 
     def __init__(
         self,
         node: ManagedNode,
         session: Callable[[], SimulationSession | None],
-        replace: Callable[[Simulation, bool], None],
+        replace: Callable[[Simulation, Scene, bool], bool],
     ) -> None:
         self._node, self._session, self._replace = node, session, replace
         self._waiting: deque[_Change] = deque()
-        self._busy = False
+        self._busy: _Change | None = None
 
     def request(self, make: Callable[[Scene], Scene], *, anew: bool = False) -> Future[Scene]:
         """Change the scene by ``make``, and return a ``Future`` of the new scene. Called in the executor's thread."""
@@ -64,18 +65,19 @@ class SceneExchange:
         return change.outcome
 
     def _begin(self) -> None:
-        if self._busy or not self._waiting:
+        if self._busy is not None or not self._waiting:
             return
         change, session = self._waiting.popleft(), self._session()
         if session is None:
             change.outcome.set_exception(GdfeError("the node was cleaned up before the scene was changed"))
             self._begin()
             return
-        self._busy, change.before = True, session.scene
+        self._busy, change.before = change, session.scene
 
         def finish() -> None:
             self._node.destroy_timer(finisher)
-            self._finish(change)
+            if self._busy is change:  # an executor may have queued the timer's callback twice
+                self._finish(change)
 
         def build() -> None:
             try:
@@ -91,17 +93,20 @@ class SceneExchange:
         threading.Thread(target=build, name="exchange", daemon=True).start()
 
     def _finish(self, change: _Change) -> None:
-        self._busy, session = False, self._session()
-        if session is not None and session.scene is not change.before and not isinstance(change.built, Exception):
-            self._waiting.appendleft(change)  # moduli, or the whole scene, have changed: build it again
+        self._busy = None
+        try:
+            found = self._exchange(change)
+        except Exception as error:
+            change.outcome.set_exception(error)
         else:
-            try:
-                change.outcome.set_result(self._exchange(change))
-            except Exception as error:
-                change.outcome.set_exception(error)
+            if found is None:
+                self._waiting.appendleft(change)  # moduli, or the whole scene, have changed: build it again
+            else:
+                change.outcome.set_result(found)
         self._begin()
 
-    def _exchange(self, change: _Change) -> Scene:
+    def _exchange(self, change: _Change) -> Scene | None:
+        """Carry out a change and return the new scene; None if the present scene is another one meanwhile."""
         if isinstance(change.built, Exception):
             raise change.built
         session = self._session()
@@ -111,5 +116,4 @@ class SceneExchange:
             raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
         if session.walk is not None and session.walk.going:
             raise GdfeError(f"a request has made {session.walk}; wait for its end, or end it with ~/pause true")
-        self._replace(change.built, change.anew)
-        return change.built.scene
+        return change.built.scene if self._replace(change.built, change.before, change.anew) else None

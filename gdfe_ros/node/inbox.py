@@ -7,7 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Collection
 
-from gdfe_ros.node.orders import ActuatorOrder, Order
+from gdfe_ros.node.orders import ActuatorOrder, Order, TeleportOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
 _LIMIT = 10_000
@@ -78,9 +78,21 @@ class Inbox:
         self._count -= len(queues)
         return [queue.popleft()[1] for queue in queues]
 
+    def take_over(self, other: Inbox, bodies: Collection[str]) -> None:
+        """Continue with the waiting commands of another inbox, except teleports of bodies not in ``bodies``."""
+        self._count, self._number = 0, other._number
+        self._latest = [order for order in other._latest if not _is_lost(order, bodies)]
+        for name, queue in other._waiting.items():
+            self._waiting[name] = deque(entry for entry in queue if not _is_lost(entry[1], bodies))
+            self._count += len(self._waiting[name])
+
     def clear(self) -> None:
         """Drop all waiting commands, e.g. at a reset."""
         with self._changed:
             self._waiting.clear()
             self._latest.clear()
             self._count = 0
+
+
+def _is_lost(order: Order, bodies: Collection[str]) -> bool:
+    return isinstance(order, TeleportOrder) and order.body not in bodies

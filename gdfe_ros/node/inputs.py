@@ -155,6 +155,11 @@ class Inputs:
                 with suppress(ValueError):  # another thread ended all of them meanwhile
                     self._pursuits.remove(pursuit)
 
+    def take_over(self, other: Inputs) -> None:
+        """Continue the action clients' trajectories and the checks of stamps of other inputs."""
+        self._pursuits, other._pursuits = other._pursuits, []
+        self.freshness, self._heard = other.freshness, other._heard & self._inputs.keys()
+
     def give_up(self, reason: str) -> None:
         """End every action client's trajectory with an error and its reason."""
         pursuits, self._pursuits = self._pursuits, []

@@ -24,6 +24,8 @@ from gdfe_ros.node.throttle import Throttle
 
 _KEPT = 1000
 """Largest number of destroyed subscriptions, publishers and timers that stay in memory; a node has fewer."""
+_OPERATION_FAILED = 4
+"""Code of a failure in ``simulation_interfaces/msg/Result``."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
@@ -272,4 +274,6 @@ def _failure(request: Any, response: Any, text: str) -> Any:
         response.results = [refused for _ in request.parameters]
     if hasattr(response, "result") and isinstance(response.result, SetParametersResult):
         response.result = refused
+    elif hasattr(response, "result") and hasattr(response.result, "error_message"):
+        response.result.result, response.result.error_message = _OPERATION_FAILED, text
     return response

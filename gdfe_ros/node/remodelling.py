@@ -14,7 +14,6 @@ from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.motion.carry import carried, with_bodies_of
-from gdfe_ros.solver.value import changed as replaced
 
 _LONG = 1e9
 """Duration of a step [s] so long that no rate limit restricts a command."""
@@ -81,12 +80,4 @@ def take_over(old: Simulation, new: Simulation) -> None:
     except OverlapError:
         new.restore(fresh)
         raise
-    new.state = new.state.with_(balance=new.stepper.actuation.balance(new.state.positions, new.state.commands))
-    ledger, gap = new.state.ledger, _unbalanced(new) - _unbalanced(old)
-    new.state = new.state.with_(ledger=replaced(ledger, work=ledger.work + gap))
-
-
-def _unbalanced(simulation: Simulation) -> float:
-    """Return the energy [J] that is not accounted for as work."""
-    energies = simulation.stepper.energies(simulation.state)
-    return sum(energies[name] for name in ("kinetic", "elastic", "potential", "dissipated")) - energies["work"]
+    new.state = new.stepper.continued(new.state, old.stepper.unbalanced(old.state))

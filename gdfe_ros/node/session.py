@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
+from typing import NamedTuple
 
 from rclpy.clock import JumpHandle
 
@@ -23,7 +24,7 @@ from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.moduli import Moduli
 from gdfe_ros.node.outputs import TopicOutputs
-from gdfe_ros.node.pace import ClockMode, make_pace
+from gdfe_ros.node.pace import ClockMode, Pace, make_pace
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import with_moduli
@@ -40,6 +41,20 @@ from gdfe_ros.simulation import Simulation
 
 _LATE = 1.0
 """A warning is logged if the simulation lags behind an external clock by more than this time [s]."""
+
+
+class Handover(NamedTuple):
+    """Parts of a started session with which another one continues.
+
+    Attributes:
+        pace: pace of the steps.
+        inbox: commands that wait for their step.
+        paused: whether only requests make further steps.
+    """
+
+    pace: Pace
+    inbox: Inbox
+    paused: bool
 
 
 class SimulationSession:
@@ -102,8 +117,11 @@ class SimulationSession:
         """The scene that is simulated."""
         return self.simulation.scene
 
-    def start(self, *, paused: bool = False) -> None:
-        """Start the threads; the present state is published at once. ``paused``: only requests make further steps.
+    def start(self, before: Handover | None = None) -> None:
+        """Start the threads; the present state is published at once.
+
+        Args:
+            before: what a session that ran before hands over; no new bag then begins.
 
         Raises:
             GdfeError: the bag cannot be created, ``command_set`` names an unknown input, or the external clock is not
@@ -113,24 +131,51 @@ class SimulationSession:
         self.mode, command_set = ClockMode(self.run.parameters["clock"]), self._command_set()
         if self.mode is ClockMode.EXTERNAL:
             self._jumps = self._jumps or self.run.follow_clock(self.stepper.wake)
-        if self.run.parameters["record"]:
+        if self.run.parameters["record"] and before is None:
             self._begin_bag()
-        pace = self.run.pace = make_pace(self.mode, self.run.timing, self.run.clock, self._warn)
         inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
+        if before is None:
+            pace = make_pace(self.mode, self.run.timing, self.run.clock, self._warn)
+        else:
+            pace = before.pace
+            inbox.take_over(before.inbox, self._bodies)
+        self.run.pace = pace
         self.courier = Courier(self.run.node.guarded(self.outputs.publish_step, "publishing a step"))
         # Before the first state is published, because a client may send commands as soon as it has received it.
         self.inputs.inbox = inbox
-        self.stepper.start(pace, inbox, paused=paused)
+        self.stepper.start(pace, inbox, paused=before is not None and before.paused)
         self.inputs.followers.look(anew=True)
 
-    def stop(self, why: str = "the node was deactivated") -> None:
-        """End the threads after the step in progress, publish queued steps, and finish the bag.
+    def halt(self) -> Handover | None:
+        """End the threads without an end of commands; return what another session needs to continue.
 
-        ``why`` is the reason that ends trajectories in progress.
+        Functions that wait to run between two steps run first. The result is None if the session is not started.
         """
-        self.inputs.inbox = None
+        if self.inputs.inbox is None:
+            return None
+        self.stepper.stop(drain=True)
+        found = Handover(self.run.pace, self.inputs.inbox, self.stepper.paused)
+        self._end()
+        return found
+
+    def take_over(self, other: SimulationSession) -> None:
+        """Continue the commands of another session that has halted, between two steps."""
+        self.stepper.take_over(other.stepper, self._bodies)
+        self.inputs.take_over(other.inputs)
+
+    @property
+    def _bodies(self) -> set[str]:
+        return {handle.name for handle in self.scene.handles if isinstance(handle, RigidBody)}
+
+    def stop(self) -> None:
+        """End the threads after the step in progress, publish queued steps, and finish the bag."""
         self.stepper.stop()
-        self.inputs.give_up(why)
+        self.inputs.give_up("the node was deactivated")
+        self._end()
+
+    def _end(self) -> None:
+        """End the remaining parts after the stepping has ended."""
+        self.inputs.inbox = None
         if self.courier is not None:
             self.courier.stop()
         if self._jumps is not None:
@@ -142,6 +187,10 @@ class SimulationSession:
     def destroy(self) -> None:
         """Stop, and remove topics and parameters."""
         self.stop()
+        self.close()
+
+    def close(self) -> None:
+        """Remove topics and parameters of a session without threads."""
         self._moduli.destroy()
         self.inputs.destroy()
         if self._transforms is not None:

@@ -31,6 +31,7 @@ from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard import StandardServices
 from gdfe_ros.node.trajectory_action import TrajectoryAction
 from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _DIAGNOSTICS_PERIOD = 1.0
@@ -147,29 +148,43 @@ class SimNode(ManagedNode):
         size = f"{scene.mesh.n_vertices} vertices, {scene.mesh.n_cells} cells"
         self.get_logger().info(f"scene {scene.name!r}: {', '.join([size, *parts])}")
 
-    def _replace(self, simulation: Simulation, anew: bool) -> None:
+    def _replace(self, simulation: Simulation, before: Scene, anew: bool) -> bool:
         """Replace the session by one of ``simulation``, which starts anew or else continues the motion.
 
+        The result is False, and the session goes on, if its scene is not ``before`` any more.
+
         Raises:
-            GdfeError: a new body overlaps something; the session goes on as before.
+            GdfeError: a new body overlaps something; the session goes on.
         """
         old = self.session
-        active, paused, known = old.stepper.running, old.stepper.paused, old.connections()
-        old.stop("the scene was changed")
+        known, handover = old.connections(), old.halt()
         try:
+            if old.scene is not before:
+                return False
             if not anew:
                 take_over(old.simulation, simulation)
-        except GdfeError:
-            if active:
-                old.start(paused=paused)
-            raise
-        old.destroy()
-        self.session = SimulationSession(self, self._settings, simulation, self.refusals, ending=self._interrupted)
-        self.session.stepper.restart(Begin.REST if anew else Begin.LOADED)
-        self._await_connections(known)
-        if active:
-            super().on_activate(LifecycleState(State.PRIMARY_STATE_ACTIVE, "active"))
-            self.session.start(paused=paused)
+            old.close()
+            try:
+                self.session = self._opened(simulation, old, anew=anew)
+            except Exception:
+                self.session = self._opened(old.simulation, old, anew=False)
+                raise
+            self._await_connections(known)
+            return True
+        finally:
+            if handover is not None:
+                super().on_activate(LifecycleState(State.PRIMARY_STATE_ACTIVE, "active"))
+                self.session.start(handover)
+
+    def _opened(self, simulation: Simulation, old: SimulationSession, *, anew: bool) -> SimulationSession:
+        """Return a session of ``simulation`` in place of ``old``, which has been closed."""
+        session = SimulationSession(self, self._settings, simulation, self.refusals, ending=self._interrupted)
+        session.stepper.restart(Begin.REST if anew else Begin.LOADED)
+        if anew:
+            old.inputs.give_up("the simulation was reset")
+        else:
+            session.take_over(old)
+        return session
 
     def _await_connections(self, known: Mapping[str, int]) -> None:
         """Wait until the new topics are connected to as many endpoints as the old ones, at most `_RECONNECTION`."""

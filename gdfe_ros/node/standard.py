@@ -39,7 +39,7 @@ pause; one step, several steps, steps as an action.
 """
 _FORMATS = ("urdf", "gdfe_ros")
 """Formats of spawned bodies; the second one is YAML like an entry of `bodies` in a scene file."""
-_TIME, _STATE, _SPAWNED = 1, 2, 4
+_TIME, _STATE, _SPAWNED, _ALL = 1, 2, 4, 255
 """Bits of a reset's scope: time, state, spawned bodies; a scope of 0 means all."""
 
 
@@ -127,9 +127,11 @@ class StandardServices:
         return done(response)
 
     def _reset(self, request: Any, response: Any) -> Any:
-        session, scope = self._session(), request.scope or 255
+        session, scope = self._session(), request.scope or _ALL
         if session is None:
             return failed(response, ResultCode.INCORRECT_STATE, self._inactive())
+        if scope != _ALL and scope & ~(_TIME | _STATE | _SPAWNED):
+            return failed(response, ResultCode.UNSUPPORTED, f"scope {scope} has unknown bits; allowed: 1, 2, 4")
         whole = scope & (_TIME | _STATE)
         if whole not in (0, _TIME | _STATE):
             return failed(response, ResultCode.UNSUPPORTED, f"scope {scope}: time and state are reset together only")

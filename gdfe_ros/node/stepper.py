@@ -8,7 +8,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
@@ -88,7 +88,7 @@ class SteppingThread:
         self._jobs: deque[tuple[Callable[[], object], Future]] = deque()
         self._retries = 0
         self._rated = any(math.isfinite(actuator.rate) for actuator in run.scene.actuators)
-        self._stopping = self._paused = False
+        self._stopping = self._draining = self._paused = False
         self._thread: threading.Thread | None = None
 
     @property
@@ -116,17 +116,27 @@ class SteppingThread:
         self._thread = threading.Thread(target=self._work, name=STEPPER, daemon=True)
         self._thread.start()
 
+    def take_over(self, other: SteppingThread, bodies: Collection[str]) -> None:
+        """Continue the commands and counts of another stepper; of the rigid bodies only ``bodies`` exist."""
+        self._drive.take_over(other._drive, bodies)
+        self.slew, self._retries = other.slew, other._retries
+        self.count, self.rounds, self.failures = other.count, other.rounds, other.failures
+        self.solving, self.spent, self.failure = other.solving, other.spent, other.failure
+
     def wake(self) -> None:
         """Make the thread check whether a step is due."""
         with self.changed:
             self.changed.notify_all()
 
-    def stop(self) -> None:
-        """End the thread after the step in progress; a long solve ends early. Without a thread, do nothing."""
+    def stop(self, *, drain: bool = False) -> None:
+        """End the thread after the step in progress; a long solve ends early. Without a thread, do nothing.
+
+        ``drain``: first run the functions that wait to run between two steps; otherwise they are refused.
+        """
         if self._thread is None:
             return
         with self.changed:
-            self._stopping = True
+            self._stopping, self._draining = True, drain
             self.changed.notify_all()
         self._thread.join()
         self._thread = None
@@ -263,7 +273,7 @@ class SteppingThread:
     def _next(self) -> Callable[[], None] | None:
         """Wait for the next task and return it; None ends the thread."""
         with self.changed:
-            while not self._stopping:
+            while not self._stopping or (self._draining and self._jobs):
                 if self._jobs:
                     job = self._jobs.popleft()
                     return lambda: _carry_out(*job)

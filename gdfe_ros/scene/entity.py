@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.description import Geometry, GeometryKind, Link
@@ -108,20 +110,29 @@ def _from_urdf(text: str, where: str) -> Entity:
     friction = element.find("gazebo/mu1")
     if friction is not None:
         entry["friction"] = _friction(friction.text, where)
+    try:
+        form = form_of(BodyModel.model_validate(entry))
+    except ValidationError as error:
+        raise ArmError(
+            where, [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
+        ) from error
     return Entity(
         name=robot.name,
         entry=entry,
         origin=shape.origin,
         axes=shape.axes,
-        remark=_remark(inertial.find("inertia"), entry),
+        remark=_remark(inertial.find("inertia"), mass * (form.moments.sum() - form.moments)),
     )
 
 
 def _friction(text: str | None, where: str) -> float:
     try:
-        return float(text or "")
+        value = float(text or "")
     except ValueError:
-        raise ArmError(where, [f"<mu1> is {text!r}; allowed: a number, 0 or more"]) from None
+        value = math.nan
+    if not 0.0 <= value <= math.inf:
+        raise ArmError(where, [f"<mu1> is {text!r}; allowed: a number, 0 or more"])
+    return value
 
 
 def _only_shape(link: Link, where: str) -> Geometry:
@@ -146,12 +157,10 @@ def _shape_entry(shape: Geometry) -> dict[str, Any]:
             return {"sphere": {"radius": shape.numbers[0]}}
 
 
-def _remark(inertia: ElementTree.Element, entry: dict[str, Any]) -> str:
-    """Return a text about moments of inertia that a homogeneous body does not have; empty if they agree."""
+def _remark(inertia: ElementTree.Element, own: NDArray[np.float64]) -> str:
+    """Return a text about moments of inertia that differ from ``own`` (3,) [kg m^2]; empty if they agree."""
     xx, xy, xz, yy, yz, zz = (float(inertia.get(part, 0.0)) for part in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
-    given = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    moments = form_of(BodyModel.model_validate(entry)).moments
-    own = np.sort(entry["mass"] * (moments.sum() - moments))
+    given, own = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), np.sort(own)
     if np.abs(given - own).max() <= ODD * own.max():
         return ""
     shown = (", ".join(f"{value:.3g}" for value in values) for values in (given, own))

@@ -29,11 +29,11 @@ COARSEST = 0.25
 
 
 def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Obstacle, ...]:
-    """Return the valid obstacles; report obstacles with the name of a handle."""
+    """Return the valid obstacles; report obstacles with the name of a handle, an actuator or a load."""
     obstacles = []
     for name, model in draft.obstacles.items():
-        if name in draft.handles:
-            report.add(("obstacles", name), "a handle has this name; remedy: another one", value=NO_VALUE)
+        if (taken := _taken(name, draft, "handles")) is not None:
+            report.add(("obstacles", name), f"{taken} has this name; remedy: another one", value=NO_VALUE)
             continue
         try:
             obstacle = model.build(name)
@@ -45,6 +45,16 @@ def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tupl
         if mesh is not None and isinstance(obstacle.form, TriangleMesh):
             _require_scale(obstacle.form.solid, mesh, ("obstacles", name, "mesh"), report)
     return tuple(obstacles)
+
+
+def _taken(name: str, draft: Draft, *sections: str) -> str | None:
+    """Return the kind of item that has a name, e.g. ``a handle``; None if there is none.
+
+    Actuators and loads count in any case, because contacts and they are terms of one potential.
+    """
+    kinds = {"handles": "a handle", "obstacles": "an obstacle", "actuators": "an actuator", "loads": "a load"}
+    found = [kinds[section] for section in (*sections, "actuators", "loads") if name in getattr(draft, section)]
+    return found[0] if found else None
 
 
 def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) -> None:
@@ -62,10 +72,10 @@ def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) 
 
 
 def build_bodies(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[RigidBody, ...]:
-    """Return the valid rigid bodies; report bodies with the name of a handle or of an obstacle."""
+    """Return the valid rigid bodies; report bodies with the name of a handle, obstacle, actuator or load."""
     for name in draft.bodies:
-        if name in draft.handles or name in draft.obstacles:
-            report.add(("bodies", name), "a handle or an obstacle has this name; remedy: another one", value=NO_VALUE)
+        if (taken := _taken(name, draft, "handles", "obstacles")) is not None:
+            report.add(("bodies", name), f"{taken} has this name; remedy: another one", value=NO_VALUE)
     first, bodies = mesh.n_vertices if mesh is not None else 0, []
     for name, model in draft.bodies.items():
         try:

@@ -14,6 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.scene import scene_from_text
 
 CUBE = """<robot name="cube"><link name="cube">
 <inertial><mass value="0.02"/><inertia ixx="3e-6" ixy="0" ixz="0" iyy="3e-6" iyz="0" izz="3e-6"/></inertial>
@@ -47,10 +48,28 @@ class _Entities:
         request = self._srv.DeleteEntity.Request(entity=name)
         return self._client.call(self._srv.DeleteEntity, "delete_entity", request).result
 
+    def spawn_together(self, names: list[str]) -> list[Any]:
+        """Ask for cubes without waiting for the answers; return the futures."""
+        service = self._client.node.create_client(self._srv.SpawnEntity, self._client.full("spawn_entity"))
+        self._client.wait(service.service_is_ready)
+        answers = []
+        for place, name in enumerate(names):
+            request = self._srv.SpawnEntity.Request(name=name)
+            request.entity_resource.resource_string = CUBE
+            self._place(request.initial_pose.pose, (0.3 + 0.1 * place, 0.0, 0.2))
+            answers.append(service.call_async(request))
+        return answers
+
     def names(self, pattern: str = "") -> list[str]:
+        return list(self._matching(pattern).entities)
+
+    def asked(self, pattern: str) -> Any:
+        return self._matching(pattern).result
+
+    def _matching(self, pattern: str) -> Any:
         request = self._srv.GetEntities.Request()
         request.filters.filter = pattern
-        return list(self._client.call(self._srv.GetEntities, "get_entities", request).entities)
+        return self._client.call(self._srv.GetEntities, "get_entities", request)
 
     def state(self, name: str) -> Any:
         request = self._srv.GetEntityState.Request(entity=name)
@@ -151,14 +170,14 @@ def test_a_body_is_put_elsewhere(client: Any, start: Callable, slab: Path, entit
     start(scene=str(slab), clock="lockstep", dt=0.005)
     client.wait(client.records)
     assert entities.spawn(at=(0.3, 0, 0.2)).result.result == OK
-    for name in ("cube", "part"):
-        assert entities.put(name, (0.4, 0.1, 0.5)).result == OK
+    for name, y in (("cube", 0.1), ("part", 0.3)):
+        assert entities.put(name, (0.4, y, 0.5)).result == OK
         _steps(client, 1)
         pose = entities.state(name).pose.position
-        assert (pose.x, pose.y) == pytest.approx((0.4, 0.1), abs=1e-6)
+        assert (pose.x, pose.y) == pytest.approx((0.4, y), abs=1e-6)
         assert pose.z == pytest.approx(0.5, abs=1e-3)
-        assert entities.put(name, (0.5, 0.1, 0.5)).result == OK
-        _steps(client, 1)
+    assert "inside of" in entities.put("part", (0.4, 0.1, 0.5)).error_message
+    assert entities.put("part", (1e300, 0.1, 0.5)).result == POSE
     assert entities.delete("part").result == FAILED
     assert entities.delete("nobody").result == NOT_FOUND
 
@@ -190,6 +209,11 @@ def test_a_body_joins_while_the_clock_runs(client: Any, start: Callable, slab: P
         ({"entity_resource__uri": "/nowhere/cube.urdf"}, PARSE, "cannot be read"),
         ({"name": "a b"}, NAME_INVALID, "letters, digits"),
         ({"name": "part"}, NOT_UNIQUE, "is taken"),
+        ({"name": "weight"}, NOT_UNIQUE, "is taken"),
+        ({"name": 300 * "a"}, NAME_INVALID, "up to 60 letters"),
+        ({"text": CUBE.replace("0.5</mu1>", "-1</mu1>")}, PARSE, "<mu1> is '-1'"),
+        ({"text": CUBE.replace("0.03 0.03 0.03", "1e200 1 1")}, PARSE, "box.size"),
+        ({"entity_resource__uri": "file:///a%00b.urdf"}, PARSE, "cannot be read"),
         ({"entity_namespace": "left"}, NAMESPACE, "allowed: empty"),
         ({"at": (float("nan"), 0, 0)}, POSE, "finite"),
         ({"initial_pose__header__frame_id": "moon"}, POSE, "'moon'"),
@@ -207,6 +231,59 @@ def test_a_body_that_cannot_join_is_refused(
     assert entities.names() == ["part"]
     _steps(client, 2)
     assert client.record().converged
+
+
+def test_what_waits_for_the_next_step_survives_a_spawn(
+    client: Any, start: Callable, slab: Path, entities: _Entities
+) -> None:
+    """A teleport and a queued command that were accepted before a spawn take effect after it; steps count on."""
+    start(scene=str(slab), clock="lockstep", dt=0.005)
+    client.wait(client.records)
+    _steps(client, 2)
+    assert entities.put("part", (0.4, 0.3, 0.5)).result == OK
+    assert entities.spawn(at=(0.3, 0, 0.2)).result.result == OK
+    _steps(client, 1)
+    assert entities.state("part").pose.position.x == pytest.approx(0.4, abs=1e-6)
+    assert int(client.status()["steps"]) >= 4
+
+
+def test_a_finished_bag_does_not_begin_again(
+    client: Any, start: Callable, slab: Path, entities: _Entities, tmp_path: Path
+) -> None:
+    """With `record` true, a spawn after the bag was finished begins no bag, whether it succeeds or not."""
+    start(scene=str(slab), clock="lockstep", dt=0.005, record=True, bag_path=str(tmp_path / "bag"))
+    client.wait(client.records)
+    assert client.call(SetBool, "record", SetBool.Request(data=False)).success
+    assert entities.spawn("low", at=(0.05, 0.05, 0.0)).result.result == FAILED
+    assert entities.spawn("high", at=(0.3, 0.0, 0.2)).result.result == OK
+    _steps(client, 2)
+    assert "not recording" in client.call(SetBool, "record", SetBool.Request(data=False)).message
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith("bag")] == ["bag"]
+
+
+def test_a_modulus_set_during_a_spawn_stays(client: Any, start: Callable, slab: Path, entities: _Entities) -> None:
+    """A Young's modulus that is set while the new scene is prepared holds afterwards."""
+    start(scene=str(slab), clock="lockstep", dt=0.005)
+    client.wait(client.records)
+    assert client.set(**{"materials.soft.young": 2.1e5})[0].successful  # the service is known from now on
+    names = [f"box{i}" for i in range(3)]
+    waiting = entities.spawn_together(names)
+    assert client.set(**{"materials.soft.young": 2.5e5})[0].successful
+    assert not all(answer.done() for answer in waiting)
+    client.wait(lambda: all(answer.done() for answer in waiting), seconds=60.0)
+    assert [answer.result().result.result for answer in waiting] == [OK, OK, OK]
+    assert set(entities.names()) == {"part", *names}
+    last = client.wait(lambda: all(name in client.last("scene").data for name in names) and client.last("scene"))
+    assert scene_from_text(last.data).materials["soft"].young == 2.5e5
+
+
+def test_strange_requests_are_answered(client: Any, start: Callable, slab: Path, entities: _Entities) -> None:
+    """Unknown scopes of a reset, and expressions that could be matched forever, are refused."""
+    start(scene=str(slab), clock="lockstep", dt=0.005)
+    client.wait(client.records)
+    assert "unknown bits" in entities.reset(8).error_message
+    assert entities.asked(r"^(\w+_?)+!$").result == UNSUPPORTED
+    assert entities.asked("(").result == FAILED
 
 
 def test_a_scene_without_dynamics_takes_no_bodies(

@@ -211,6 +211,18 @@ class MotionStepper:
         work = state.ledger.work + after.potential - before.potential + kinetic[1] - kinetic[0]
         return found.with_(balance=after, ledger=changed(found.ledger, work=work))
 
+    def unbalanced(self, state: State) -> float:
+        """Return the energy [J] that is not accounted for: kinetic + elastic + potential + dissipated - work."""
+        found = self.energies(state)
+        return sum(found[name] for name in ("kinetic", "elastic", "potential", "dissipated")) - found["work"]
+
+    def continued(self, state: State, unbalanced: float) -> State:
+        """Return ``state`` with its potential, and with work so that the energy not accounted for is ``unbalanced``."""
+        self.actuation.begin(state.commands, state.terms, state.positions, state.poses, state)
+        found = state.with_(balance=self.actuation.balance(state.positions, state.commands))
+        work = found.ledger.work + self.unbalanced(found) - unbalanced
+        return found.with_(ledger=changed(found.ledger, work=work))
+
     def completed(self, state: State) -> State:
         """Return a state that was read from an archive, with the operators that follow from its commands."""
         require_own(state, self.at_rest())
