@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -14,6 +15,8 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.constraints.form import Form
 from gdfe_ros.constraints.handle import Handle
 from gdfe_ros.constraints.pose import Pose
+
+_Vector = tuple[float, float, float]
 
 
 def _no_vertices() -> NDArray[np.int32]:
@@ -64,6 +67,14 @@ class Obstacle(Handle):
         return commanded
 
     def frame(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the origin (3,) [m] and the rotation (3, 3) of the obstacle's frame at ``pose``."""
-        turned = Rotation.from_rotvec(pose.rotation) * Rotation.from_rotvec(self.turn)
-        return np.add(self.origin, pose.translation), turned.as_matrix()
+        """Return the origin (3,) [m] and the rotation (3, 3) of the obstacle's frame at ``pose``; both read-only."""
+        return _frame(self.origin, self.turn, pose.translation, pose.rotation)
+
+
+@lru_cache(maxsize=1024)
+def _frame(origin: _Vector, turn: _Vector, shift: _Vector, rotation: _Vector) -> tuple[NDArray, NDArray]:
+    """Return origin and rotation of a frame; recent ones are kept, because each contact asks for them several times."""
+    axes = (Rotation.from_rotvec(rotation) * Rotation.from_rotvec(turn)).as_matrix()
+    place = np.add(origin, shift)
+    place.flags.writeable = axes.flags.writeable = False
+    return place, axes

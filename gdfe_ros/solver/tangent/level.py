@@ -67,6 +67,9 @@ class TangentLevel:
         self._free = 3 * self._assembly.free
         free, graph = self._assembly.free, self._assembly.graph()
         self._among_free = np.flatnonzero((graph.tocoo().row < free) & (graph.indices < free))
+        rows = graph.shape[0]
+        self._beside = self._assembly.part(range(free), range(free, rows))
+        self._within = self._assembly.part(range(free, rows), range(free, rows))
         self._factor = Fronts(graph[:free, :free].tocsr(), body.rest[body.unknowns.free])
         self.price = self._factor.price
         self._loaded: Tangent | None = None
@@ -165,10 +168,9 @@ class TangentLevel:
         self._kept = self._factor.kept
         self._kept.frames[...] = unrotated(len(self._kept.frames))
         if motion.size:
-            matrix = self._assembly.matrix(tangent.blocks)
-            columns = np.asarray(matrix[:count, count:] @ motion)
+            columns = self._beside.matrix(tangent.blocks) @ motion
             harmonic = self._factor.solve(columns)
-            schur = motion.T @ (matrix[count:, count:] @ motion) - columns.T @ harmonic
+            schur = motion.T @ (self._within.matrix(tangent.blocks) @ motion) - columns.T @ harmonic
             values, vectors = np.linalg.eigh(0.5 * (schur + schur.T))
             rounding = SINGULAR * np.abs(values).max()
             if not values.min() >= -rounding:
