@@ -16,12 +16,14 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
-from scipy.linalg import pinvh
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.matrix.inverse import Inverse
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 
+CROSS = np.zeros((3, 3, 3))
+"""The numbers e_ijk of the cross product (a x b)_i = e_ijk a_j b_k."""
+CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
 SINGULAR = 1e-10
 """A rigid motion counts as having no stiffness if its eigenvalue of the Schur complement is below this fraction of the
 largest eigenvalue.
@@ -82,8 +84,7 @@ class RigidFields:
         """Return the coupling of handles at the rotation matrices ``turned`` (3, 3), linearised about theta = 0."""
         motion = self._motion(turned)
         schur = np.einsum("ika,kl,ilb->ab", motion, self._gram, motion)
-        complement = pinvh(schur, rtol=SINGULAR) if len(schur) else schur
-        return Coupling(self.columns, self.harmonic, motion, np.ascontiguousarray(complement), inverse)
+        return Coupling(self.columns, self.harmonic, motion, _pseudo_inverse(schur), inverse)
 
     def _motion(self, turned: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         unknowns, count = self._unknowns, len(self._unknowns.free)
@@ -94,12 +95,20 @@ class RigidFields:
             if unknowns.turn_row[p] < 0:
                 continue
             column = 3 * (unknowns.turn_row[p] - count)
-            for axis in range(3):
-                direction = np.zeros(3)
-                direction[axis] = unknowns.turns[p, axis] / unknowns.radius[p]
-                # dx is the cross product with Q r: row i contains the coefficients of r's three components.
-                motion[:, first + 1 : first + 4, column + axis] = np.cross(direction, np.asarray(turned[p]).T).T
+            # For each axis, dx is the cross product with Q r: row i contains the coefficients of r's three components.
+            scale = unknowns.turns[p] / unknowns.radius[p]
+            motion[:, first + 1 : first + 4, column : column + 3] = np.einsum("iak,kb->iba", CROSS, turned[p]) * scale
         return motion
+
+
+def _pseudo_inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the pseudo-inverse of a symmetric matrix; eigenvalues below `SINGULAR` times the largest count as zero."""
+    if not len(matrix):
+        return matrix
+    values, vectors = np.linalg.eigh(matrix)
+    large = np.abs(values) > SINGULAR * np.abs(values).max()
+    shares = np.divide(1.0, values, out=np.zeros_like(values), where=large)
+    return np.ascontiguousarray((vectors * shares) @ vectors.T)
 
 
 @kernel

@@ -186,7 +186,8 @@ class CableTerm(Term):
         bent = np.eye(3) - along[:, :, None] * along[:, None, :]
         bent *= (tension / np.where(length > 0.0, length, np.inf))[:, None, None]
         signed = np.concatenate([-weights[:-1], weights[1:]], axis=1)
-        return np.einsum("ka,kij,kb->kaibj", signed, bent, signed).reshape(len(bent), 6 * self._carriers, -1)
+        spread = (signed[:, :, None] * signed[:, None, :])[:, :, None, :, None] * bent[:, None, :, None, :]
+        return spread.reshape(len(bent), 6 * self._carriers, -1)
 
     def neutral(self) -> Saved:
         """Return the stored state without tension."""
