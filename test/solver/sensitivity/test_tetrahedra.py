@@ -24,12 +24,12 @@ def _material(key: str, value: float) -> Any:
 
 @pytest.mark.parametrize(
     ("key", "value", "step"),
-    [("young", 1e5, 1e3), ("poisson", 0.45, 1e-4), ("poisson", 0.495, 5e-5), ("density", 1100.0, 11.0)],
+    [("young", 1e5, 1e3), ("poisson", 0.45, 1e-4), ("poisson", 0.495, 1.5e-4), ("density", 1100.0, 11.0)],
 )
 def test_materials(key: str, value: float, step: float) -> None:
     """Derivatives with respect to moduli, Poisson's ratios with and without pressures, and densities."""
     beside = _material(key, value)
-    given = beside(0.0)[1]
+    given = {**beside(0.0)[1], "solver__tolerance": 1e-10}
     test_equilibrium.compared(
         test_equilibrium.BAR, Command(), f"materials.soft.{key}", beside, step, mesh=MESH, **given
     )
@@ -55,4 +55,6 @@ def test_poses() -> None:
 def test_motions(case: str) -> None:
     """Derivatives along a motion: modulus, Poisson's ratio with pressures, tension, viscosity, relaxation."""
     name, beside, step, given = test_motion.CASES[case]
+    if case == "volume":  # farther apart than the errors of solves with pressures
+        step, given = 3.0 * step, {**given, "solver.tolerance": 1e-10}
     test_motion.compare((name, beside, step, {**given, "mesh": MESH}))
