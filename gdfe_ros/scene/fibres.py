@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.materials import Material
 from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import Mesh, select_faces
 from gdfe_ros.mesh.cavities import corners_of, inside_volume, surface_pieces
@@ -15,10 +18,16 @@ from gdfe_ros.scene.fibres_schema import FibreLayerModel, Wall
 from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.schema import Draft
 
+STIFFEST = 1e4
+"""Largest stiffness of a layer, divided by the least Young's modulus and the size of the body. Fibres beyond it hardly
+stretch, but their tensions cannot be resolved."""
 
-def build_fibres(draft: Draft, mesh: Mesh | None, report: Defects) -> tuple[FibreLayer, ...]:
-    """Return the valid layers of fibres; report layers whose name is taken or whose faces do not fit."""
-    layers = []
+
+def build_fibres(
+    draft: Draft, mesh: Mesh | None, materials: Mapping[str, Material], report: Defects
+) -> tuple[FibreLayer, ...]:
+    """Return the valid layers of fibres; report layers whose name is taken, or whose faces or stiffness do not fit."""
+    layers, softest = [], min((item.young0 for item in materials.values()), default=np.inf)
     others = {**draft.actuators, **draft.loads, **draft.handles, **draft.obstacles, **draft.bodies}
     for name, model in draft.fibres.items():
         if name in others:
@@ -26,7 +35,12 @@ def build_fibres(draft: Draft, mesh: Mesh | None, report: Defects) -> tuple[Fibr
             report.add(("fibres", name), text, value=NO_VALUE)
             continue
         layer = _layer(name, model, mesh, report) if mesh is not None else None
-        if layer is not None:
+        if layer is not None and layer.stiffness > (most := STIFFEST * softest * mesh.size):
+            text = (
+                f"allowed: up to {most:.3g} N/m, {STIFFEST:g} times the softest Young's modulus times the body's size"
+            )
+            report.add(("fibres", name, "stiffness"), f"{text}; remedy: this value", value=model.stiffness)
+        elif layer is not None:
             layers.append(layer)
     return tuple(layers)
 
@@ -47,7 +61,7 @@ def _layer(name: str, model: FibreLayerModel, mesh: Mesh, report: Defects) -> Fi
         text = f"no face of the {model.wall.value} wall is there; remedy: wall: {_other(model.wall).value}, or `where`"
         report.add(path, text, value=NO_VALUE)
         return None
-    along = np.array(model.along)
+    along = np.array(model.along) / np.abs(model.along).max()
     steep = perpendicular_faces(mesh.vertices, faces, along)
     if len(steep):
         middle = mesh.vertices[corners_of(faces[steep[:1]])].mean(axis=(0, 1))

@@ -12,7 +12,7 @@ from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.quantity import ANY, Quantity
 from gdfe_ros.scene.where_schema import WhereModel
 
-_ALONG = Quantity("direction [x, y, z]", least=-1e6, most=1e6, count=3)
+_ALONG = Quantity("direction [x, y, z] in the axes of the scene", least=-1e6, most=1e6, count=3)
 _ANGLES = Quantity("angle of each family of fibres", "degrees", least=-360.0, most=360.0, count=ANY)
 _STIFFNESS = Quantity("Young's modulus times thickness", "N/m", above=0.0, most=1e12)
 

@@ -123,7 +123,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     loads = build_loads(draft, mesh, materials, cell_material, masses, report)
     sensors = build_sensors(draft, mesh, report)
     self_contact = build_self_contact(draft, mesh, report)
-    fibres = build_fibres(draft, mesh, report)
+    fibres = build_fibres(draft, mesh, materials, report)
     program = None
     if draft.program is not None:
         start = neutral_commands(mesh, actuators, loads) if mesh is not None else {}

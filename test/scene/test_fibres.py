@@ -39,6 +39,12 @@ def test_fibres_are_on_one_wall(wall: str, radius: float) -> None:
     assert area == pytest.approx(16 * 2.0 * radius * np.sin(np.pi / 16) * (x[-1] - x[0]), rel=1e-9)
 
 
+def test_the_length_of_the_direction_does_not_matter() -> None:
+    """A direction of any length gives the same fibres."""
+    short = _tube(_SIDE.replace("[1, 0, 0]", "[1.0e-200, 0, 0]")).fibres[0]
+    np.testing.assert_array_equal(short.families[0].factors, _tube(_SIDE).fibres[0].families[0].factors)
+
+
 def test_fibres_stiffen_a_motion_and_a_saved_text_rebuilds_them() -> None:
     """With dynamics a tube with hoops swells less under pressure than a bare one; the text of the scene keeps them."""
     widths = []
@@ -58,6 +64,7 @@ def test_fibres_stiffen_a_motion_and_a_saved_text_rebuilds_them() -> None:
     [
         ("along: [0, 0, 0], stiffness: 1", "must not be zero"),
         ("along: [1, 0, 0], stiffness: 0", "0 < Young's modulus times thickness"),
+        (f"{_SIDE}, ".replace("1.0e4", "1.0e9") + "angles_deg: [90]", "times the softest Young's modulus"),
         ("along: [1, 0, 0], angles_deg: [], stiffness: 1", "angles_deg"),
         ("along: [1, 0, 0], stiffness: 1", "faces are perpendicular to this direction, the first at"),
         ("where: {box: {x: [1, 2]}}, along: [1, 0, 0], stiffness: 1", "no boundary face is there"),

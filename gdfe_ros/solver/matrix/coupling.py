@@ -21,9 +21,8 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.matrix.inverse import Inverse
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 
-CROSS = np.zeros((3, 3, 3))
-"""The numbers e_ijk of the cross product (a x b)_i = e_ijk a_j b_k."""
-CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
+CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None])
+"""The numbers e_jki of the cross product (a x b)_i = e_jki a_j b_k."""
 SINGULAR = 1e-10
 """A rigid motion counts as having no stiffness if its eigenvalue of the Schur complement is below this fraction of the
 largest eigenvalue.
@@ -97,7 +96,7 @@ class RigidFields:
             column = 3 * (unknowns.turn_row[p] - count)
             # For each axis, dx is the cross product with Q r: row i contains the coefficients of r's three components.
             scale = unknowns.turns[p] / unknowns.radius[p]
-            motion[:, first + 1 : first + 4, column : column + 3] = np.einsum("iak,kb->iba", CROSS, turned[p]) * scale
+            motion[:, first + 1 : first + 4, column : column + 3] = np.einsum("aki,kb->iba", CROSS, turned[p]) * scale
         return motion
 
 

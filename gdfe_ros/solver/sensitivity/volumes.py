@@ -95,7 +95,7 @@ class Volumes:
         for each, law in ((old, before.law[material]), (new, table.law[material])):
             bulk = each[:, BULK]
             moduli.append(np.where(law == NEO_HOOKEAN, bulk - 2.0 / 3.0 * each[:, SHEAR], bulk))
-        with np.errstate(invalid="ignore"):
-            share = np.where(np.isfinite(moduli[0]) & np.isfinite(moduli[1]), moduli[1] / moduli[0], 1.0)
         carried = new[:, CARRIED] == 1.0
+        share, finite = np.ones(len(material)), np.isfinite(moduli[0]) & np.isfinite(moduli[1])
+        np.divide(moduli[1], moduli[0], out=share, where=carried & finite)
         return np.where(carried, share * self.total - new[:, PENALTY] * (self.ratio - 1.0), 0.0)
