@@ -63,6 +63,7 @@ class Volumes:
         table, material, pressure: materials, material indices and pressures of the linearised law, for the kernels.
         total: (m,) [Pa] total pressure p of the state.
         ratio: (m,) volume ratio J of the state.
+        rigid: whether any element is incompressible.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class Volumes:
         self.ratio, self.total, slope = (np.empty(len(material)) for _ in range(3))
         volume_state(x, shape, material, table, pressure, self.ratio, self.total, slope)
         carried = table.parameters[material, CARRIED] == 1.0
+        self.rigid = bool(np.isinf(table.parameters[material, BULK]).any())
         own = carried & (table.law[material] == NEO_HOOKEAN)  # each of these has its own bulk modulus
         parameters, first = table.parameters.copy(), len(table.parameters)
         stiff = np.where(np.isinf(parameters[:, BULK]), STIFF * parameters[:, PENALTY], parameters[:, BULK])

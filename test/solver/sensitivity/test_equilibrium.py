@@ -114,6 +114,16 @@ def test_growth() -> None:
     varied("{growth: {stretch: [1.2, 1, 0.95], where: {box: {z: [0, 0.015]}}}}", 0.5, 1e-2)
 
 
+def test_growth_of_an_incompressible_body() -> None:
+    """At nu = 0.5 the base's reaction stays the weight while a part grows: its derivative is zero to 1e-4 of it."""
+    text = with_actuator("{growth: {stretch: [1.2, 1, 0.95], where: {box: {z: [0, 0.015]}}}}")
+    rubber = {"materials__soft__poisson": 0.5, "materials__stiff__poisson": 0.5}
+    simulation = solved(text, Command(actuators={"a": 0.3}), **rubber, solver__tolerance=1e-8)
+    matrix = simulation.sensitivities(["reactions.base"], ["actuators.a", "materials.soft.young"]).matrix
+    weight = np.linalg.norm(simulation.result.reactions["base"][:3])
+    assert np.abs(matrix[:3] * [1.0, 1e5]).max() < 1e-4 * weight
+
+
 def test_loads() -> None:
     """Derivatives with respect to a load factor equal central differences."""
     compared(BAR, Command(), "loads.push", lambda change: (Command(loads={"push": 1.0 + change}), {}), 1e-2)
