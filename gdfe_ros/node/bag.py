@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.outputs import TopicOutputs
 from gdfe_ros.node.pace import ClockMode
@@ -37,6 +38,15 @@ class Bags:
         self._inputs, self._outputs = inputs, outputs
         self.recorder: Recorder | None = None
         self.active = False
+
+    def require_none(self) -> None:
+        """Raise an error while a bag is being written, because a replay could not follow a change from outside.
+
+        Raises:
+            GdfeError: a bag is being written.
+        """
+        if self.active:
+            raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
 
     def begin(self, *, state: bytes | None) -> str:
         """Begin a bag in the directory ``bag_path`` (default: ``runs/<scene>_<time>``); return a text with its path.

@@ -3,13 +3,10 @@
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-
-from rclpy.clock import Clock, ClockType
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.managed import ManagedNode
@@ -74,23 +71,14 @@ class SceneExchange:
             return
         self._busy, change.before = change, session.scene
 
-        def finish() -> None:
-            self._node.destroy_timer(finisher)
-            if self._busy is change:  # an executor may have queued the timer's callback twice
-                self._finish(change)
-
         def build() -> None:
             try:
                 change.built = Simulation(change.make(change.before))
                 change.built.warm_up()
             except Exception as error:
                 change.built = error
-            finisher.reset()
 
-        # A timer runs the rest in the executor's thread.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        finisher = self._node.create_timer(0.0, finish, clock=steady, autostart=False)
-        threading.Thread(target=build, name="exchange", daemon=True).start()
+        self._node.in_background(build, lambda: self._finish(change), name="exchange")
 
     def _finish(self, change: _Change) -> None:
         self._busy = None
@@ -112,8 +100,7 @@ class SceneExchange:
         session = self._session()
         if session is None:
             raise GdfeError("the node was cleaned up before the scene was changed")
-        if session.bags.active:
-            raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
+        session.bags.require_none()
         if session.walk is not None and session.walk.going:
             raise GdfeError(f"a request has made {session.walk}; wait for its end, or end it with ~/pause true")
         return change.built.scene if self._replace(change.built, change.before, change.anew) else None

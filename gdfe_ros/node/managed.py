@@ -20,12 +20,11 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from gdfe_ros.node.standard_answers import ResultCode, failed
 from gdfe_ros.node.throttle import Throttle
 
 _KEPT = 1000
 """Largest number of destroyed subscriptions, publishers and timers that stay in memory; a node has fewer."""
-_OPERATION_FAILED = 4
-"""Code of a failure in ``simulation_interfaces/msg/Result``."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
@@ -206,21 +205,32 @@ class ManagedNode(LifecycleNode):
         future: Future = Future()
 
         def finish() -> None:
-            self.destroy_timer(finisher)
-            if not future.done():
-                future.set_result(self._conclude(self.on_configure(before), before))
+            future.set_result(self._conclude(self.on_configure(before), before))
 
-        def work() -> None:
+        self._preparation = self.in_background(self.prepare, finish, name="prepare")
+        return future
+
+    def in_background(self, work: Callable[[], object], finish: Callable[[], object], *, name: str) -> threading.Thread:
+        """Run ``work`` in a new thread, and then ``finish`` once in the executor's thread; return the thread."""
+        finished = False
+
+        def finish_once() -> None:
+            nonlocal finished
+            self.destroy_timer(finisher)
+            if not finished:  # an executor may have queued the timer's callback twice
+                finished = True
+                finish()
+
+        def run() -> None:
             try:
-                self.prepare()
+                work()
             finally:
                 finisher.reset()
 
-        # A timer runs the rest in the executor's thread.
-        finisher = self.create_timer(0.0, finish, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
-        self._preparation = threading.Thread(target=work, name="prepare", daemon=True)
-        self._preparation.start()
-        return future
+        finisher = self.create_timer(0.0, finish_once, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
+        thread = threading.Thread(target=run, name=name, daemon=True)
+        thread.start()
+        return thread
 
     def await_preparation(self) -> None:
         """Wait for the end of ``prepare`` if it is running."""
@@ -275,5 +285,5 @@ def _failure(request: Any, response: Any, text: str) -> Any:
     if hasattr(response, "result") and isinstance(response.result, SetParametersResult):
         response.result = refused
     elif hasattr(response, "result") and hasattr(response.result, "error_message"):
-        response.result.result, response.result.error_message = _OPERATION_FAILED, text
+        failed(response, ResultCode.FAILED, text)
     return response

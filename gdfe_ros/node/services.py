@@ -20,6 +20,7 @@ from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.specification import ServiceSpec
 from gdfe_ros.recording.step_record import Begin
 
 
@@ -88,24 +89,22 @@ class Services:
         return session.stepper.post(session.reset_bodies)
 
     def _reset_shape(self, request: Trigger.Request) -> Future[str]:
-        session = self._session()
-        session.interrupt("~/reset_shape ended it")
-
-        def reset() -> str:
-            session.reset_shape()
-            return f"at the rest shape, time {session.simulation.time:.9g} s"
-
-        return session.stepper.post(reset, urgent=True)
+        return self._reset_part(services.RESET_SHAPE, SimulationSession.reset_shape, "at the rest shape")
 
     def _reset_arms(self, request: Trigger.Request) -> Future[str]:
+        done = "the arms are at their initial positions"
+        return self._reset_part(services.RESET_ARMS, SimulationSession.reset_arms, done)
+
+    def _reset_part(self, spec: ServiceSpec, reset: Callable[[SimulationSession], None], done: str) -> Future[str]:
+        """Reset a part between two steps, as soon as possible; the answer is the text ``done`` and the time."""
         session = self._session()
-        session.interrupt("~/reset_arms ended it")
+        session.interrupt(f"{spec.name} ended it")
 
-        def reset() -> str:
-            session.reset_arms()
-            return f"the arms are at their initial positions, time {session.simulation.time:.9g} s"
+        def reset_now() -> str:
+            reset(session)
+            return f"{done}, time {session.simulation.time:.9g} s"
 
-        return session.stepper.post(reset, urgent=True)
+        return session.stepper.post(reset_now, urgent=True)
 
     def _pause(self, request: SetBool.Request) -> str:
         session = self._active()
@@ -143,8 +142,7 @@ class Services:
         session.interrupt("~/load_state ended it")
 
         def load() -> str:
-            if session.bags.active:
-                raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
+            session.bags.require_none()
             if not path.is_file():
                 raise GdfeError(
                     f"state_path {path} cannot be read: it is no file; remedy: the file that ~/save_state wrote"

@@ -298,8 +298,7 @@ class SimulationSession:
 
     def _continue_from(self, reset: Callable[[], None], why: str) -> None:
         """Continue from the state after a partial ``reset``; ``why`` is the reason that ends trajectories."""
-        if self.bags.active:
-            raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
+        self.bags.require_none()
         reset()
         self.stepper.restart(Begin.LOADED)
         self.inputs.give_up(why)

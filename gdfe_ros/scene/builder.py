@@ -243,6 +243,22 @@ def _check_movable(
                 report.add((*path, i, "rotation_deg"), text)
 
 
+def holder_of(name: str, draft: Draft, *sections: str) -> str | None:
+    """Return the kind of item that has a name, e.g. ``a handle``; None if no item of the ``sections`` has it.
+
+    Actuators and loads count in any case, because they, contacts and fibres are terms of one potential.
+    """
+    kinds = {
+        "handles": "a handle",
+        "obstacles": "an obstacle",
+        "bodies": "a body",
+        "actuators": "an actuator",
+        "loads": "a load",
+    }
+    found = [kinds[section] for section in (*sections, "actuators", "loads") if name in getattr(draft, section)]
+    return found[0] if found else None
+
+
 def select(
     selector: Callable[[HexMesh, Where], NDArray[np.int32]],
     mesh: HexMesh,

@@ -13,7 +13,7 @@ from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import Mesh, select_faces
 from gdfe_ros.mesh.cavities import corners_of, inside_volume, surface_pieces
 from gdfe_ros.mesh.fibres import fibre_points, perpendicular_faces
-from gdfe_ros.scene.builder import select
+from gdfe_ros.scene.builder import holder_of, select
 from gdfe_ros.scene.fibres_schema import FibreLayerModel, Wall
 from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.schema import Draft
@@ -28,11 +28,9 @@ def build_fibres(
 ) -> tuple[FibreLayer, ...]:
     """Return the valid layers of fibres; report layers whose name is taken, or whose faces or stiffness do not fit."""
     layers, softest = [], min((item.young0 for item in materials.values()), default=np.inf)
-    others = {**draft.actuators, **draft.loads, **draft.handles, **draft.obstacles, **draft.bodies}
     for name, model in draft.fibres.items():
-        if name in others:
-            text = "an actuator, load, handle, obstacle or body has this name; remedy: another one"
-            report.add(("fibres", name), text, value=NO_VALUE)
+        if (holder := holder_of(name, draft, "handles", "obstacles", "bodies")) is not None:
+            report.add(("fibres", name), f"{holder} has this name; remedy: another one", value=NO_VALUE)
             continue
         layer = _layer(name, model, mesh, report) if mesh is not None else None
         if layer is not None and layer.stiffness > (most := STIFFEST * softest * mesh.size):

@@ -16,7 +16,7 @@ from gdfe_ros.mesh import HexMesh, select_faces
 from gdfe_ros.mesh.selection import select_touching
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.mesh.tet_faces import flat_quads
-from gdfe_ros.scene.builder import select
+from gdfe_ros.scene.builder import holder_of, select
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.schema import Draft
@@ -32,7 +32,7 @@ def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tupl
     """Return the valid obstacles; report obstacles with the name of a handle, an actuator or a load."""
     obstacles = []
     for name, model in draft.obstacles.items():
-        if (taken := _taken(name, draft, "handles")) is not None:
+        if (taken := holder_of(name, draft, "handles")) is not None:
             report.add(("obstacles", name), f"{taken} has this name; remedy: another one", value=NO_VALUE)
             continue
         try:
@@ -45,16 +45,6 @@ def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tupl
         if mesh is not None and isinstance(obstacle.form, TriangleMesh):
             _require_scale(obstacle.form.solid, mesh, ("obstacles", name, "mesh"), report)
     return tuple(obstacles)
-
-
-def _taken(name: str, draft: Draft, *sections: str) -> str | None:
-    """Return the kind of item that has a name, e.g. ``a handle``; None if there is none.
-
-    Actuators and loads count in any case, because contacts and they are terms of one potential.
-    """
-    kinds = {"handles": "a handle", "obstacles": "an obstacle", "actuators": "an actuator", "loads": "a load"}
-    found = [kinds[section] for section in (*sections, "actuators", "loads") if name in getattr(draft, section)]
-    return found[0] if found else None
 
 
 def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) -> None:
@@ -74,7 +64,7 @@ def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) 
 def build_bodies(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[RigidBody, ...]:
     """Return the valid rigid bodies; report bodies with the name of a handle, obstacle, actuator or load."""
     for name in draft.bodies:
-        if (taken := _taken(name, draft, "handles", "obstacles")) is not None:
+        if (taken := holder_of(name, draft, "handles", "obstacles")) is not None:
             report.add(("bodies", name), f"{taken} has this name; remedy: another one", value=NO_VALUE)
     first, bodies = mesh.n_vertices if mesh is not None else 0, []
     for name, model in draft.bodies.items():

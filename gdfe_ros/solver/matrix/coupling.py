@@ -105,9 +105,16 @@ def _pseudo_inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     if not len(matrix):
         return matrix
     values, vectors = np.linalg.eigh(matrix)
-    large = np.abs(values) > SINGULAR * np.abs(values).max()
-    shares = np.divide(1.0, values, out=np.zeros_like(values), where=large)
-    return np.ascontiguousarray((vectors * shares) @ vectors.T)
+    return spectral_inverse(values, vectors, SINGULAR * np.abs(values).max())
+
+
+def spectral_inverse(values: NDArray[np.float64], vectors: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """Return the pseudo-inverse of a symmetric matrix from its eigenvalues (k,) and eigenvectors (k, k).
+
+    Eigenvalues whose magnitude is at most ``least`` count as zero.
+    """
+    shares = np.divide(1.0, values, out=np.zeros_like(values), where=np.abs(values) > least)
+    return np.ascontiguousarray(vectors * shares @ vectors.T)
 
 
 @kernel

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,10 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.state import Saved, Snapshot, State
+from gdfe_ros.solver.state import Saved, Snapshot
 from gdfe_ros.solver.value import changed
+
+_Value = TypeVar("_Value")
 
 
 def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
@@ -55,12 +58,12 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, old: Sequence[Handle], new
     before, start = moving.state, fresh.state
     rows = _rows(old, new, len(start.positions))
     loose = _matches([each.name for each in _loose(old)], [each.name for each in _loose(new)])
-    terms = {name: before.terms.get(name, saved) for name, saved in start.terms.items()}
+    terms = _known(before.terms, start.terms)
     terms[inertia.NAME] = _moved_rows(before.terms[inertia.NAME], start.terms[inertia.NAME], rows, len(start.positions))
     state = before.with_(
         positions=_taken(before.positions, start.positions, rows),
         base=_taken(before.base, start.base, rows),
-        poses={name: before.poses.get(name, pose) for name, pose in start.poses.items()},
+        poses=_known(before.poses, start.poses),
         slides=_taken(before.slides, start.slides, loose),
         turns=_taken(before.turns, start.turns, loose),
         orientation=_taken(before.orientation, start.orientation, loose),
@@ -73,11 +76,12 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, old: Sequence[Handle], new
         unfinished=None,
         soft=None,
         anchor=None,
-        summary=changed(before.summary, converged=False, reactions=_kept(before.summary.reactions, start)),
+        summary=changed(
+            before.summary, converged=False, reactions=_known(before.summary.reactions, start.summary.reactions)
+        ),
         ledger=changed(before.ledger, failure=None, bound=None),
     )
-    targets = {name: moving.targets.get(name, pose) for name, pose in fresh.targets.items()}
-    return replace(moving, state=state, targets=targets, scene=fresh.scene)
+    return replace(moving, state=state, targets=_known(moving.targets, fresh.targets), scene=fresh.scene)
 
 
 def _rows(old: Sequence[Handle], new: Sequence[Handle], count: int) -> NDArray[np.intp]:
@@ -115,5 +119,6 @@ def _moved_rows(old: Saved, new: Saved, rows: NDArray[np.intp], count: int) -> S
     return found
 
 
-def _kept(reactions: Mapping[str, NDArray[np.float64]], start: State) -> dict[str, NDArray[np.float64]]:
-    return {name: reactions.get(name, found) for name, found in start.summary.reactions.items()}
+def _known(old: Mapping[str, _Value], new: Mapping[str, _Value]) -> dict[str, _Value]:
+    """Return the entries of ``new``, with the values of ``old`` where it has them."""
+    return {name: old.get(name, value) for name, value in new.items()}

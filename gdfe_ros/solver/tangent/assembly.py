@@ -80,6 +80,11 @@ class Assembly:
         self.indices = (pairs[fixed:] % rows).astype(np.int32)
         self.indptr = np.searchsorted(pairs[fixed:] // rows, np.arange(rows + 1)).astype(np.int32)
 
+    @property
+    def _block_rows(self) -> NDArray[np.intp]:
+        """Row of each block (k,)."""
+        return np.repeat(np.arange(len(self.indptr) - 1), np.diff(self.indptr))
+
     def blocks(self, tangents: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the sum of the groups' tangents (m, 3 c, 3 c) [N/m] in blocks (k, 3, 3)."""
         out = np.zeros((len(self.indices), 3, 3))
@@ -91,8 +96,7 @@ class Assembly:
         """Return the blocks (k, 3, 3) of a matrix (n, n) that acts on x, y and z alike, in the same pattern."""
         chosen = np.concatenate([unknowns.free, unknowns.members])
         part = matrix[chosen][:, chosen].tocsr()
-        first = np.repeat(np.arange(len(self.indptr) - 1), np.diff(self.indptr))
-        values = np.asarray(part[first, self.indices]).ravel()
+        values = np.asarray(part[self._block_rows, self.indices]).ravel()
         return values[:, None, None] * np.eye(3)
 
     def graph(self) -> sparse.csr_matrix:
@@ -102,7 +106,7 @@ class Assembly:
 
     def part(self, rows: range, columns: range) -> MatrixPart:
         """Return the part of the pattern with these block rows and block columns."""
-        first = np.repeat(np.arange(len(self.indptr) - 1), np.diff(self.indptr))
+        first = self._block_rows
         own = (first >= rows.start) & (first < rows.stop)
         own &= (self.indices >= columns.start) & (self.indices < columns.stop)
         counts = np.bincount(first[own] - rows.start, minlength=len(rows))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Problem
-from gdfe_ros.solver.matrix.coupling import SINGULAR
+from gdfe_ros.solver.matrix.coupling import SINGULAR, spectral_inverse
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
 from gdfe_ros.solver.tangent.assembly import Assembly
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness, without_negative
@@ -66,10 +66,9 @@ class TangentLevel:
         self._even = self._assembly.spread(sum(even).tocsc(), body.unknowns) if even else 0.0
         self._free = 3 * self._assembly.free
         free, graph = self._assembly.free, self._assembly.graph()
-        self._among_free = np.flatnonzero((graph.tocoo().row < free) & (graph.indices < free))
-        rows = graph.shape[0]
-        self._beside = self._assembly.part(range(free), range(free, rows))
-        self._within = self._assembly.part(range(free, rows), range(free, rows))
+        movable, members = range(free), range(free, graph.shape[0])
+        self._among_free = self._assembly.part(movable, movable).chosen
+        self._beside, self._within = self._assembly.part(movable, members), self._assembly.part(members, members)
         self._factor = Fronts(graph[:free, :free].tocsr(), body.rest[body.unknowns.free])
         self.price = self._factor.price
         self._loaded: Tangent | None = None
@@ -175,8 +174,7 @@ class TangentLevel:
             rounding = SINGULAR * np.abs(values).max()
             if not values.min() >= -rounding:
                 return False
-            shares = np.divide(1.0, values, out=np.zeros_like(values), where=values > rounding)
-            inverse = np.ascontiguousarray(vectors * shares @ vectors.T)
+            inverse = spectral_inverse(values, vectors, rounding)
             rigid = {"harmonic": np.ascontiguousarray(harmonic), "schur": inverse}
             self._kept = self._kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
         if len(tangent.ends):
