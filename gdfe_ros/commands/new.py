@@ -59,6 +59,11 @@ def run(arguments: argparse.Namespace) -> int:
 def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
     """Return the scene's entry `mesh`, and the mesh that it describes."""
     source, folder = arguments.source, arguments.scene.resolve().parent
+    if arguments.cavity and source.suffix.lower() not in SUFFIXES:
+        text = (
+            f"--cavity belongs to a body of {', '.join(SUFFIXES)}; remedy: draw the chambers as hollows of the body, "
+        )
+        raise MeshError(f"file {source}", [f"{text}and close blind holes by a second solid, e.g. a plate"])
     scale = {} if arguments.scale is None else {"scale": arguments.scale}
     if source.suffix.lower() in STEP_SUFFIXES:
         size = arguments.size or _step_size(source)
@@ -126,6 +131,6 @@ def _scene(name: str, material: str, mesh_entry: dict, mesh: Mesh) -> dict:
     }
     if not chambers:
         return scene
-    rise = [{"time": 0.0, "value": 0.0}, {"time": 1.0, "value": PRESSURE}]
-    program = {"duration": 1.0, "actuators": dict.fromkeys(chambers, rise)}
+    rises = {name: [{"time": 0.0, "value": 0.0}, {"time": 1.0, "value": PRESSURE}] for name in chambers}
+    program = {"duration": 1.0, "actuators": rises}
     return {**scene, "actuators": chambers, "program": program}

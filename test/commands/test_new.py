@@ -34,6 +34,7 @@ def test_a_cavity_from_a_second_surface_becomes_a_chamber(tmp_path: Path) -> Non
     assert air.quads.shape[1] == 6
     assert np.ptp(scene.mesh.vertices[air.vertices], axis=0) == pytest.approx([0.024] * 3, rel=0.05)
     assert scene.program.duration == 1.0
+    assert "&id" not in (tmp_path / "hand.yaml").read_text()
 
 
 def test_a_mesh_file_becomes_a_scene(tmp_path: Path) -> None:
@@ -56,4 +57,12 @@ def test_what_does_not_fit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "such a file already" in capsys.readouterr().err
     assert main(["new", str(tmp_path / "new.yaml"), *source, "--cavity", str(tmp_path / "far.stl")]) == BAD_INPUT
     assert "0 of 1 cavities lie inside of the body" in capsys.readouterr().err
+    assert not (tmp_path / "new.yaml").exists()
+
+
+def test_a_cavity_beside_a_step_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--cavity` beside a STEP file is refused with a remedy, not ignored."""
+    given = ["new", str(tmp_path / "new.yaml"), "--from", str(tmp_path / "part.step")]
+    assert main([*given, "--cavity", str(tmp_path / "air.stl")]) == BAD_INPUT
+    assert "close blind holes by a second solid" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "new.yaml").exists()
