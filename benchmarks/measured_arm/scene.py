@@ -52,19 +52,20 @@ def arm_scene(folder: Path, section: Section, material: dict[str, Any], *, hoops
     return scene_from_text(yaml.safe_dump(data), origin="of the measured arm")
 
 
-def tips(scene: Scene, *, step: float, most: float) -> NDArray[np.float64]:
+def tips(scene: Scene, *, step: float, most: float, actuator: str = "air") -> NDArray[np.float64]:
     """Return pressure [Pa], total displacement [m] and tilt [rad] of the tip, (k, 3), up to the last equilibrium.
 
     Args:
         scene: scene of the arm.
         step: increment of the pressure [Pa].
         most: largest pressure [Pa].
+        actuator: name of the chamber under pressure.
     """
     simulation, found = Simulation(scene), [[0.0, 0.0, 0.0]]
     simulation.step()
     rest = _marks(simulation)
     for pressure in np.arange(step, most + 0.5 * step, step):
-        result = simulation.step(Command(actuators={"air": float(pressure)}))
+        result = simulation.step(Command(actuators={actuator: float(pressure)}))
         if not result.converged or result.min_det <= 0.0:
             break
         now = _marks(simulation)

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A PneuNet finger from a parametric drawing: ``python -m docs.scripts.cad_finger`` draws, meshes and inflates it.
 
-The drawing is made by gmsh's CAD kernel, in millimetres, and written as STEP. `gdfe new` makes the scene, and
-`gdfe solve` the picture of docs/cad.md.
+The drawing is written as STEP. `gdfe new` makes the scene, and `gdfe solve` the picture of docs/cad.md.
 """
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from docs.scripts.drawing import write_step
 from gdfe_ros.cli import main as gdfe
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,38 +42,48 @@ class Finger:
     base: float = 4.0
     channel: float = 4.0
 
+    @property
+    def length(self) -> float:
+        """Length [mm] of the finger."""
+        return self.chambers * self.pitch + self.gap
 
-def draw(finger: Finger, path: Path) -> None:
-    """Write the finger as STEP. Call this in a separate process, because gmsh's licence requires it."""
-    import gmsh
+    @property
+    def volume(self) -> float:
+        """Volume [mm^3] of the silicone: the box without gaps, chambers and channel."""
+        tall = self.height - self.base - self.wall
+        chamber = self._inside * (self.width - 2.0 * self.wall) * tall
+        gap = self.gap * self.width * (self.height - self.base - self.channel - self.wall)
+        between = (self.chambers - 1) * (self.pitch - self._inside) * self.channel**2
+        whole = self.length * self.width * self.height
+        return whole - (self.chambers + 1) * gap - self.chambers * chamber - between
 
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
-    box, length = gmsh.model.occ.addBox, finger.chambers * finger.pitch + finger.gap
-    low, top = -finger.width / 2, finger.base + finger.channel
-    body = box(0, low, 0, length, finger.width, finger.height)
-    gaps = [
-        (3, box(i * finger.pitch, low, top + finger.wall, finger.gap, finger.width, finger.height))
-        for i in range(finger.chambers + 1)
-    ]
-    first = finger.gap + finger.wall
-    holes = [(3, box(first, -finger.channel / 2, finger.base, length - 2 * first, finger.channel, finger.channel))]
-    for i in range(finger.chambers):
-        inside = finger.pitch - finger.gap - 2 * finger.wall
-        start, tall = finger.gap + finger.wall + i * finger.pitch, finger.height - finger.base - finger.wall
-        holes.append((3, box(start, low + finger.wall, finger.base, inside, finger.width - 2 * finger.wall, tall)))
-    gmsh.model.occ.cut([(3, body)], gaps + holes)
-    gmsh.model.occ.synchronize()
-    gmsh.write(str(path))
-    gmsh.finalize()
+    def draw(self, occ: Any) -> None:
+        """Draw the finger along x, with its base at z = 0."""
+        box, low, first = occ.addBox, -self.width / 2, self.gap + self.wall
+        body = box(0, low, 0, self.length, self.width, self.height)
+        over = self.base + self.channel + self.wall
+        gaps = [
+            (3, box(i * self.pitch, low, over, self.gap, self.width, self.height)) for i in range(self.chambers + 1)
+        ]
+        channel = self.channel
+        holes = [(3, box(first, -channel / 2, self.base, self.length - 2 * first, channel, channel))]
+        wide, tall = self.width - 2 * self.wall, self.height - self.base - self.wall
+        for i in range(self.chambers):
+            start = first + i * self.pitch
+            holes.append((3, box(start, low + self.wall, self.base, self._inside, wide, tall)))
+        occ.cut([(3, body)], gaps + holes)
+
+    @property
+    def _inside(self) -> float:
+        """Length [mm] of a chamber along the finger."""
+        return self.pitch - self.gap - 2.0 * self.wall
 
 
 def main() -> None:
     """Draw the finger, make the scene, solve it and write the picture."""
     with tempfile.TemporaryDirectory() as folder:
         step, scene = Path(folder) / "finger.step", Path(folder) / "finger.yaml"
-        code = f"from docs.scripts.cad_finger import *; draw(Finger(), Path({str(step)!r}))"
-        subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        write_step(Finger(), step)
         given = ["new", str(scene), "--from", str(step), "--size", str(SIZE), "--material", "dragon_skin_30"]
         rise = f"program.actuators.air_0=[{{time: 0, value: 0}}, {{time: 1, value: {PRESSURE}}}]"
         solved = ["solve", str(scene), "--set", rise, "--steps", "6", "--picture", str(PICTURE)]
