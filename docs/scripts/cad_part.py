@@ -7,6 +7,7 @@ machine does; processor times hardly do.
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
@@ -96,8 +97,13 @@ def _shrink(gif: Path, path: Path) -> None:
     first.save(path, save_all=True, append_images=others, duration=150, loop=0, quality=60)
 
 
-def main() -> None:
-    """Draw the part, run the commands, and print the wall time of each."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Draw the part, run the commands, and print the times of each; or only write the STEP file."""
+    parser = argparse.ArgumentParser(description="From STEP to a moving picture.")
+    parser.add_argument("--step", type=Path, metavar="FILE.step", help="only write the STEP file")
+    if path := parser.parse_args(arguments).step:
+        write_step(Part(), path)
+        return
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_step(Part(), folder / "part.step")

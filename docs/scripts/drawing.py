@@ -19,7 +19,7 @@ from gdfe_ros.mesh.tetrahedralise import from_step
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES, SCENES = ROOT / "docs" / "images", ROOT / "config" / "scenes"
-WIDTH, COLOURS = 900, 128
+WIDTH, COLOURS = 900, 256
 """Width of a picture [px], and number of its colours; with these, a picture has less than 200 kB."""
 
 
