@@ -88,7 +88,7 @@ def compared() -> Table:
         name: tips(load_scene(NAME, overrides=limited | given), step=STEP, most=MOST, actuator="air_1")
         for name, given in MODELS.items()
     }
-    table = Table(title="displacement of the tip [mm], tilt of the end [deg]; one chamber under pressure")
+    table = Table(title="displacement of the tip in mm, tilt of the end in degrees; one chamber under pressure")
     for column in ("mbar", "recorded", *curves, *(f"{name} / recorded" for name in curves)):
         table.add_column(column, justify="right")
     for pressure, total, tilt in zip(data["pressure"], data["total"], data["tilt"], strict=True):

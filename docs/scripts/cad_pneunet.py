@@ -54,7 +54,7 @@ def _base_line(simulation: Simulation) -> NDArray[np.int64]:
 
 def compared() -> Table:
     """Return the table of angles and lengths."""
-    table = Table(title="curl of the tip [deg], and stretch of the base [mm]")
+    table = Table(title="curl of the tip in degrees, change of the length of the base in mm")
     table.add_column("kPa", justify="right")
     for name in MODELS:
         table.add_column(name, justify="right")
