@@ -35,14 +35,20 @@ class Drawing(Protocol):
 
 
 def write_step(drawing: Drawing, path: Path) -> None:
-    """Write a drawing as STEP, in a separate process, because gmsh's licence (GPL) requires it."""
+    """Write a drawing as STEP, in a separate process, because gmsh's licence (GPL) requires it.
+
+    Raises:
+        RuntimeError: gmsh is not installed.
+    """
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         pool.submit(_write, drawing, path).result()
 
 
 def _write(drawing: Drawing, path: Path) -> None:
-    import gmsh
-
+    try:
+        import gmsh
+    except ImportError as error:
+        raise RuntimeError("gmsh is not installed; remedy: pip install 'gdfe_ros[cad]'") from error
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # gmsh prints the statistics of the STEP file in any case
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)

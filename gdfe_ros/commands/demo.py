@@ -70,7 +70,7 @@ def _table(scene: Scene, bag: BagRun, first: float) -> Table:
     records = [record for record in bag.records if record.step > 0]
     times = np.array([record.wall_time for record in records])
     last, wrenches = records[-1], bag.last_wrenches()
-    table = Table(title=f"{scene.name}: {scene.description}", title_justify="left", min_width=64)
+    table = Table(title=": ".join(filter(None, (scene.name, scene.description))), title_justify="left", min_width=64)
     table.add_column("quantity")
     table.add_column("value", justify="right")
     table.add_column("unit")
