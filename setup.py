@@ -45,7 +45,15 @@ EXTRAS = {
     "live": ["viser>=1.1,<2"],
     "control": ["quadprog>=0.1.12"],
     "gym": ["gymnasium>=1.0"],
-    "bench": ["felupe>=11.3", "tensortrax>=0.29", "pypardiso>=0.4.7", "mujoco>=4.0", "cholespy>=2.0", "drake>=1.40"],
+    "bench": [
+        "felupe>=11.3",
+        "tensortrax>=0.29",
+        "pypardiso>=0.4.7",
+        "mujoco>=4.0",
+        "cholespy>=2.0",
+        "drake>=1.40",
+        "newton>=1.8",
+    ],
     "docs": ["mkdocs>=1.6", "latex2mathml>=3.77"],
     "test": [
         "pytest>=8.0",

@@ -79,16 +79,22 @@ def raised(
 def divided(mesh: HexMesh) -> TetMesh:
     """Divide each hexahedron of a mesh into six quadratic tetrahedra; the vertices keep their ids, and their sets.
 
+    A skin and the filling of cut cells are lost.
+    """
+    cells = {name: (6 * ids[:, None] + np.arange(6)).ravel() for name, ids in mesh.cell_sets.items()}
+    return replace(raised(mesh.vertices, corners_of_six(mesh.cells), cells, mesh.vertex_sets), hexahedra=mesh.n_cells)
+
+
+def corners_of_six(cells: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the corners (6 m, 4) of six linear tetrahedra for each hexahedron (m, 8).
+
     Each face is cut by the diagonal from its vertex with the lowest id, so that neighbouring tetrahedra match in any
     mesh. The tetrahedra of a cell join its vertex with the lowest id to the triangles of the three faces without this
-    vertex (pulling triangulation). A skin and the filling of cut cells are lost.
+    vertex (pulling triangulation).
     """
-    faces = mesh.cells[:, HEX_FACES]
+    faces, lowest = cells[:, HEX_FACES], cells.min(axis=1)
     turn = (faces.argmin(axis=2)[..., None] + np.arange(4)) % 4
-    lowest = mesh.cells.min(axis=1)
     turned = np.take_along_axis(faces, turn, axis=2)
     a, b, c, d = turned[(faces != lowest[:, None, None]).all(axis=2)].T
     triangles = np.stack([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1)], axis=1).reshape(-1, 3)
-    corners = np.concatenate([triangles, np.repeat(lowest, 6)[:, None]], axis=1)
-    cells = {name: (6 * ids[:, None] + np.arange(6)).ravel() for name, ids in mesh.cell_sets.items()}
-    return replace(raised(mesh.vertices, corners, cells, mesh.vertex_sets), hexahedra=mesh.n_cells)
+    return np.concatenate([triangles, np.repeat(lowest, 6)[:, None]], axis=1)
