@@ -14,15 +14,19 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
+from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.mesher_process import too_many
 from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
+from gdfe_ros.mesh.self_cuts import find_self_cuts
 from gdfe_ros.mesh.shells import shells
+from gdfe_ros.mesh.size_field import wall_sizes
 from gdfe_ros.mesh.store import keep, key_of, recall
 from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.mesh.tet_shape import scaled_jacobians
 from gdfe_ros.mesh.tetmesh import TetMesh, raised
 from gdfe_ros.mesh.tetrahedra import EDGES
 from gdfe_ros.mesh.voxels import examine_surface
+from gdfe_ros.mesh.walls import Walls, find_walls
 
 STEP_SUFFIXES = (".step", ".stp")
 ENVELOPE = 1e-3
@@ -35,10 +39,13 @@ STRAIGHTENED = 0.1
 """The curved edges of a cell are straightened if its scaled Jacobian is below this."""
 LONGEST_RUN = 1800.0
 """Time [s] after which a mesher is stopped."""
+FACETS_ALONG = 30.0
+"""Number of facets along the longest side of a STEP file's solids."""
+_MESHERS = ("step", "surface")
 _SCRIPT = Path(__file__).with_name("mesher_process.py")
 
 
-def from_step(path: str | Path, *, size: float) -> TetMesh:
+def from_step(path: str | Path, *, size: float, least_size: float | None = None) -> TetMesh:
     """Fill the solids of a STEP file with quadratic tetrahedra; edges on curved surfaces are curved.
 
     Lengths are converted to metres from the unit that the file states. The mesh has a cell set ``solid_1``, ... for
@@ -47,6 +54,7 @@ def from_step(path: str | Path, *, size: float) -> TetMesh:
     Args:
         path: a .step or .stp file.
         size: largest edge of a cell [m]; edges at curved surfaces may be as short as a fifth of the size.
+        least_size: smallest target edge of a cell [m]. If given, cells are smaller where walls are thin (`wall_sizes`).
 
     Raises:
         MeshError: the file cannot be meshed; the error names the reason.
@@ -56,21 +64,29 @@ def from_step(path: str | Path, *, size: float) -> TetMesh:
         raise MeshError(heading, ["there is no such file; paths in a scene are relative to the folder of the scene"])
     if path.suffix.lower() not in STEP_SUFFIXES:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(STEP_SUFFIXES)}"])
-    key = key_of(b"step", path.read_bytes(), repr(size).encode())
-    return _cached(key) or _kept(key, _curved(_run("step", {"path": str(path.resolve()), "size": size}, heading)))
+    key = key_of(b"step", path.read_bytes(), *_sizes_key(size, least_size))
+    if found := _cached(key):
+        return found
+    request = {"path": str(path.resolve()), "size": size}
+    if least_size is not None:
+        request |= _refined(step_walls(path, spacing=least_size), step_bounds(path), size, least_size, heading)
+    return _kept(key, _curved(_run("step", request, heading)))
 
 
-def from_surface(surface: str | Path, *, size: float, scale: float | None = None) -> TetMesh:
+def from_surface(
+    surface: str | Path, *, size: float, scale: float | None = None, least_size: float | None = None
+) -> TetMesh:
     """Fill the inside of a triangle surface with quadratic tetrahedra, which have straight edges.
 
-    The surface may be open or intersect itself; a point is inside if the surface winds around it. In a closed surface,
-    nested shells of any orientation are cavities. The distance between the mesh's surface and the file's surface is at
-    most a thousandth of the body's diagonal, and at most a tenth of ``size``.
+    The surface may be open or intersect itself; a point is inside if the surface winds around it. In a closed surface
+    that does not intersect itself, nested shells of any orientation are cavities. The distance between the mesh's surface and the file's surface is at
+    most a thousandth of the body's diagonal, and at most a tenth of ``size``, or of ``least_size`` if it is given.
 
     Args:
         surface: an STL, OBJ, PLY or OFF file.
         size: target edge length of the cells [m].
         scale: metres for each unit of the file; None assumes metres and rejects bodies of implausible size.
+        least_size: as for `from_step`; it needs a closed surface.
 
     Raises:
         MeshError: the surface cannot be meshed; the error names every reason.
@@ -82,20 +98,45 @@ def from_surface(surface: str | Path, *, size: float, scale: float | None = None
         defects = [f"size = {size:g} m, but the body's diagonal is {diagonal:.3g} m; remedy: a smaller size"]
     closed = is_closed(triangles)
     if closed and not defects:
-        triangles = out_of_material(vertices, triangles)
         defects = [text for text in [too_many(shells(vertices, triangles).volume, size)] if text]
+    elif least_size is not None and not defects:
+        text = "least_size needs a closed surface, because the walls of an open one have no thickness"
+        defects = [f"{text}; remedy: leave it out, or close the holes, see `gdfe inspect`"]
     if defects:
         raise MeshError(heading, defects)
-    key = key_of(b"surface", vertices.tobytes(), triangles.tobytes(), repr(size).encode())
+    key = key_of(b"surface", vertices.tobytes(), triangles.tobytes(), *_sizes_key(size, least_size))
     if found := _cached(key):
         return found
-    asked = {"vertices": vertices, "triangles": triangles, "size": size}
-    raw = _run("surface", {**asked, "epsilon": min(ENVELOPE, NARROW * size / diagonal)}, heading)
+    cuts = find_self_cuts(vertices, triangles)
+    for text in cuts.defects:
+        print(f"{heading}: {text}", file=sys.stderr)
+    if closed:
+        triangles = _outward(vertices, triangles, apart=cuts.pairs == 0)
+    request = {"vertices": vertices, "triangles": triangles, "size": size}
+    request["epsilon"] = min(ENVELOPE, NARROW * (least_size or size) / diagonal)
+    if least_size is not None:
+        walls, bounds = (
+            find_walls(vertices, triangles, spacing=least_size),
+            np.array([vertices.min(0), vertices.max(0)]),
+        )
+        request |= _refined(walls, bounds, size, least_size, heading)
+    raw = _run("surface", request, heading)
     if len(raw["cells"]) == 0:
         text = "no tetrahedron is inside: the surface encloses nothing; remedy: close it, see `gdfe inspect`"
         raise MeshError(heading, [text])
     mesh = raised(raw["vertices"], raw["cells"])
     return _kept(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
+
+
+def _outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, apart: bool) -> NDArray[np.int64]:
+    """Return the triangles of a closed surface with normals out of the material.
+
+    Shells that are ``apart`` are nested, and each is turned by itself. Which of several shells that cut each other is a
+    cavity is not known, so that only the surface as a whole is turned.
+    """
+    if apart:
+        return out_of_material(vertices, triangles)
+    return triangles if enclosed_volume(vertices, triangles[:, [0, 1, 2, 2]]) > 0.0 else triangles[:, ::-1]
 
 
 def step_bounds(path: str | Path) -> NDArray[np.float64]:
@@ -116,6 +157,49 @@ def step_facts(path: str | Path) -> list[tuple[str, str]]:
     ]
 
 
+def step_surface(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return facets of a STEP file's solids: vertices (n, 3) [m], triangles (t, 3), and the number (t,) of their solid.
+
+    The normals of the triangles point out of their solid. Where two solids touch, there is a triangle for each.
+    """
+    edge = float(np.ptp(step_bounds(path), axis=0).max()) / FACETS_ALONG
+    heading = f"step {path}"
+    raw = _run("facets", {"path": str(Path(path).resolve()), "size": edge}, heading)
+    if "triangles" not in raw:
+        raise MeshError(heading, ["there is no solid in it; remedy: export the body as a solid, not as surfaces"])
+    return raw["vertices"], raw["triangles"], raw["solid"]
+
+
+def step_walls(path: str | Path, *, spacing: float) -> Walls:
+    """Return the thickness of the walls of each solid of a STEP file, at places with a distance of ``spacing`` [m]."""
+    vertices, triangles, solid = step_surface(path)
+    return Walls.joined(
+        [find_walls(vertices, triangles[solid == k], spacing=spacing) for k in range(int(solid.max()) + 1)]
+    )
+
+
+def _sizes_key(size: float, least_size: float | None) -> list[bytes]:
+    """Return the part of a mesh's key that stands for the sizes of its cells."""
+    return [repr(size).encode(), *([] if least_size is None else [repr(least_size).encode()])]
+
+
+def _refined(
+    walls: Walls, bounds: NDArray[np.float64], size: float, least_size: float, heading: str
+) -> dict[str, NDArray]:
+    """Return the entries of a mesher's request for small cells at thin walls.
+
+    Raises:
+        MeshError: ``least_size`` is larger than ``size``, or gives too many cells.
+    """
+    if least_size > size:
+        text = f"least_size = {least_size:g} m; allowed: up to size = {size:g} m"
+        raise MeshError(heading, [f"{text}; remedy: a smaller least_size"])
+    field = wall_sizes(walls, size=size, least_size=least_size, bounds=bounds)
+    if field.too_many:
+        raise MeshError(heading, field.too_many)
+    return {**field.request(), "least_size": np.array(least_size)}
+
+
 def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
     """Run a mesher in a separate process; return the arrays of its result.
 
@@ -123,7 +207,7 @@ def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
         MeshError: the mesher fails, takes longer than `LONGEST_RUN`, or is not installed.
     """
     began = time.monotonic()
-    if kind != "facts":
+    if kind in _MESHERS:
         print(f"{heading}: meshing", end=" ", file=sys.stderr, flush=True)
     with tempfile.TemporaryDirectory() as folder:
         asked, answer = Path(folder) / "request.npz", Path(folder) / "result.npz"
@@ -146,7 +230,7 @@ def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
         raise MeshError(heading, [f"{found['missing']} is not installed; remedy: pip install 'gdfe_ros[cad]'"])
     if "defect" in found:
         raise MeshError(heading, [str(found["defect"])])
-    if kind == "facts":
+    if kind not in _MESHERS:
         return found
     print(f"took {time.monotonic() - began:.1f} s, {len(found['cells'])} tetrahedra", file=sys.stderr)
     return found

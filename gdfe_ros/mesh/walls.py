@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,14 +35,19 @@ class Walls:
     thickness: NDArray[np.float64]
     corners: NDArray[np.float64]
 
+    @classmethod
+    def joined(cls, several: Sequence[Walls]) -> Walls:
+        """Return the walls of several bodies together."""
+        return cls(*(np.concatenate([getattr(one, item.name) for one in several]) for item in fields(cls)))
+
     @property
     def thinnest(self) -> int:
         """Number of the place with the least thickness."""
         return int(np.argmin(self.thickness))
 
-    def share_below(self, size: float) -> float:
-        """Return the share of the surface at walls that are thinner than ``size`` [m]."""
-        return float(self.areas[self.thickness < size].sum() / self.areas.sum())
+    def share(self, some: NDArray[np.bool_]) -> float:
+        """Return the share of the surface for which some of the places (k,) stand."""
+        return float(self.areas[some].sum() / self.areas.sum())
 
 
 def find_walls(vertices: NDArray[np.float64], triangles: NDArray[np.integer], *, spacing: float) -> Walls:
@@ -59,15 +65,17 @@ def find_walls(vertices: NDArray[np.float64], triangles: NDArray[np.integer], *,
     a, b, c = np.moveaxis(vertices[triangles], 1, 0)
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     points, parts = refine(vertices, triangles, max(spacing, (2.0 * area / MOST_RAYS) ** 0.5))
-    return thickness_at(points[parts], vertices, triangles)
+    return thickness_at(points[parts], vertices, triangles)[0]
 
 
 def thickness_at(
     starts: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.integer]
-) -> Walls:
-    """Measure the thickness at the centroids of triangles ``starts`` (k, 3, 3) [m] on a closed surface.
+) -> tuple[Walls, NDArray[np.bool_]]:
+    """Measure the thickness at the centroids of triangles ``starts`` (k, 3, 3) [m] on the surface of `find_walls`.
 
-    The surface is that of `find_walls`. Parts of the surface that are flat, and have no normal, are left out.
+    Returns:
+        The walls, and whether they contain each triangle, shape (k,). Triangles without an area have no normal, and are
+        left out.
     """
     from gdfe_ros.mesh.ray_hits import first_hits  # loads numba
 
@@ -82,4 +90,4 @@ def thickness_at(
     first_hits(places, np.ascontiguousarray(-outward), tree.corners, tree.boxes, tolerance, lengths, hits)
     facing = np.einsum("ki,ki->k", outward, tree.normals[hits])
     wall = (hits >= 0) & (facing <= -np.cos(np.deg2rad(OPPOSITE)))
-    return Walls(places, areas, np.where(wall, lengths, np.inf), starts)
+    return Walls(places, areas, np.where(wall, lengths, np.inf), starts), solid
