@@ -16,7 +16,8 @@ from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.shells import shells
 from gdfe_ros.mesh.size_field import default_size
-from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, from_step, from_surface, step_bounds
+from gdfe_ros.mesh.step_file import STEP_SUFFIXES, step_bounds
+from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 from gdfe_ros.scene.document import write_document
 

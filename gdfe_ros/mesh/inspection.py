@@ -17,9 +17,9 @@ from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.quality import QualityReport, check_mesh
 from gdfe_ros.mesh.shells import Shells, shells
 from gdfe_ros.mesh.size_field import default_size
+from gdfe_ros.mesh.step_file import STEP_SUFFIXES, step_bounds, step_facts, step_surface
 from gdfe_ros.mesh.surface_findings import SurfaceFindings, solid_findings, surface_findings
 from gdfe_ros.mesh.tetmesh import TetMesh
-from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, step_bounds, step_facts, step_surface
 from gdfe_ros.mesh.units import LONGEST, SHORTEST, guess_unit, unit_defects
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 from gdfe_ros.mesh.wall_cells import flat_walls

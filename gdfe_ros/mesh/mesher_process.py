@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 import sys
+from inspect import signature
 
 import numpy as np
 
@@ -180,6 +181,9 @@ def from_surface(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return linear tetrahedra inside a surface of triangles (fTetWild); it may be open or intersect itself."""
     import pytetwild
 
+    if "sizes" in request and "bg_values" not in signature(pytetwild.tetrahedralize).parameters:
+        text = "this version of pytetwild makes cells of one size only; allowed: 0.4.2 or newer for `least_size`"
+        return {"defect": np.array(f"{text}; remedy: pip install --upgrade 'gdfe_ros[cad]', or leave out least_size")}
     vertices, cells = pytetwild.tetrahedralize(
         np.ascontiguousarray(request["vertices"]),
         request["triangles"].astype(np.int32),

@@ -70,8 +70,8 @@ class SurfaceFindings:
         found = []
         if self.normals == INWARD:
             found.append(
-                "the normals point into the material. A body is filled all the same, but `obstacles` and `bodies` refuse "
-                "this surface; remedy: turn it (MeshLab: Invert Faces Orientation, Blender: Recalculate Outside)"
+                "the normals point into the material. A body is filled all the same, but `obstacles` and `bodies` "
+                "refuse this surface; remedy: turn it (MeshLab: Invert Faces Orientation, Blender: Recalculate Outside)"
             )
         if self.walls is not None:
             ratio = self.size / self.walls.thickness
@@ -80,8 +80,9 @@ class SurfaceFindings:
                 thinnest = float(self.walls.thickness.min())
                 found.append(
                     f"{share:.0%} of the surface is at walls that are thin for cells of {self.size:.3g} m. "
-                    f"{measured(float(ratio.max()))}; remedy: for tetrahedra `least_size: {thinnest:.2g}` beside `size`, "
-                    f"which makes small cells only at thin walls; for voxels a `cell` of at most {0.5 * thinnest:.2g} m"
+                    f"{measured(float(ratio.max()))}; remedy: for tetrahedra `least_size: {thinnest:.2g}` beside "
+                    "`size`, which makes small cells only at thin walls; for voxels a `cell` of at most "
+                    f"{0.5 * thinnest:.2g} m"
                 )
         return found
 

@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
-import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +12,13 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
 from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.mesher import run_mesher
 from gdfe_ros.mesh.mesher_process import too_many
 from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
 from gdfe_ros.mesh.self_cuts import find_self_cuts
 from gdfe_ros.mesh.shells import shells
 from gdfe_ros.mesh.size_field import wall_sizes
+from gdfe_ros.mesh.step_file import STEP_SUFFIXES, step_bounds, step_walls
 from gdfe_ros.mesh.store import keep, key_of, recall
 from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.mesh.tet_shape import scaled_jacobians
@@ -28,7 +27,6 @@ from gdfe_ros.mesh.tetrahedra import EDGES
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.mesh.walls import Walls, find_walls
 
-STEP_SUFFIXES = (".step", ".stp")
 ENVELOPE = 1e-3
 """Largest distance between fTetWild's surface and the file's surface, divided by the diagonal of the body."""
 NARROW = 0.1
@@ -37,12 +35,6 @@ and `ENVELOPE`, the smaller distance applies.
 """
 STRAIGHTENED = 0.1
 """The curved edges of a cell are straightened if its scaled Jacobian is below this."""
-LONGEST_RUN = 1800.0
-"""Time [s] after which a mesher is stopped."""
-FACETS_ALONG = 30.0
-"""Number of facets along the longest side of a STEP file's solids."""
-_MESHERS = ("step", "surface")
-_SCRIPT = Path(__file__).with_name("mesher_process.py")
 
 
 def from_step(path: str | Path, *, size: float, least_size: float | None = None) -> TetMesh:
@@ -70,7 +62,7 @@ def from_step(path: str | Path, *, size: float, least_size: float | None = None)
     request = {"path": str(path.resolve()), "size": size}
     if least_size is not None:
         request |= _refined(step_walls(path, spacing=least_size), step_bounds(path), size, least_size, heading)
-    return _kept(key, _curved(_run("step", request, heading)))
+    return _kept(key, _curved(run_mesher("step", request, heading)))
 
 
 def from_surface(
@@ -79,8 +71,9 @@ def from_surface(
     """Fill the inside of a triangle surface with quadratic tetrahedra, which have straight edges.
 
     The surface may be open or intersect itself; a point is inside if the surface winds around it. In a closed surface
-    that does not intersect itself, nested shells of any orientation are cavities. The distance between the mesh's surface and the file's surface is at
-    most a thousandth of the body's diagonal, and at most a tenth of ``size``, or of ``least_size`` if it is given.
+    that does not intersect itself, nested shells of any orientation are cavities. The distance between the mesh's
+    surface and the file's surface is at most a thousandth of the body's diagonal, and at most a tenth of ``size``, or
+    of ``least_size`` if it is given.
 
     Args:
         surface: an STL, OBJ, PLY or OFF file.
@@ -120,7 +113,7 @@ def from_surface(
             np.array([vertices.min(0), vertices.max(0)]),
         )
         request |= _refined(walls, bounds, size, least_size, heading)
-    raw = _run("surface", request, heading)
+    raw = run_mesher("surface", request, heading)
     if len(raw["cells"]) == 0:
         text = "no tetrahedron is inside: the surface encloses nothing; remedy: close it, see `gdfe inspect`"
         raise MeshError(heading, [text])
@@ -137,45 +130,6 @@ def _outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, apa
     if apart:
         return out_of_material(vertices, triangles)
     return triangles if enclosed_volume(vertices, triangles[:, [0, 1, 2, 2]]) > 0.0 else triangles[:, ::-1]
-
-
-def step_bounds(path: str | Path) -> NDArray[np.float64]:
-    """Return the lowest and the highest corner (2, 3) [m] of the bounding box of a STEP file's solids."""
-    return _run("facts", {"path": str(Path(path).resolve())}, f"step {path}")["bounds"]
-
-
-def step_facts(path: str | Path) -> list[tuple[str, str]]:
-    """Return pairs (name, value) of texts about a STEP file: kind, solids, surfaces, bounds in metres, volume."""
-    raw = _run("facts", {"path": str(Path(path).resolve())}, f"step {path}")
-    low, high = raw["bounds"]
-    spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
-    return [
-        ("kind", "STEP, to be filled with `mesh: {tets: {step: ...}}`"),
-        ("solids, surfaces", f"{int(raw['solids'])}, {int(raw['surfaces'])}"),
-        ("bounds in metres", spans),
-        ("volume", f"{float(raw['volume']):.6g} m^3"),
-    ]
-
-
-def step_surface(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return facets of a STEP file's solids: vertices (n, 3) [m], triangles (t, 3), and the number (t,) of their solid.
-
-    The normals of the triangles point out of their solid. Where two solids touch, there is a triangle for each.
-    """
-    edge = float(np.ptp(step_bounds(path), axis=0).max()) / FACETS_ALONG
-    heading = f"step {path}"
-    raw = _run("facets", {"path": str(Path(path).resolve()), "size": edge}, heading)
-    if "triangles" not in raw:
-        raise MeshError(heading, ["there is no solid in it; remedy: export the body as a solid, not as surfaces"])
-    return raw["vertices"], raw["triangles"], raw["solid"]
-
-
-def step_walls(path: str | Path, *, spacing: float) -> Walls:
-    """Return the thickness of the walls of each solid of a STEP file, at places with a distance of ``spacing`` [m]."""
-    vertices, triangles, solid = step_surface(path)
-    return Walls.joined(
-        [find_walls(vertices, triangles[solid == k], spacing=spacing) for k in range(int(solid.max()) + 1)]
-    )
 
 
 def _sizes_key(size: float, least_size: float | None) -> list[bytes]:
@@ -198,42 +152,6 @@ def _refined(
     if field.too_many:
         raise MeshError(heading, field.too_many)
     return {**field.request(), "least_size": np.array(least_size)}
-
-
-def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
-    """Run a mesher in a separate process; return the arrays of its result.
-
-    Raises:
-        MeshError: the mesher fails, takes longer than `LONGEST_RUN`, or is not installed.
-    """
-    began = time.monotonic()
-    if kind in _MESHERS:
-        print(f"{heading}: meshing", end=" ", file=sys.stderr, flush=True)
-    with tempfile.TemporaryDirectory() as folder:
-        asked, answer = Path(folder) / "request.npz", Path(folder) / "result.npz"
-        np.savez(asked, **request)
-        command = [sys.executable, str(_SCRIPT), kind, str(asked), str(answer)]
-        try:
-            # Meshers write files into their working directory.
-            options = {"cwd": folder, "capture_output": True, "text": True, "timeout": LONGEST_RUN}
-            done = subprocess.run(command, **options, check=False)
-        except subprocess.TimeoutExpired as error:
-            text = f"the mesher did not end in {LONGEST_RUN:g} s; remedy: a larger size, or a simpler file"
-            raise MeshError(heading, [text]) from error
-        if not answer.is_file():
-            said = " ".join((done.stderr or done.stdout).split())[-300:]
-            text = f"the mesher ended with code {done.returncode}: {said or 'no message'}"
-            raise MeshError(heading, [f"{text}; remedy: repair the file, see `gdfe inspect`"])
-        with np.load(answer, allow_pickle=False) as archive:
-            found = dict(archive)
-    if "missing" in found:
-        raise MeshError(heading, [f"{found['missing']} is not installed; remedy: pip install 'gdfe_ros[cad]'"])
-    if "defect" in found:
-        raise MeshError(heading, [str(found["defect"])])
-    if kind not in _MESHERS:
-        return found
-    print(f"took {time.monotonic() - began:.1f} s, {len(found['cells'])} tetrahedra", file=sys.stderr)
-    return found
 
 
 def _curved(raw: dict[str, NDArray]) -> TetMesh:

@@ -18,17 +18,15 @@ strip, 20 times as wide as thick, with one cell through its thickness was 1 % to
 15 % at 5.7, and 25 % at 7.1.
 """
 LEAST_SHARE = 0.01
-"""Share of the surface at walls with flat cells from which there is a remark. At a sharp edge, the last cells are always
-flat.
-"""
+"""Least share of the surface at walls with flat cells for a remark. At a sharp edge, the last cells are always flat."""
 
 
 def measured(ratio: float) -> str:
     """Return a text about the error of walls whose cells are ``ratio`` times as long as the wall is thick."""
     return (
         f"Edges of cells there are up to {ratio:.2g} times as long as the wall is thick. Measured on a clamped strip "
-        "20 times as wide as thick: 6 % too stiff at 4 times, 15 % at 5.7, 25 % at 7; one cell through the thickness is "
-        "enough"
+        "20 times as wide as thick: 6 % too stiff at 4 times, 15 % at 5.7, 25 % at 7. One cell through the thickness "
+        "is enough"
     )
 
 
