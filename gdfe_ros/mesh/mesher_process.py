@@ -21,7 +21,7 @@ FINEST = 0.2
 """Shortest edge at curved surfaces, divided by the requested size."""
 BACKGROUND = "sizes.txt"
 """File of a size field, in the working directory."""
-FACETS_AROUND, FACETS_FINEST = 48, 0.02
+FACETS_AROUND, FACETS_FINEST = 48, 0.15
 """Facets of a STEP file's surface: number of edges around a full circle, and shortest edge divided by the longest."""
 AROUND = 12
 """Number of edges around a full circle. Quadratic edges deviate from the circle by at most 1e-4 of its radius."""

@@ -45,20 +45,21 @@ class SelfCuts:
         ]
 
 
-def find_self_cuts(vertices: NDArray[np.float64], triangles: NDArray[np.integer]) -> SelfCuts:
+def find_self_cuts(vertices: NDArray[np.float64], triangles: NDArray[np.integer], *, touch: float = TOUCH) -> SelfCuts:
     """Return the self-intersections of a surface.
 
-    Two triangles cut each other if their common line is longer than `TOUCH` times the diagonal and runs through the
+    Two triangles cut each other if their common line is longer than ``touch`` times the diagonal and runs through the
     interior of at least one of them. Two triangles in one plane overlap if no edge separates them. Triangles that only
     share a corner or an edge do neither.
 
     Args:
         vertices: positions [m], shape (n, 3).
         triangles: vertex ids, shape (t, 3).
+        touch: length up to which triangles touch, divided by the diagonal of the surface.
     """
     from gdfe_ros.mesh.triangle_pairs import count_cuts  # loads numba
 
-    tolerance = TOUCH * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    tolerance = touch * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     tree = BoxTree.of(vertices, triangles, flat=tolerance)
     counts, places = np.empty(len(triangles), dtype=np.int64), np.zeros((len(triangles), 3))
     count_cuts(tree.corners, tree.normals, tree.boxes, tolerance, counts, places)

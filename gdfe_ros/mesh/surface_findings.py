@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
 from gdfe_ros.mesh.self_cuts import SelfCuts, find_self_cuts
 from gdfe_ros.mesh.shells import shell_numbers
-from gdfe_ros.mesh.wall_cells import FLATTEST, LEAST_SHARE, measured
+from gdfe_ros.mesh.wall_cells import FLATTEST, LEAST_FRACTION, measured
 from gdfe_ros.mesh.walls import Walls, find_walls
 from gdfe_ros.mesh.winding import disagreeing_edges, open_edges_of, winding_defects
 
+FACETED = 1e-4
+"""Length up to which facets of a STEP file touch, divided by the diagonal of the surface; facets are not exact."""
 OUTWARD, INWARD = "out of the material", "into the material"
 
 
@@ -57,7 +59,7 @@ class SurfaceFindings:
             x, y, z = self.walls.places[worst]
             found.append(("thinnest wall", f"{thickness[worst]:.3g} m near ({x:.4g}, {y:.4g}, {z:.4g}) m"))
         name = f"surface at walls thinner than {self.size:.3g} m"
-        return [*found, (name, f"{self.walls.share(thickness < self.size):.1%}")]
+        return [*found, (name, f"{self.walls.fraction(thickness < self.size):.1%}")]
 
     @property
     def defects(self) -> list[str]:
@@ -75,11 +77,11 @@ class SurfaceFindings:
             )
         if self.walls is not None:
             ratio = self.size / self.walls.thickness
-            share = self.walls.share(ratio > FLATTEST)
-            if share >= LEAST_SHARE:
+            fraction = self.walls.fraction(ratio > FLATTEST)
+            if fraction >= LEAST_FRACTION:
                 thinnest = float(self.walls.thickness.min())
                 found.append(
-                    f"{share:.0%} of the surface is at walls that are thin for cells of {self.size:.3g} m. "
+                    f"{fraction:.0%} of the surface is at walls that are thin for cells of {self.size:.3g} m. "
                     f"{measured(float(ratio.max()))}; remedy: for tetrahedra `least_size: {thinnest:.2g}` beside "
                     "`size`, which makes small cells only at thin walls; for voxels a `cell` of at most "
                     f"{0.5 * thinnest:.2g} m"
@@ -103,7 +105,7 @@ def solid_findings(
     """Examine the facets of a STEP file's solids, as `tetrahedralise.step_surface` returns them."""
     _, once = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
     walls = [find_walls(vertices, triangles[solid == k], spacing=size) for k in range(int(solid.max()) + 1)]
-    cuts = find_self_cuts(vertices, triangles[once])
+    cuts = find_self_cuts(vertices, triangles[once], touch=FACETED)
     return SurfaceFindings(vertices, triangles[once], size, cuts, Walls.joined(walls), OUTWARD)
 
 

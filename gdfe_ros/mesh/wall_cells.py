@@ -17,8 +17,8 @@ FLATTEST = 4.0
 strip, 20 times as wide as thick, with one cell through its thickness was 1 % too stiff at a ratio of 2.8, 6 % at 4.0,
 15 % at 5.7, and 25 % at 7.1.
 """
-LEAST_SHARE = 0.01
-"""Least share of the surface at walls with flat cells for a remark. At a sharp edge, the last cells are always flat."""
+LEAST_FRACTION = 0.01
+"""Least fraction of the surface for a remark on flat cells. At a sharp edge, the last cells are always flat."""
 
 
 def measured(ratio: float) -> str:
@@ -33,15 +33,14 @@ def measured(ratio: float) -> str:
 def flat_walls(mesh: TetMesh) -> list[str]:
     """Return a list with a remark on walls whose cells are too long for their thickness; empty if there are none."""
     cells = wall_cells(mesh)
-    share = cells.walls.share(cells.flatness > FLATTEST)
-    if share < LEAST_SHARE:
+    fraction = cells.walls.fraction(cells.flatness > FLATTEST)
+    if fraction < LEAST_FRACTION:
         return []
     worst = int(np.argmax(cells.flatness))
-    thickness, place = cells.walls.thickness[worst], cells.walls.places[worst]
-    x, y, z = place
+    thickness, (x, y, z) = cells.walls.thickness[worst], cells.walls.places[worst]
     return [
-        f"{share:.0%} of the surface is at walls that are thin for their cells, the worst {thickness:.3g} m thick near "
-        f"({x:.4g}, {y:.4g}, {z:.4g}) m. {measured(float(cells.flatness[worst]))}; remedy: a smaller `size`, or "
+        f"{fraction:.0%} of the surface is at walls that are thin for their cells, the worst {thickness:.3g} m thick "
+        f"near ({x:.4g}, {y:.4g}, {z:.4g}) m. {measured(float(cells.flatness[worst]))}; remedy: a smaller `size`, or "
         f"`least_size: {thickness:.2g}` beside `size`, which makes small cells only at thin walls"
     ]
 

@@ -45,8 +45,8 @@ class Walls:
         """Number of the place with the least thickness."""
         return int(np.argmin(self.thickness))
 
-    def share(self, some: NDArray[np.bool_]) -> float:
-        """Return the share of the surface for which some of the places (k,) stand."""
+    def fraction(self, some: NDArray[np.bool_]) -> float:
+        """Return the fraction of the surface for which some of the places (k,) stand."""
         return float(self.areas[some].sum() / self.areas.sum())
 
 

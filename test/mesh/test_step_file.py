@@ -32,4 +32,4 @@ def test_each_solid_has_its_own_walls(layered: Path) -> None:
     walls = step_walls(layered, spacing=0.002)
     up = np.abs(walls.places[:, 2] - 0.008) < 1e-9
     assert set(np.round(walls.thickness[up], 6)) == {0.002, 0.008}
-    assert walls.share(np.isclose(walls.thickness, 0.002)) == pytest.approx(800 / 2400, rel=0.01)
+    assert walls.fraction(np.isclose(walls.thickness, 0.002)) == pytest.approx(800 / 2400, rel=0.01)

@@ -16,7 +16,7 @@ def test_a_plate_of_one_layer_is_as_flat_as_its_cells() -> None:
     """The cells of a plate have edges of the bricks' diagonals, divided by the thickness of the plate."""
     cells = wall_cells(divided(bar([0.1, 0.1, 0.002], [10, 10, 1])))
     thin = np.isclose(cells.walls.thickness, 0.002)
-    assert cells.walls.share(thin) == pytest.approx(0.02 / 0.0208)
+    assert cells.walls.fraction(thin) == pytest.approx(0.02 / 0.0208)
     np.testing.assert_allclose(cells.flatness[thin], 2**0.5 * 5.0)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Thickness of walls: exact for plates and shells; sharp edges are no walls; shares are those of areas."""
+"""Thickness of walls: exact for plates and shells; sharp edges are no walls; fractions are those of areas."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def walls_of(mesh: trimesh.Trimesh, spacing: float) -> Walls:
 
 
 def test_a_plate_is_as_thick_as_it_is() -> None:
-    """The faces of a plate have the distance of the opposite faces, and the shares of the areas."""
+    """The faces of a plate have the distance of the opposite faces, and the fractions of the areas."""
     walls = walls_of(trimesh.creation.box((0.1, 0.06, 0.002)), 0.005)
     for thickness, area in ((0.002, 2 * 0.1 * 0.06), (0.06, 2 * 0.1 * 0.002), (0.1, 2 * 0.06 * 0.002)):
         assert walls.areas[np.isclose(walls.thickness, thickness, rtol=1e-9)].sum() == pytest.approx(area, rel=1e-9)
     assert walls.thickness[walls.thinnest] == pytest.approx(0.002)
-    assert walls.share(walls.thickness < 0.004) == pytest.approx(0.012 / walls.areas.sum())
+    assert walls.fraction(walls.thickness < 0.004) == pytest.approx(0.012 / walls.areas.sum())
 
 
 @pytest.mark.parametrize("subdivisions", [3, 4])
