@@ -26,6 +26,7 @@ from gdfe_ros.mesh.tetmesh import TetMesh, raised
 from gdfe_ros.mesh.tetrahedra import EDGES
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.mesh.walls import Walls, find_walls
+from gdfe_ros.mesh.winding import winding_defects
 
 ENVELOPE = 1e-3
 """Largest distance between fTetWild's surface and the file's surface, divided by the diagonal of the body."""
@@ -101,7 +102,7 @@ def from_surface(
     if found := _cached(key):
         return found
     cuts = find_self_cuts(vertices, triangles)
-    for text in cuts.defects:
+    for text in [*winding_defects(vertices, triangles), *cuts.defects]:
         print(f"{heading}: {text}", file=sys.stderr)
     if closed:
         triangles = _outward(vertices, triangles, apart=cuts.pairs == 0)

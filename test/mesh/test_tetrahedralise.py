@@ -154,6 +154,15 @@ def test_parts_that_overlap_are_united_and_told(tmp_path: Path, capsys: pytest.C
     assert "the surface cuts itself" in capsys.readouterr().err
 
 
+def test_a_turned_triangle_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A box with a triangle that is wound in the opposite direction is filled, and the triangle is told."""
+    turned = BOX.faces.copy()
+    turned[0] = turned[0, ::-1]
+    trimesh.Trimesh(BOX.vertices, turned, process=False).export(tmp_path / "turned.ply")
+    assert check_mesh(from_surface(tmp_path / "turned.ply", size=0.04)).volume == pytest.approx(BOX.volume, rel=0.05)
+    assert "3 edges are wound in opposite directions" in capsys.readouterr().err
+
+
 def test_a_least_size_that_does_not_fit_is_refused(tmp_path: Path, walled: Path) -> None:
     """Least sizes above the size, of too many cells, and of open surfaces are refused with a remedy."""
     with pytest.raises(MeshError, match=r"least_size = 0\.01 m; allowed: up to size = 0\.005 m"):
