@@ -20,7 +20,7 @@ from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import Mesh, TetMesh
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
-from gdfe_ros.scene.resolution import coarse_cavities, coarse_contacts
+from gdfe_ros.scene.resolution import coarse_cavities, coarse_contacts, coarse_walls
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.sticking import slipping
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
@@ -78,7 +78,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
         notes.append(f"dynamics: {text}; remedy: dynamics.scheme: generalised_alpha, or a cable with a stiffness")
     if len(scene.mesh.parts) > 1 and scene.self_contact is None:
         notes.append(f"meshes: they can pass through each other; remedy: {_to_touch(scene.mesh)}")
-    return [*notes, *slipping(scene), *coarse_contacts(scene), *coarse_cavities(scene)]
+    return [*notes, *slipping(scene), *coarse_contacts(scene), *coarse_cavities(scene), *coarse_walls(scene)]
 
 
 def _converted(mesh: Mesh) -> list[str]:

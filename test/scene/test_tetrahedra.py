@@ -172,3 +172,11 @@ def test_raised_tetrahedra_are_told() -> None:
     scene = scene_of(tets)
     object.__setattr__(scene, "mesh", mesh)
     assert any("got a node on each edge" in text for text in remarks(scene, Policy.ENERGY))
+
+
+def test_a_least_size_above_the_size_is_refused(tmp_path: Path) -> None:
+    """A least size above the size is refused with both values before a mesher runs."""
+    (tmp_path / "body.step").write_text("")
+    entry = f"{{step: {tmp_path / 'body.step'}, size: 0.005, least_size: 0.01}}"
+    with pytest.raises(SceneError, match=r"least_size = 0\.01 m; allowed: up to size = 0\.005 m"):
+        scene_from_text(f"name: thin\nmesh: {{tets: {entry}}}\n")
