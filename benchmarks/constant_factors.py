@@ -66,7 +66,7 @@ def measured(cells: tuple[int, int, int]) -> dict[str, Any]:
     return {
         "vertices": len(points),
         "entries": int(factor.inverse.value_start[-1]),
-        "single": len(factor.inverse.coarse) > 0,
+        "coarse": len(factor.inverse.coarse) > 0,
         "factor": taken,
         "solve": {name: median(each[name] for each in times) for name in solves},
     }
@@ -87,7 +87,7 @@ def table(report: Sequence[Mapping[str, Any]]) -> str:
     heads = [*HEADINGS, *(f"{name}: {what}" for name in names for what in ("factorisation [s]", "solve [ms]"))]
     found = []
     for row in report:
-        cells = [str(row["vertices"]), f"{row['entries'] / 1e6:.2f}", "single" if row["single"] else "double"]
+        cells = [str(row["vertices"]), f"{row['entries'] / 1e6:.2f}", "16 bits" if row["coarse"] else "double"]
         for name in ("supernodes", *names):
             known = name in row["solve"]
             cells += [f"{row['factor'][name]:.3g}", f"{1e3 * row['solve'][name]:.3g}"] if known else ["-", "-"]

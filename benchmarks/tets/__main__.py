@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prints the sag of a clamped bar of tetrahedra, and the time of an element: ``python -m benchmarks.tets``.
 
-With ``--peers``, the table includes Drake's sag if pydrake is installed (linear tetrahedra, final state of a motion).
+With ``--peers``, the table includes the sags of Drake and Newton, if they are installed (`pip install drake newton`):
+linear tetrahedra, final states of motions.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 from benchmarks.markdown import markdown_table
 from benchmarks.tets.bar import sag
-from benchmarks.tets.peers import drake_sag
+from benchmarks.tets.peers import peer_sags
 from gdfe_ros.materials import NeoHookean
 from gdfe_ros.mesh import Mesh, bar
 from gdfe_ros.mesh.tetmesh import divided
@@ -40,8 +41,8 @@ def sags(*, peers: bool) -> str:
                 row += [f"{1e3 * found.metres:.2f}", f"{1e5 * found.metres / exact - 100.0:+.1f}"]
                 row += [found.iterations, f"{1e3 * (found.setup + found.solve):.0f}"]
             rows.append([str(value) for value in row])
-        if peers and (told := drake_sag(grid)) is not None:
-            rows.append(["x".join(map(str, cells)) + " x 6", "Drake, linear tetrahedra", str(grid.n_vertices), *told])
+        if peers:
+            rows += [["x".join(map(str, cells)) + " x 6", *row] for row in peer_sags(grid, CONVERGED)]
     names = [
         f"{name}, nu = {nu:g}" for nu in CONVERGED for name in ("sag [mm]", "error [%]", "iterations", "time [ms]")
     ]
@@ -67,7 +68,7 @@ def element_time(mesh: Mesh) -> float:
 def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--peers", action="store_true", help="run Drake beside, if pydrake is installed")
+    parser.add_argument("--peers", action="store_true", help="run Drake and Newton beside, if installed")
     arguments = parser.parse_args()
     print(sags(peers=arguments.peers))
     for cells, grid in (([13, 13, 12], [7, 7, 7]), ([24, 23, 22], [13, 13, 12])):

@@ -15,7 +15,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.solution import Increment
 
-CELLS, THREADS, STEPS, STEP, TOLERANCE = [32, 16, 16], 2, 12, 5e-4, 1e-4
+CELLS, THREADS, STEPS, STEP, TOLERANCE = [32, 16, 16], 2, 30, 5e-4, 1e-4
 
 
 def main() -> None:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A PneuNet finger from a parametric drawing: ``python -m docs.scripts.cad_finger`` draws, meshes and inflates it.
 
-The drawing is written as STEP. `gdfe new` makes the scene, and `gdfe solve` the picture of docs/cad.md.
+The drawing is written as STEP. `gdfe new` makes the scene. `gdfe inspect` and `gdfe solve` make the pictures of
+docs/cad.md.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from docs.scripts.drawing import write_step
 from gdfe_ros.cli import main as gdfe
 
 ROOT = Path(__file__).resolve().parents[2]
-PICTURE = ROOT / "docs/images/cad_finger.png"
+PICTURE, WALLS = ROOT / "docs/images/cad_finger.png", ROOT / "docs/images/cad_walls.png"
 PRESSURE, SIZE = 12e3, 0.005
 
 
@@ -80,14 +81,15 @@ class Finger:
 
 
 def main() -> None:
-    """Draw the finger, make the scene, solve it and write the picture."""
+    """Draw the finger, inspect it, make the scene, solve it and write the pictures."""
     with tempfile.TemporaryDirectory() as folder:
         step, scene = Path(folder) / "finger.step", Path(folder) / "finger.yaml"
         write_step(Finger(), step)
         given = ["new", str(scene), "--from", str(step), "--size", str(SIZE), "--material", "dragon_skin_30"]
         rise = f"program.actuators.air_0=[{{time: 0, value: 0}}, {{time: 1, value: {PRESSURE}}}]"
         solved = ["solve", str(scene), "--set", rise, "--steps", "6", "--picture", str(PICTURE)]
-        if gdfe(given) or gdfe(solved):
+        inspected = ["inspect", str(step), "--size", str(SIZE), "--picture", str(WALLS)]
+        if gdfe(inspected) or gdfe(given) or gdfe(solved):
             raise SystemExit(1)
 
 

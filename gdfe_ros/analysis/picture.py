@@ -81,7 +81,7 @@ def draw_body(
     arrows = force_arrows(scenery.places, scenery.forces, largest=largest, size=mesh.size)
     _draw_inside(axes, scenery, arrows)
     shown = [solid.reshape(-1, 3) for solid in scenery.obstacles]
-    _frame(axes, np.vstack([positions, mesh.bounds, *shown, *([] if around is None else [around])]))
+    frame(axes, np.vstack([positions, mesh.bounds, *shown, *([] if around is None else [around])]))
     if len(arrows):
         figure.text(0.98, 0.1, f"longest arrow: {largest:.3g} N", ha="right", fontsize=8, color=FORCE)
     bar = figure.colorbar(matplotlib.cm.ScalarMappable(norm, colours), cax=figure.add_axes((0.88, 0.2, 0.016, 0.55)))
@@ -167,7 +167,8 @@ def _box_edges(bounds: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     return [corners[list(pair)] for pair in pairs]
 
 
-def _frame(axes: Axes3D, points: NDArray[np.float64]) -> None:
+def frame(axes: Axes3D, points: NDArray[np.float64]) -> None:
+    """Set the limits, the ticks and the view of axes so that they show all ``points`` (k, 3) [m] to scale."""
     low, high = points.min(axis=0), points.max(axis=0)
     span = np.maximum(high - low, 0.05 * (high - low).max())
     middle = 0.5 * (low + high)

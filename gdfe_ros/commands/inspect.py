@@ -24,21 +24,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="file of hexahedra or tetrahedra (.msh, .vtk, .vtu, .inp), of a surface (.stl, .obj, .ply), or .step",
     )
     parser.add_argument("--scale", type=float, help="metres per unit of the file, e.g. 0.001 for millimetres")
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the cells, coloured by their quality")
+    parser.add_argument(
+        "--size", type=float, help="size of cells [m] with which walls are compared; default: that of `gdfe new`"
+    )
+    parser.add_argument(
+        "--picture",
+        type=Path,
+        metavar="FILE.png",
+        help="draw cells, coloured by their quality, or a surface, coloured by its thickness, with its defects in red",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Inspect a file and print the result; return 0, or 1 if it has defects that prevent its use.
 
     Raises:
-        MeshError: there is no such file.
+        MeshError: there is no such file, or the size is not positive.
     """
     if not arguments.file.is_file():
         raise MeshError(f"file {arguments.file}", ["there is no such file"])
-    found = inspect_file(arguments.file, scale=arguments.scale)
+    if arguments.size is not None and not arguments.size > 0.0:
+        raise MeshError(f"file {arguments.file}", [f"--size = {arguments.size:g} m; allowed: > 0"])
+    found = inspect_file(arguments.file, scale=arguments.scale, size=arguments.size)
     Console().print(_table(found))
     for defect in found.defects:
         Console(stderr=True).print(f"fix: {defect}", style="red", markup=False)
+    for remark in found.remarks:
+        Console(stderr=True).print(f"note: {remark}", style="yellow", markup=False)
     if arguments.picture:
         _draw(arguments.picture, found)
     return DEFECTIVE if found.defects else 0
@@ -57,9 +69,13 @@ def _table(found: Inspection) -> Table:
 
 def _draw(path: Path, found: Inspection) -> None:
     from gdfe_ros.analysis.picture import draw_body  # matplotlib takes a second to import
+    from gdfe_ros.analysis.surface_picture import draw_surface
 
+    if found.surface is not None:
+        draw_surface(path, found.surface, title=f"{found.path.name}: {len(found.surface.triangles)} triangles")
+        return
     if found.mesh is None or found.mesh.n_cells == 0:
-        raise MeshError(f"file {found.path}", ["only cells can be drawn; mesh the surface or solid in a scene first"])
+        raise MeshError(f"file {found.path}", ["there is nothing to draw in it"])
     mesh, quality = found.mesh, check_mesh(found.mesh)
     title = f"{found.path.name}: {mesh.n_cells} cells, {len(found.cavities)} cavities"
     draw_body(path, mesh, mesh.vertices, quality.scaled_jacobian, title=title, label="scaled Jacobian")

@@ -8,18 +8,19 @@ from importlib import import_module
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.shells import shells
-from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, from_step, from_surface
+from gdfe_ros.mesh.size_field import default_size
+from gdfe_ros.mesh.step_file import STEP_SUFFIXES, step_bounds
+from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 from gdfe_ros.scene.document import write_document
 
-PARTS = 15.0
-"""Number of tetrahedra along the longest side of the bounding box; it determines their default size."""
 PRESSURE = 5e3
 """Final pressure [Pa] of the program that is written for a scene with chambers."""
 
@@ -33,6 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cavity", type=Path, action="append", default=[], help="closed surface of a chamber inside")
     parser.add_argument(
         "--size", type=float, help="largest edge of the tetrahedra [m]; default: 1/15 of the longest side"
+    )
+    parser.add_argument(
+        "--least-size", type=float, help="smallest edge [m]; if given, cells are smaller where walls are thin"
     )
     parser.add_argument("--scale", type=float, help="metres per unit of the files, e.g. 0.001; STEP states its own")
     parser.add_argument(
@@ -66,9 +70,12 @@ def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
         raise MeshError(f"file {source}", [f"{text}and close blind holes by a second solid, e.g. a plate"])
     scale = {} if arguments.scale is None else {"scale": arguments.scale}
     if source.suffix.lower() in STEP_SUFFIXES:
-        size = arguments.size or _step_size(source)
-        return {"tets": {"step": _relative(source, folder), "size": size}}, from_step(source, size=size)
+        sizes = _sizes(arguments, step_bounds(source) if arguments.size is None else None)
+        return {"tets": {"step": _relative(source, folder), **sizes}}, from_step(source, **sizes)
     if source.suffix.lower() not in SUFFIXES:
+        if arguments.least_size is not None:
+            text = "--least-size belongs to surfaces and STEP files, but this file has cells already; leave it out"
+            raise MeshError(f"mesh {source}", [text])
         return {"file": _relative(source, folder), **scale}, read_mesh(source, scale=arguments.scale)
     if arguments.cavity:
         source = _joined(arguments)
@@ -76,9 +83,9 @@ def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
     vertices, _, defects = examine_surface(source, scale=scale.get("scale"), closed=False)
     if defects:
         raise MeshError(f"surface {source}", defects)
-    size = arguments.size or float(f"{np.ptp(vertices, axis=0).max() / PARTS:.2g}")
-    entry = {"surface": _relative(source, folder), "size": size, **scale}
-    return {"tets": entry}, from_surface(source, size=size, scale=scale.get("scale"))
+    sizes = _sizes(arguments, vertices)
+    entry = {"surface": _relative(source, folder), **sizes, **scale}
+    return {"tets": entry}, from_surface(source, **sizes, scale=scale.get("scale"))
 
 
 def _joined(arguments: argparse.Namespace) -> Path:
@@ -102,11 +109,19 @@ def _joined(arguments: argparse.Namespace) -> Path:
     return path
 
 
-def _step_size(path: Path) -> float:
-    """Return the default size of the tetrahedra for a STEP file [m]."""
-    from gdfe_ros.mesh.tetrahedralise import step_bounds
+def _sizes(arguments: argparse.Namespace, points: NDArray[np.float64] | None) -> dict[str, float]:
+    """Return the entries `size` and `least_size` [m]; without ``--size``, that of a body with these points (n, 3).
 
-    return float(f"{np.ptp(step_bounds(path), axis=0).max() / PARTS:.2g}")
+    Raises:
+        MeshError: a size is not positive.
+    """
+    given = {"size": arguments.size, "least_size": arguments.least_size}
+    wrong = [f"{name} = {value:g} m; allowed: > 0" for name, value in given.items() if value is not None and value <= 0]
+    if wrong:
+        raise MeshError(f"file {arguments.source}", wrong)
+    if arguments.size is None:
+        given["size"] = default_size(points)
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _relative(path: Path, folder: Path) -> str:

@@ -8,24 +8,7 @@ import math
 import numpy as np
 
 from gdfe_ros.compiled import inlined, internal, kernel
-
-
-@inlined
-def dot(a, b):
-    """Return the inner product of two triples."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inlined
-def minus(a, b):
-    """Return the difference of two triples."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@inlined
-def along(a, d, b, e):
-    """Return a d + b e for the triples d, e and the factors a, b."""
-    return a * d[0] + b * e[0], a * d[1] + b * e[1], a * d[2] + b * e[2]
+from gdfe_ros.mesh.triples import along, dot, minus
 
 
 @inlined

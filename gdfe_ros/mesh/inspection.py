@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +16,13 @@ from gdfe_ros.mesh.importer import examine_mesh
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.quality import QualityReport, check_mesh
 from gdfe_ros.mesh.shells import Shells, shells
+from gdfe_ros.mesh.size_field import default_size
+from gdfe_ros.mesh.step_file import STEP_SUFFIXES, step_bounds, step_facts, step_surface
+from gdfe_ros.mesh.surface_findings import SurfaceFindings, solid_findings, surface_findings
 from gdfe_ros.mesh.tetmesh import TetMesh
-from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, step_facts
-from gdfe_ros.mesh.units import guess_unit
+from gdfe_ros.mesh.units import LONGEST, SHORTEST, guess_unit, unit_defects
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
+from gdfe_ros.mesh.wall_cells import flat_walls
 
 #: Cells along the longest side of a suggested first voxel mesh.
 _FIRST_GRID = 40
@@ -33,30 +36,36 @@ class Inspection:
         path: the file.
         facts: pairs (name, value) of texts about the contents, for a table.
         defects: defects, each with its remedy; empty for a usable file.
+        remarks: advice about a usable file.
         mesh: the mesh; None for a surface, a STEP file or an unreadable file.
         cavities: cavities of the mesh, the largest first.
+        surface: findings on a surface or on the solids of a STEP file; None for a mesh.
     """
 
     path: Path
     facts: list[tuple[str, str]]
     defects: list[str]
+    remarks: list[str] = field(default_factory=list)
     mesh: Mesh | None = None
     cavities: tuple[Cavity, ...] = ()
+    surface: SurfaceFindings | None = None
 
 
-def inspect_file(path: str | Path, *, scale: float | None = None) -> Inspection:
+def inspect_file(path: str | Path, *, scale: float | None = None, size: float | None = None) -> Inspection:
     """Inspect a file with cells, a surface or CAD solids; its defects are returned and raise no error.
 
     Args:
         path: the file.
         scale: metres for each unit of the file; None assumes metres and checks whether that is plausible.
+        size: size of the cells [m] with which the walls of a surface or of CAD solids are compared; None for the
+            default of ``gdfe new``.
     """
     path = Path(path)
     try:
         if path.suffix.lower() in SUFFIXES:
-            return _surface(path, scale)
+            return _surface(path, scale, size)
         if path.suffix.lower() in STEP_SUFFIXES:
-            return Inspection(path, step_facts(path), [])
+            return _solids(path, size)
         mesh, defects = examine_mesh(path, scale=scale)
     except MeshError as error:
         return Inspection(path, [("file", str(path))], error.defects)
@@ -84,7 +93,8 @@ def inspect_mesh(mesh: Mesh, *, path: Path | None = None, defects: list[str] | N
         ("cell sets", _sets(mesh.cell_sets)),
         ("vertex sets", _sets(mesh.vertex_sets)),
     ]
-    return Inspection(path or Path(), facts, found, mesh, cavities)
+    notes = flat_walls(mesh) if isinstance(mesh, TetMesh) and not found else []
+    return Inspection(path or Path(), facts, found, notes, mesh, cavities)
 
 
 def _kind(mesh: Mesh) -> str:
@@ -94,17 +104,28 @@ def _kind(mesh: Mesh) -> str:
     return "tetrahedra of second order" if isinstance(mesh, TetMesh) else mesh.noun
 
 
-def _surface(path: Path, scale: float | None) -> Inspection:
+def _surface(path: Path, scale: float | None, size: float | None) -> Inspection:
     vertices, triangles, defects = examine_surface(path, scale=scale)
     facts = [
         ("kind", "surface, to be filled with `mesh: {tets: ...}` or `mesh: {voxels: ...}`"),
         ("vertices, triangles", f"{len(vertices)}, {len(triangles)}"),
         *_extent(vertices),
     ]
-    if not defects:
+    found = surface_findings(vertices, triangles, size=size or default_size(vertices))
+    if found.walls is not None:
         facts += _shells(shells(vertices, triangles))
         facts.append(("a first cell size", f"{np.ptp(vertices, axis=0).max() / _FIRST_GRID:.2g} m"))
-    return Inspection(path, facts, defects)
+    return Inspection(path, facts + found.facts, defects + found.defects, found.remarks, surface=found)
+
+
+def _solids(path: Path, size: float | None) -> Inspection:
+    facts, bounds = step_facts(path), step_bounds(path)
+    found = solid_findings(*step_surface(path), size=size or default_size(bounds))
+    defects = []
+    if unit_defects(diagonal := float(np.linalg.norm(bounds[1] - bounds[0])), None):
+        text = f"the body's diagonal is {diagonal:g} m; usual for a soft robot: {SHORTEST:g} to {LONGEST:g} m"
+        defects.append(f"{text}; remedy: export it again, in the unit in which it was drawn")
+    return Inspection(path, facts + found.facts, defects + found.defects, found.remarks, surface=found)
 
 
 def _extent(vertices: NDArray[np.float64]) -> list[tuple[str, str]]:

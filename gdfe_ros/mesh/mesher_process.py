@@ -9,7 +9,9 @@ VTK's order, and ``cell:NAME`` and ``vertex:NAME`` for sets. If the mesher fails
 
 from __future__ import annotations
 
+import itertools
 import sys
+from inspect import signature
 
 import numpy as np
 
@@ -17,12 +19,19 @@ MOST_CELLS = 2_000_000
 """Limit of the expected number of tetrahedra; more tetrahedra need tens of gigabytes of memory."""
 FINEST = 0.2
 """Shortest edge at curved surfaces, divided by the requested size."""
+BACKGROUND = "sizes.txt"
+"""File of a size field, in the working directory."""
+FACETS_AROUND, FACETS_FINEST = 48, 0.15
+"""Facets of a STEP file's surface: number of edges around a full circle, and shortest edge divided by the longest."""
 AROUND = 12
 """Number of edges around a full circle. Quadratic edges deviate from the circle by at most 1e-4 of its radius."""
-_GMSH_TET10, _VTK_ORDER = 11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
+_GMSH_TRIANGLE, _GMSH_TET10, _VTK_ORDER = 2, 11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
+
+_SIX = [(0, 4, 6, 7), (0, 6, 2, 7), (0, 2, 3, 7), (0, 3, 1, 7), (0, 1, 5, 7), (0, 5, 4, 7)]
+"""Corners of the six tetrahedra around the diagonal of a brick, whose corners are numbered as 4 x + 2 y + z."""
 
 
-def expected_cells(volume: float, size: float) -> float:
+def expected_cells(volume: float | np.ndarray, size: float | np.ndarray) -> float | np.ndarray:
     """Return the expected number of cells: ``volume`` [m^3] / volume of a regular tetrahedron of edge ``size`` [m]."""
     return volume / (2.0**0.5 / 12.0 * size**3)
 
@@ -48,6 +57,42 @@ def facts(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         "volume": np.array(sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids)),
         "bounds": np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3),
     }
+
+
+def facets(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the surface of each solid of a STEP file as triangles, with normals out of this solid.
+
+    The arrays are ``vertices`` (n, 3) [m], ``triangles`` (t, 3), and the number ``solid`` (t,) of each triangle's
+    solid. Where two solids touch, there is a triangle for each of them.
+    """
+    import gmsh
+
+    size = float(request["size"])
+    solids = _united(gmsh, _imported(gmsh, request))
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", FACETS_FINEST * size)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FACETS_AROUND)
+    gmsh.model.mesh.generate(2)
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    number[tags.astype(np.int64)] = np.arange(len(tags))
+    triangles, solid = [], []
+    for k, (_, entity) in enumerate(solids):
+        gmsh.model.mesh.setOutwardOrientation(entity)
+        for _, surface in gmsh.model.getBoundary([(3, entity)], oriented=False):
+            nodes = gmsh.model.mesh.getElementsByType(_GMSH_TRIANGLE, surface)[1].reshape(-1, 3)
+            triangles.append(number[nodes.astype(np.int64)])
+            solid.append(np.full(len(nodes), k))
+    found = {"triangles": np.concatenate(triangles), "solid": np.concatenate(solid)} if solids else {}
+    return {"vertices": coordinates.reshape(-1, 3), **found}
+
+
+def _united(gmsh, solids: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Give solids that touch a common face between them; return the (dimension, tag) of each solid."""
+    if len(solids) > 1:
+        gmsh.model.occ.fragment(solids[:1], solids[1:])
+        gmsh.model.occ.synchronize()
+    return gmsh.model.getEntities(3)
 
 
 def _imported(gmsh, request: dict[str, np.ndarray]) -> list[tuple[int, int]]:
@@ -76,19 +121,35 @@ def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     if size > diagonal:
         text = f"size = {size:g} m, but the body's diagonal is {diagonal:.3g} m; remedy: a smaller size"
         return {"defect": np.array(text)}
+    if "sizes" in request:
+        _set_background(gmsh, request)
     for name, value in {
         "MeshSizeMax": size,
-        "MeshSizeMin": FINEST * size,
+        "MeshSizeMin": float(request.get("least_size", FINEST * size)),
         "MeshSizeFromCurvature": AROUND,
         "ElementOrder": 2,
         "HighOrderOptimize": 1,
     }.items():
         gmsh.option.setNumber(f"Mesh.{name}", value)
-    if len(solids) > 1:
-        gmsh.model.occ.fragment(solids[:1], solids[1:])
-        gmsh.model.occ.synchronize()
+    _united(gmsh, solids)
     gmsh.model.mesh.generate(3)
     return {**_gmsh_cells(gmsh), "diagonal": np.array(diagonal)}
+
+
+def _set_background(gmsh, request: dict[str, np.ndarray]) -> None:
+    """Let gmsh interpolate the largest edge [m] between the ``sizes`` (a, b, c) at the points of a grid."""
+    with open(BACKGROUND, "w", encoding="ascii") as file:
+        for line in (
+            request["start"],
+            np.full(3, request["spacing"]),
+            request["sizes"].shape,
+            request["sizes"].ravel(),
+        ):
+            file.write(" ".join(map(repr, line.tolist() if isinstance(line, np.ndarray) else line)) + "\n")
+    field = gmsh.model.mesh.field.add("Structured")
+    gmsh.model.mesh.field.setString(field, "FileName", BACKGROUND)
+    gmsh.model.mesh.field.setNumber(field, "TextFormat", 1)
+    gmsh.model.mesh.field.setAsBackgroundMesh(field)
 
 
 def _gmsh_cells(gmsh) -> dict[str, np.ndarray]:
@@ -120,6 +181,9 @@ def from_surface(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return linear tetrahedra inside a surface of triangles (fTetWild); it may be open or intersect itself."""
     import pytetwild
 
+    if "sizes" in request and "bg_values" not in signature(pytetwild.tetrahedralize).parameters:
+        text = "this version of pytetwild makes cells of one size only; allowed: 0.4.2 or newer for `least_size`"
+        return {"defect": np.array(f"{text}; remedy: pip install --upgrade 'gdfe_ros[cad]', or leave out least_size")}
     vertices, cells = pytetwild.tetrahedralize(
         np.ascontiguousarray(request["vertices"]),
         request["triangles"].astype(np.int32),
@@ -127,6 +191,7 @@ def from_surface(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         epsilon=float(request["epsilon"]),
         num_threads=1,
         quiet=True,
+        **(_background(request) if "sizes" in request else {}),
     )
     corners = vertices[cells]
     volume = np.linalg.det(corners[:, 1:] - corners[:, :1])
@@ -134,12 +199,26 @@ def from_surface(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {"vertices": vertices, "cells": cells}
 
 
+def _background(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return a background mesh for fTetWild: tetrahedra between the points of a grid, with the sizes (a, b, c) [m]."""
+    sizes = request["sizes"]
+    index = np.arange(sizes.size).reshape(sizes.shape)
+    low, high = slice(None, -1), slice(1, None)
+    bricks = [index[part].ravel() for part in itertools.product((low, high), repeat=3)]
+    places = np.stack(np.unravel_index(index.ravel(), sizes.shape), axis=1)
+    return {
+        "bg_vertices": request["start"] + request["spacing"] * places,
+        "bg_tets": np.concatenate([np.stack([bricks[k] for k in ids], axis=1) for ids in _SIX]).astype(np.int32),
+        "bg_values": sizes.ravel(),
+    }
+
+
 def main(kind: str, request: str, result: str) -> None:
     """Read the request, run the mesher, write the result."""
     with np.load(request, allow_pickle=False) as archive:
         given = dict(archive)
     try:
-        found = {"step": from_step, "surface": from_surface, "facts": facts}[kind](given)
+        found = {"step": from_step, "surface": from_surface, "facts": facts, "facets": facets}[kind](given)
     except ImportError as error:
         found = {"missing": np.array(str(error.name))}
     except Exception as error:  # gmsh raises plain exceptions with its own text

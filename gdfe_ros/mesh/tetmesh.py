@@ -4,24 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.faces import Faces
+from gdfe_ros.mesh.faces import HEX_FACES, Faces
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.tet_faces import tet_boundary
 from gdfe_ros.mesh.tetrahedra import EDGES
-
-SIX_OF_A_HEXAHEDRON = np.array(
-    [[0, 1, 2, 6], [0, 5, 1, 6], [0, 2, 3, 6], [0, 4, 5, 6], [0, 3, 7, 6], [0, 7, 4, 6]], dtype=np.int32
-)
-"""Corners of the six tetrahedra around the diagonal 0-6 of a hexahedron (Kuhn). In a structured grid, the tetrahedra of
-neighbouring hexahedra match at the common face."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,9 +27,11 @@ class TetMesh(Mesh):
 
     Attributes:
         linear: whether the mesh was made from the linear tetrahedra of a file; all edges are then straight.
+        hexahedra: number of the hexahedra that were divided into these tetrahedra; 0 if there were none.
     """
 
     linear: bool = False
+    hexahedra: int = 0
     nodes: ClassVar[int] = 10
     noun: ClassVar[str] = "tetrahedra"
     vtk: ClassVar[str] = "tetra10"
@@ -81,10 +77,24 @@ def raised(
 
 
 def divided(mesh: HexMesh) -> TetMesh:
-    """Divide each hexahedron of a mesh into six quadratic tetrahedra.
+    """Divide each hexahedron of a mesh into six quadratic tetrahedra; the vertices keep their ids, and their sets.
 
-    In a structured grid, the tetrahedra of neighbouring hexahedra match at the common face.
+    A skin and the filling of cut cells are lost.
     """
-    corners = mesh.cells[:, SIX_OF_A_HEXAHEDRON].reshape(-1, 4)
     cells = {name: (6 * ids[:, None] + np.arange(6)).ravel() for name, ids in mesh.cell_sets.items()}
-    return raised(mesh.vertices, corners, cells, mesh.vertex_sets)
+    return replace(raised(mesh.vertices, corners_of_six(mesh.cells), cells, mesh.vertex_sets), hexahedra=mesh.n_cells)
+
+
+def corners_of_six(cells: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the corners (6 m, 4) of six linear tetrahedra for each hexahedron (m, 8).
+
+    Each face is cut by the diagonal from its vertex with the lowest id, so that neighbouring tetrahedra match in any
+    mesh. The tetrahedra of a cell join its vertex with the lowest id to the triangles of the three faces without this
+    vertex (pulling triangulation).
+    """
+    faces, lowest = cells[:, HEX_FACES], cells.min(axis=1)
+    turn = (faces.argmin(axis=2)[..., None] + np.arange(4)) % 4
+    turned = np.take_along_axis(faces, turn, axis=2)
+    a, b, c, d = turned[(faces != lowest[:, None, None]).all(axis=2)].T
+    triangles = np.stack([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1)], axis=1).reshape(-1, 3)
+    return np.concatenate([triangles, np.repeat(lowest, 6)[:, None]], axis=1)

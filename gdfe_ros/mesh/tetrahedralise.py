@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
-import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +11,23 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
+from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.mesher import run_mesher
 from gdfe_ros.mesh.mesher_process import too_many
 from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
+from gdfe_ros.mesh.self_cuts import find_self_cuts
 from gdfe_ros.mesh.shells import shells
+from gdfe_ros.mesh.size_field import wall_sizes
+from gdfe_ros.mesh.step_file import STEP_SUFFIXES, step_bounds, step_walls
 from gdfe_ros.mesh.store import keep, key_of, recall
 from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.mesh.tet_shape import scaled_jacobians
 from gdfe_ros.mesh.tetmesh import TetMesh, raised
 from gdfe_ros.mesh.tetrahedra import EDGES
 from gdfe_ros.mesh.voxels import examine_surface
+from gdfe_ros.mesh.walls import Walls, find_walls
+from gdfe_ros.mesh.winding import winding_defects
 
-STEP_SUFFIXES = (".step", ".stp")
 ENVELOPE = 1e-3
 """Largest distance between fTetWild's surface and the file's surface, divided by the diagonal of the body."""
 NARROW = 0.1
@@ -33,12 +36,9 @@ and `ENVELOPE`, the smaller distance applies.
 """
 STRAIGHTENED = 0.1
 """The curved edges of a cell are straightened if its scaled Jacobian is below this."""
-LONGEST_RUN = 1800.0
-"""Time [s] after which a mesher is stopped."""
-_SCRIPT = Path(__file__).with_name("mesher_process.py")
 
 
-def from_step(path: str | Path, *, size: float) -> TetMesh:
+def from_step(path: str | Path, *, size: float, least_size: float | None = None) -> TetMesh:
     """Fill the solids of a STEP file with quadratic tetrahedra; edges on curved surfaces are curved.
 
     Lengths are converted to metres from the unit that the file states. The mesh has a cell set ``solid_1``, ... for
@@ -47,6 +47,7 @@ def from_step(path: str | Path, *, size: float) -> TetMesh:
     Args:
         path: a .step or .stp file.
         size: largest edge of a cell [m]; edges at curved surfaces may be as short as a fifth of the size.
+        least_size: smallest target edge of a cell [m]. If given, cells are smaller where walls are thin (`wall_sizes`).
 
     Raises:
         MeshError: the file cannot be meshed; the error names the reason.
@@ -56,21 +57,30 @@ def from_step(path: str | Path, *, size: float) -> TetMesh:
         raise MeshError(heading, ["there is no such file; paths in a scene are relative to the folder of the scene"])
     if path.suffix.lower() not in STEP_SUFFIXES:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(STEP_SUFFIXES)}"])
-    key = key_of(b"step", path.read_bytes(), repr(size).encode())
-    return _cached(key) or _kept(key, _curved(_run("step", {"path": str(path.resolve()), "size": size}, heading)))
+    key = key_of(b"step", path.read_bytes(), *_sizes_key(size, least_size))
+    if found := _cached(key):
+        return found
+    request = {"path": str(path.resolve()), "size": size}
+    if least_size is not None:
+        request |= _refined(step_walls(path, spacing=least_size), step_bounds(path), size, least_size, heading)
+    return _kept(key, _curved(run_mesher("step", request, heading)))
 
 
-def from_surface(surface: str | Path, *, size: float, scale: float | None = None) -> TetMesh:
+def from_surface(
+    surface: str | Path, *, size: float, scale: float | None = None, least_size: float | None = None
+) -> TetMesh:
     """Fill the inside of a triangle surface with quadratic tetrahedra, which have straight edges.
 
-    The surface may be open or intersect itself; a point is inside if the surface winds around it. In a closed surface,
-    nested shells of any orientation are cavities. The distance between the mesh's surface and the file's surface is at
-    most a thousandth of the body's diagonal, and at most a tenth of ``size``.
+    The surface may be open or intersect itself; a point is inside if the surface winds around it. In a closed surface
+    that does not intersect itself, nested shells of any orientation are cavities. The distance between the mesh's
+    surface and the file's surface is at most a thousandth of the body's diagonal, and at most a tenth of ``size``, or
+    of ``least_size`` if it is given.
 
     Args:
         surface: an STL, OBJ, PLY or OFF file.
         size: target edge length of the cells [m].
         scale: metres for each unit of the file; None assumes metres and rejects bodies of implausible size.
+        least_size: as for `from_step`; it needs a closed surface.
 
     Raises:
         MeshError: the surface cannot be meshed; the error names every reason.
@@ -82,15 +92,29 @@ def from_surface(surface: str | Path, *, size: float, scale: float | None = None
         defects = [f"size = {size:g} m, but the body's diagonal is {diagonal:.3g} m; remedy: a smaller size"]
     closed = is_closed(triangles)
     if closed and not defects:
-        triangles = out_of_material(vertices, triangles)
         defects = [text for text in [too_many(shells(vertices, triangles).volume, size)] if text]
+    elif least_size is not None and not defects:
+        text = "least_size needs a closed surface, because the walls of an open one have no thickness"
+        defects = [f"{text}; remedy: leave it out, or close the holes, see `gdfe inspect`"]
     if defects:
         raise MeshError(heading, defects)
-    key = key_of(b"surface", vertices.tobytes(), triangles.tobytes(), repr(size).encode())
+    key = key_of(b"surface", vertices.tobytes(), triangles.tobytes(), *_sizes_key(size, least_size))
     if found := _cached(key):
         return found
-    asked = {"vertices": vertices, "triangles": triangles, "size": size}
-    raw = _run("surface", {**asked, "epsilon": min(ENVELOPE, NARROW * size / diagonal)}, heading)
+    cuts = find_self_cuts(vertices, triangles)
+    for text in [*winding_defects(vertices, triangles), *cuts.defects]:
+        print(f"{heading}: {text}", file=sys.stderr)
+    if closed:
+        triangles = _outward(vertices, triangles, apart=cuts.pairs == 0)
+    request = {"vertices": vertices, "triangles": triangles, "size": size}
+    request["epsilon"] = min(ENVELOPE, NARROW * (least_size or size) / diagonal)
+    if least_size is not None:
+        walls, bounds = (
+            find_walls(vertices, triangles, spacing=least_size),
+            np.array([vertices.min(0), vertices.max(0)]),
+        )
+        request |= _refined(walls, bounds, size, least_size, heading)
+    raw = run_mesher("surface", request, heading)
     if len(raw["cells"]) == 0:
         text = "no tetrahedron is inside: the surface encloses nothing; remedy: close it, see `gdfe inspect`"
         raise MeshError(heading, [text])
@@ -98,58 +122,37 @@ def from_surface(surface: str | Path, *, size: float, scale: float | None = None
     return _kept(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
 
 
-def step_bounds(path: str | Path) -> NDArray[np.float64]:
-    """Return the lowest and the highest corner (2, 3) [m] of the bounding box of a STEP file's solids."""
-    return _run("facts", {"path": str(Path(path).resolve())}, f"step {path}")["bounds"]
+def _outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, apart: bool) -> NDArray[np.int64]:
+    """Return the triangles of a closed surface with normals out of the material.
+
+    Shells that are ``apart`` are nested, and each is turned by itself. Which of several shells that cut each other is a
+    cavity is not known, so that only the surface as a whole is turned.
+    """
+    if apart:
+        return out_of_material(vertices, triangles)
+    return triangles if enclosed_volume(vertices, triangles[:, [0, 1, 2, 2]]) > 0.0 else triangles[:, ::-1]
 
 
-def step_facts(path: str | Path) -> list[tuple[str, str]]:
-    """Return pairs (name, value) of texts about a STEP file: kind, solids, surfaces, bounds in metres, volume."""
-    raw = _run("facts", {"path": str(Path(path).resolve())}, f"step {path}")
-    low, high = raw["bounds"]
-    spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
-    return [
-        ("kind", "STEP, to be filled with `mesh: {tets: {step: ...}}`"),
-        ("solids, surfaces", f"{int(raw['solids'])}, {int(raw['surfaces'])}"),
-        ("bounds in metres", spans),
-        ("volume", f"{float(raw['volume']):.6g} m^3"),
-    ]
+def _sizes_key(size: float, least_size: float | None) -> list[bytes]:
+    """Return the part of a mesh's key that stands for the sizes of its cells."""
+    return [repr(size).encode(), *([] if least_size is None else [repr(least_size).encode()])]
 
 
-def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
-    """Run a mesher in a separate process; return the arrays of its result.
+def _refined(
+    walls: Walls, bounds: NDArray[np.float64], size: float, least_size: float, heading: str
+) -> dict[str, NDArray]:
+    """Return the entries of a mesher's request for small cells at thin walls.
 
     Raises:
-        MeshError: the mesher fails, takes longer than `LONGEST_RUN`, or is not installed.
+        MeshError: ``least_size`` is larger than ``size``, or gives too many cells.
     """
-    began = time.monotonic()
-    if kind != "facts":
-        print(f"{heading}: meshing", end=" ", file=sys.stderr, flush=True)
-    with tempfile.TemporaryDirectory() as folder:
-        asked, answer = Path(folder) / "request.npz", Path(folder) / "result.npz"
-        np.savez(asked, **request)
-        command = [sys.executable, str(_SCRIPT), kind, str(asked), str(answer)]
-        try:
-            # Meshers write files into their working directory.
-            options = {"cwd": folder, "capture_output": True, "text": True, "timeout": LONGEST_RUN}
-            done = subprocess.run(command, **options, check=False)
-        except subprocess.TimeoutExpired as error:
-            text = f"the mesher did not end in {LONGEST_RUN:g} s; remedy: a larger size, or a simpler file"
-            raise MeshError(heading, [text]) from error
-        if not answer.is_file():
-            said = " ".join((done.stderr or done.stdout).split())[-300:]
-            text = f"the mesher ended with code {done.returncode}: {said or 'no message'}"
-            raise MeshError(heading, [f"{text}; remedy: repair the file, see `gdfe inspect`"])
-        with np.load(answer, allow_pickle=False) as archive:
-            found = dict(archive)
-    if "missing" in found:
-        raise MeshError(heading, [f"{found['missing']} is not installed; remedy: pip install 'gdfe_ros[cad]'"])
-    if "defect" in found:
-        raise MeshError(heading, [str(found["defect"])])
-    if kind == "facts":
-        return found
-    print(f"took {time.monotonic() - began:.1f} s, {len(found['cells'])} tetrahedra", file=sys.stderr)
-    return found
+    if least_size > size:
+        text = f"least_size = {least_size:g} m; allowed: up to size = {size:g} m"
+        raise MeshError(heading, [f"{text}; remedy: a smaller least_size"])
+    field = wall_sizes(walls, size=size, least_size=least_size, bounds=bounds)
+    if field.too_many:
+        raise MeshError(heading, field.too_many)
+    return {**field.request(), "least_size": np.array(least_size)}
 
 
 def _curved(raw: dict[str, NDArray]) -> TetMesh:

@@ -22,6 +22,7 @@ from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.shells import Shells, points_inside, shells
 from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.mesh.units import unit_defects
+from gdfe_ros.mesh.winding import open_edges_of
 
 #: Suffixes of surface files.
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
@@ -149,9 +150,7 @@ def _read(path: Path, heading: str) -> tuple[NDArray[np.float64], NDArray[np.int
 
 
 def _open_edges(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> list[str]:
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, count = np.unique(edges, axis=0, return_counts=True)
-    odd = edges[count % 2 == 1]
+    odd = open_edges_of(triangles)
     if len(odd) == 0:
         return []
     x, y, z = vertices[odd[0]].mean(axis=0)

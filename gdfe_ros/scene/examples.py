@@ -152,7 +152,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     ),
     skin_schema.SkinModel: ("{file: hand.stl, scale: 0.001, contact: true}", "embedded: QUJD   # as bags carry it"),
     mesh_schema.TetsModel: (
-        "{step: finger.step, size: 0.005}",
+        "{step: finger.step, size: 0.005, least_size: 0.001}",
         "{surface: hand.stl, size: 0.004, scale: 0.001}",
     ),
     mesh_schema.VoxelsModel: ("{surface: hand.stl, cell: 0.002, scale: 0.001, cells: cut}",),

@@ -25,6 +25,7 @@ from gdfe_ros.scene.skin_schema import SCALE, SkinModel
 
 _CELL = Quantity("edge of the cubes", "m", above=0.0, most=1.0)
 _SIZE = Quantity("largest edge of the tetrahedra", "m", above=0.0, most=1.0)
+_LEAST = Quantity("smallest edge of the tetrahedra, at thin walls", "m", above=0.0, most=1.0)
 _AT = Quantity("position of the origin of its own frame [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _ROTATION = RotationQuantity(
     "rotation vector of its own frame [x, y, z], or several in turn about fixed axes",
@@ -57,12 +58,19 @@ class VoxelsModel(Entry):
 class TetsModel(Choice):
     """A body of quadratic tetrahedra that fill a surface or the solids of a STEP file."""
 
-    options: ClassVar[tuple[str, ...]] = ("size", "scale")
+    options: ClassVar[tuple[str, ...]] = ("size", "least_size", "scale")
 
     surface: FilePath | None = Field(None, description="path of an STL, OBJ, PLY or OFF file; holes are closed")
     step: FilePath | None = Field(None, description="path of a STEP file with one or more solids, in its own unit")
     size: Annotated[float, _SIZE]
+    least_size: Annotated[float, _LEAST] | None = None
     scale: Annotated[float, SCALE] | None = None
+
+    @model_validator(mode="after")
+    def _least_of_all(self) -> TetsModel:
+        if self.least_size is not None and self.least_size > self.size:
+            raise ValueError(f"least_size = {self.least_size:g} m; allowed: up to size = {self.size:g} m")
+        return self
 
     @model_validator(mode="after")
     def _scale_of_a_surface(self) -> TetsModel:
@@ -73,8 +81,8 @@ class TetsModel(Choice):
     def build(self) -> TetMesh:
         """Return the mesh."""
         if self.step is not None:
-            return from_step(self.step, size=self.size)
-        return from_surface(self.surface, size=self.size, scale=self.scale)
+            return from_step(self.step, size=self.size, least_size=self.least_size)
+        return from_surface(self.surface, size=self.size, scale=self.scale, least_size=self.least_size)
 
 
 class MeshModel(Choice):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -12,6 +13,7 @@ from gdfe_ros.mesh import Mesh, TetMesh, check_mesh
 from gdfe_ros.mesh.assembly import assemble
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.overlap import find_overlap
+from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.lined_mesh import BodyStore
 from gdfe_ros.scene.mesh_schema import MeshModel
@@ -58,13 +60,25 @@ def build_mesh(draft: Draft, names: Sequence[str], report: Defects) -> tuple[Mes
         mesh = _body(model, model.skin, (path, (*path, "skin")), carried, report)
         if mesh is not None:
             parts[name] = model.place_part(mesh)
-    if len({type(part.mesh) for part in parts.values()}) > 1:
-        kinds = ", ".join(f"{name!r} has {part.mesh.noun}" for name, part in parts.items())
-        text = f"all meshes of a scene need cells of one kind, and {kinds}; remedy: tets or hexahedra for all"
-        report.add(("meshes",), text, value=NO_VALUE)
-        return None, carried
+    if any(isinstance(part.mesh, TetMesh) for part in parts.values()):
+        parts = {name: _of_tetrahedra(name, part, report) for name, part in parts.items()}
     _require_apart(parts, report)
     return assemble(parts) if len(parts) == len(names) else None, carried
+
+
+def _of_tetrahedra(name: str, part: MeshPart, report: Defects) -> MeshPart:
+    """Return a mesh of a scene that has tetrahedra: hexahedra are divided; a skin or cut cells on them are defects."""
+    mesh = part.mesh
+    if isinstance(mesh, TetMesh):
+        return part
+    lost = ["cut cells"] * (mesh.filling is not None) + ["a skin"] * (mesh.skin is not None)
+    if lost:
+        text = (
+            f"other meshes of this scene have tetrahedra, and these hexahedra have {' and '.join(lost)}; "
+            "remedy: tets: {surface: ..., size: ...} for this mesh"
+        )
+        report.add(("meshes", name), text, value=NO_VALUE)
+    return replace(part, mesh=divided(mesh))
 
 
 def _body(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Remarks on meshes that are too coarse for their contacts or chambers, with measured errors."""
+"""Remarks on meshes that are too coarse for their contacts, chambers or walls, with measured errors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from gdfe_ros.actuators import Chamber
 from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.constraints.form import Sphere
 from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.mesh import TetMesh
 from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.wall_cells import flat_walls
 from gdfe_ros.scene.scene import Scene
 
 LEAST_CELLS = 3.0
@@ -65,6 +67,12 @@ def coarse_cavities(scene: Scene) -> list[str]:
                 "times as many cells across the wall"
             )
     return found
+
+
+def coarse_walls(scene: Scene) -> list[str]:
+    """Return remarks on walls of tetrahedra whose cells are too long for the thickness of the wall."""
+    mesh = scene.mesh
+    return [f"mesh: {text}" for text in flat_walls(mesh)] if isinstance(mesh, TetMesh) else []
 
 
 def _depth(scene: Scene, chamber: Chamber) -> float:

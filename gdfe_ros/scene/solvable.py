@@ -20,7 +20,7 @@ from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import Mesh, TetMesh
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
-from gdfe_ros.scene.resolution import coarse_cavities, coarse_contacts
+from gdfe_ros.scene.resolution import coarse_cavities, coarse_contacts, coarse_walls
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.sticking import slipping
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
@@ -59,11 +59,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
 
 def remarks(scene: Scene, policy: Policy) -> list[str]:
     """Return remarks on a scene: unusual materials, unsuitable time schemes, missing contact, cells too coarse."""
-    notes = []
-    if isinstance(scene.mesh, TetMesh) and scene.mesh.linear:
-        notes.append(
-            "mesh: its linear tetrahedra got a node on each edge, because linear ones lock; edges are straight"
-        )
+    notes = _converted(scene.mesh)
     notes += [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
     notes += [f"material {key!r}: {item.caveat}" for key, item in scene.materials.items() if item.caveat]
     if policy is Policy.RELATIVE:
@@ -82,7 +78,22 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
         notes.append(f"dynamics: {text}; remedy: dynamics.scheme: generalised_alpha, or a cable with a stiffness")
     if len(scene.mesh.parts) > 1 and scene.self_contact is None:
         notes.append(f"meshes: they can pass through each other; remedy: {_to_touch(scene.mesh)}")
-    return [*notes, *slipping(scene), *coarse_contacts(scene), *coarse_cavities(scene)]
+    return [*notes, *slipping(scene), *coarse_contacts(scene), *coarse_cavities(scene), *coarse_walls(scene)]
+
+
+def _converted(mesh: Mesh) -> list[str]:
+    """Return remarks on meshes whose cells were converted to quadratic tetrahedra."""
+    notes = []
+    for key, each in ({f"meshes: {name}": part.mesh for name, part in mesh.parts.items()} or {"mesh": mesh}).items():
+        if isinstance(each, TetMesh) and each.linear:
+            text = "its linear tetrahedra got a node on each edge, because linear ones lock; edges are straight"
+            notes.append(f"{key}: {text}")
+        if isinstance(each, TetMesh) and each.hexahedra:
+            notes.append(
+                f"{key}: its {each.hexahedra} hexahedra were divided into {each.n_cells} tetrahedra, because other "
+                "meshes have tetrahedra; these are quadratic, so that half as many cells a side are as accurate"
+            )
+    return notes
 
 
 def _to_touch(mesh: Mesh) -> str:

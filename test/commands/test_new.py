@@ -66,3 +66,31 @@ def test_a_cavity_beside_a_step_file_is_refused(tmp_path: Path, capsys: pytest.C
     assert main([*given, "--cavity", str(tmp_path / "air.stl")]) == BAD_INPUT
     assert "close blind holes by a second solid" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "new.yaml").exists()
+
+
+def test_a_least_size_is_written_into_the_scene(tmp_path: Path) -> None:
+    """With ``--least-size``, the scene has the key, and loads."""
+    trimesh.creation.box((0.04, 0.04, 0.003)).export(tmp_path / "plate.stl")
+    given = ["--from", str(tmp_path / "plate.stl"), "--size", "0.02", "--least-size", "0.005"]
+    assert main(["new", str(tmp_path / "plate.yaml"), *given]) == 0
+    assert "size: 0.02, least_size: 0.005" in (tmp_path / "plate.yaml").read_text()
+    assert load_scene(tmp_path / "plate.yaml").mesh.noun == "tetrahedra"
+
+
+@pytest.mark.parametrize(
+    ("suffix", "sizes", "told"),
+    [
+        ("stl", ["--size", "0"], "size = 0 m; allowed: > 0"),
+        ("stl", ["--least-size", "-1"], "least_size = -1 m; allowed: > 0"),
+        ("stl", ["--size", "0.01", "--least-size", "0.02"], "least_size = 0.02 m; allowed: up to size = 0.01 m"),
+        ("vtu", ["--least-size", "0.01"], "this file has cells already"),
+    ],
+)
+def test_sizes_that_do_not_fit_are_refused(
+    suffix: str, sizes: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Sizes that are not positive, too large, or for a file with cells are refused."""
+    path = tmp_path / f"body.{suffix}"
+    trimesh.creation.box((0.04, 0.04, 0.04)).export(path) if suffix == "stl" else path.write_text("")
+    assert main(["new", str(tmp_path / "new.yaml"), "--from", str(path), *sizes]) == BAD_INPUT
+    assert told in " ".join(capsys.readouterr().err.split())

@@ -13,6 +13,7 @@ from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.generators import cut
 from gdfe_ros.mesh.inspection import inspect_file
 from gdfe_ros.mesh.selection import BoxSelection
+from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.mesh.units import guess_unit, unit_defects
 
 
@@ -64,3 +65,44 @@ def test_a_stated_scale_silences_the_guess() -> None:
     assert unit_defects(80.0, None)
     assert not unit_defects(80.0, 1.0)
     assert not unit_defects(0.08, None)
+
+
+def test_thin_walls_of_a_surface_are_compared_with_a_size(tmp_path: Path) -> None:
+    """Walls of a surface in millimetres are compared with the size in metres; the default is that of ``gdfe new``."""
+    trimesh.creation.box((90.0, 60.0, 1.0)).export(tmp_path / "plate.stl")
+    found = inspect_file(tmp_path / "plate.stl", scale=0.001, size=0.003)
+    assert dict(found.facts)["surface at walls thinner than 0.003 m"] == "97.3%"
+    assert found.remarks == []
+    found = inspect_file(tmp_path / "plate.stl", scale=0.001)
+    assert dict(found.facts)["surface at walls thinner than 0.006 m"] == "97.3%"
+    assert "least_size: 0.001" in found.remarks[0]
+
+
+def test_a_step_file_is_inspected_like_a_surface(walled: Path) -> None:
+    """The report of a STEP file has its solids, self-intersections and thin walls."""
+    found = inspect_file(walled, size=0.005)
+    facts = dict(found.facts)
+    assert facts["solids, surfaces"] == "1, 8"
+    assert facts["pairs of triangles that cut each other"] == "0"
+    assert facts["thinnest wall"].startswith("0.001 m near (")
+    assert found.defects == []
+    assert "38% of the surface" in found.remarks[0]
+
+
+def test_a_step_file_of_implausible_size_is_told(walled: Path) -> None:
+    """A STEP file whose unit is a metre instead of a millimetre has a defect with the usual range."""
+    text = walled.read_text()
+    assert "SI_UNIT(.MILLI.,.METRE.)" in text
+    walled.write_text(text.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT($,.METRE.)"))
+    (defect,) = inspect_file(walled).defects
+    assert "the body's diagonal is 33.1" in defect
+    assert "0.0001 to 3 m; remedy: export it again" in defect
+
+
+def test_a_mesh_with_flat_cells_is_remarked(tmp_path: Path) -> None:
+    """A mesh file with one layer of flat tetrahedra has a remark and no defect."""
+    body = divided(bar([0.1, 0.1, 0.001], [10, 10, 1]))
+    meshio.Mesh(body.vertices, [("tetra10", body.cells)]).write(tmp_path / "plate.vtu")
+    found = inspect_file(tmp_path / "plate.vtu")
+    assert found.defects == []
+    assert "14 times as long as the wall is thick" in found.remarks[0]

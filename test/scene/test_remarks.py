@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Remarks on a scene: schemes that slide where friction holds, cells too coarse for contact or pressure."""
+"""Remarks on a scene: schemes that slide where friction holds, cells too coarse for contact, pressure or walls."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import scene_from_text
 
 BLOCK = """
@@ -103,6 +106,28 @@ def test_a_thick_ball_of_few_cells_is_remarked(inner: float, cells: list[int], t
     share = inner**3 / (0.02**3 - inner**3)
     wanted = pressure * share * (0.4 + 1.3 * 0.02**3 / (2.0 * inner**3)) / 1e5
     assert bool(abs((after / before - 1.0) / 3.0 / wanted - 1.0) > 0.05) is told
+
+
+@pytest.mark.parametrize(("cells", "told"), [(10, False), (8, False), (6, True), (4, True)])
+def test_a_thin_strip_of_flat_tetrahedra_is_remarked(cells: int, told: bool) -> None:
+    """For a clamped strip of one layer under pressure, the deflection is right within 6 % where there is no remark."""
+    mesh = divided(bar([0.02, 0.005, 0.001], [cells, max(1, round(cells / 4)), 1]))
+    simulation = Simulation(
+        scene_from_text(f"""
+name: strip
+mesh: {{embedded: {pack_mesh(mesh)}}}
+materials: {{m: {{law: neo_hookean, young: 1.0e6, poisson: 0.45}}}}
+regions: [{{material: m}}]
+handles: {{a: {{where: {{face: x-}}, fixed: true}}, b: {{where: {{face: x+}}, fixed: true}}}}
+loads: {{push: {{surface: {{where: {{face: z-}}, traction: [0, 0, 20.0]}}}}}}
+solver: {{tolerance: 1.0e-6}}
+""")
+    )
+    notes = [text for text in simulation.remarks() if "walls that are thin for their cells" in text]
+    assert bool(notes) is told
+    assert all("remedy: a smaller `size`, or `least_size: 0.001`" in text for text in notes)
+    rise = float((simulation.step().positions - mesh.vertices)[:, 2].max())
+    assert bool(abs(rise / 9.62e-5 - 1.0) > 0.06) is told  # 9.62e-5 m: bricks of 24 x 6 x 2
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import meshio
 import numpy as np
 import pytest
 import yaml
@@ -16,6 +18,7 @@ from gdfe_ros.mesh import HexMesh, TetMesh, bar
 from gdfe_ros.mesh.packing import pack_mesh
 from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.mesh.tetmesh import divided, raised
+from gdfe_ros.scene import Scene
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.solvable import remarks
 from gdfe_ros.simulation import Simulation
@@ -118,13 +121,47 @@ def test_what_tetrahedra_lack_is_refused() -> None:
         scene_of(divided(SLAB), solver={"policy": "relative"})
 
 
-def test_meshes_of_two_kinds_are_refused() -> None:
-    """Meshes of two kinds of cells are refused by name."""
-    packed = {name: {"embedded": pack_mesh(mesh)} for name, mesh in {"a": SLAB, "b": divided(SLAB)}.items()}
-    packed["b"]["at"] = [0.5, 0.0, 0.0]
-    text = {"name": "two", "meshes": packed, "materials": {"m": {"law": "linear", "young": 1e5, "poisson": 0.3}}}
-    with pytest.raises(SceneError, match="'a' has hexahedra, 'b' has tetrahedra"):
-        scene_from_text(yaml.safe_dump({**text, "regions": [{"material": "m"}], "handles": {}}))
+def _two(low: dict[str, Any], high: dict[str, Any], **entries: Any) -> Scene:
+    """Return a scene of two bodies, one above the other, that touch."""
+    text = {
+        "name": "two",
+        "meshes": {"low": low, "high": high},
+        "materials": {"rubber": {"law": "neo_hookean", "young": YOUNG, "poisson": 0.0, "density": 1000}},
+        "regions": [{"material": "rubber"}],
+        "handles": {
+            "base": {"where": {"mesh": "low", "face": "z-"}, "fixed": True},
+            "top": {"where": {"mesh": "high", "face": "z+"}},
+        },
+        "self_contact": {},
+        "solver": {"tolerance": 1e-5},
+    }
+    return scene_from_text(yaml.safe_dump({**text, **entries}))
+
+
+GAP = 1e-4
+BLOCK = {"bar": {"size": [0.1, 0.1, 0.04], "cells": [2, 2, 1]}, "at": [0.0, 0.0, 0.04 + GAP]}
+
+
+def test_hexahedra_press_on_tetrahedra() -> None:
+    """In a scene that has tetrahedra, too, hexahedra are divided, told so, and bear the exact uniaxial force."""
+    scene = _two({"embedded": pack_mesh(divided(SLAB))}, BLOCK)
+    assert [text for text in remarks(scene, Policy.ENERGY) if "4 hexahedra were divided into 24 tetrahedra" in text]
+    simulation = Simulation(scene)
+    for down in (0.002, 0.004, 0.006, 0.008):
+        result = simulation.step(Command(handles={"top": Pose((0.0, 0.0, -down - GAP))}))
+        assert result.converged, result.message
+    exact = -0.5 * YOUNG * (0.9 - 1.0 / 0.9) * 0.01
+    assert -result.reactions["top"][2] == pytest.approx(exact, rel=0.02)
+
+
+def test_a_skin_on_hexahedra_beside_tetrahedra_is_refused(tmp_path: Path) -> None:
+    """Cut cells and skins cannot be divided into tetrahedra: they are refused by name, with a remedy."""
+    surface = tmp_path / "block.stl"
+    meshio.Mesh(SLAB.vertices, [("triangle", SLAB.surface()[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3))]).write(surface)
+    high = {"voxels": {"surface": str(surface), "cell": 0.015, "cells": "cut"}, "at": [0.0, 0.0, 0.1]}
+    lost = "meshes.high .*: other meshes of this scene have tetrahedra, .* cut cells and a skin; remedy: tets"
+    with pytest.raises(SceneError, match=lost):
+        _two({"embedded": pack_mesh(divided(SLAB))}, {**high, "skin": {"file": str(surface)}})
 
 
 def test_raised_tetrahedra_are_told() -> None:
@@ -135,3 +172,11 @@ def test_raised_tetrahedra_are_told() -> None:
     scene = scene_of(tets)
     object.__setattr__(scene, "mesh", mesh)
     assert any("got a node on each edge" in text for text in remarks(scene, Policy.ENERGY))
+
+
+def test_a_least_size_above_the_size_is_refused(tmp_path: Path) -> None:
+    """A least size above the size is refused with both values before a mesher runs."""
+    (tmp_path / "body.step").write_text("")
+    entry = f"{{step: {tmp_path / 'body.step'}, size: 0.005, least_size: 0.01}}"
+    with pytest.raises(SceneError, match=r"least_size = 0\.01 m; allowed: up to size = 0\.005 m"):
+        scene_from_text(f"name: thin\nmesh: {{tets: {entry}}}\n")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The supernodal factor of the constant matrix: exact for any shape, in single and double precision."""
+"""The supernodal factor of the constant matrix: exact for any shape, in 16 bits and in double precision."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from scipy.sparse.linalg import spsolve
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.mesh.round_bodies import sphere
+from gdfe_ros.mesh.tet_operators import tet_operators
+from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.matrix import supernodes
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 from gdfe_ros.solver.matrix.factor import Factor, Factorisation
@@ -49,7 +51,7 @@ def solved(factor: Factor, right: NDArray[np.float64]) -> NDArray[np.float64]:
     return out
 
 
-@pytest.mark.parametrize("coarse_from", [1, 10**9], ids=["single", "double"])
+@pytest.mark.parametrize("coarse_from", [1, 10**9], ids=["16 bits", "double"])
 @pytest.mark.parametrize("name", MESHES)
 def test_it_solves(name: str, coarse_from: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a thousandfold contrast and the factor in either precision, the solution is SuperLU's to 1e-9."""
@@ -63,7 +65,7 @@ def test_it_solves(name: str, coarse_from: int, monkeypatch: pytest.MonkeyPatch)
     np.testing.assert_allclose(solved(factor, right), wanted, atol=1e-9 * np.abs(wanted).max())
 
 
-def test_single_precision_is_left_where_it_is_too_coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_16_bits_are_left_where_they_are_too_coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """A long bar that is held very weakly keeps its factor in double precision, which its softest motions need."""
     monkeypatch.setattr(supernodes, "COARSE_FROM", 1)
     mesh = MESHES["row"]
@@ -134,3 +136,12 @@ def test_points_at_one_place_are_no_obstacle() -> None:
     graph = stiffness(MESHES["bar"]).tocsr()
     order = dissected(graph, np.zeros((graph.shape[0], 3)))
     np.testing.assert_array_equal(np.sort(order), np.arange(graph.shape[0]))
+
+
+def test_dissection_takes_the_thinner_separator() -> None:
+    """The first separator of a block of quadratic tetrahedra is one layer of nodes; the other half would need two."""
+    mesh = divided(bar([2.0, 1.0, 1.0], [7, 4, 4]))
+    matrix = assemble(tet_operators(mesh.vertices, mesh.cells), np.ones(mesh.n_cells), np.zeros(mesh.n_cells))
+    for points in (mesh.vertices, -mesh.vertices):
+        last = dissected(matrix.tocsr(), points)[-(9 * 9) :]
+        assert np.ptp(mesh.vertices[last, 0]) == 0.0

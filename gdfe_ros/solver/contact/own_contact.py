@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Term of the potential for self-contact: each surface vertex is paired with its nearest face."""
+"""Term of the potential for self-contact: pairs of vertices and faces, and of edges that cross."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
 from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
 from gdfe_ros.solver.contact.inside import Inside
-from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
+from gdfe_ros.solver.contact.own_pairs import OwnPairs
+from gdfe_ros.solver.contact.own_surface import Nearest
 from gdfe_ros.solver.contact.pair_touch import across, frames, tangential, touching_vertices
 from gdfe_ros.solver.contact.settling import Settling, parted
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
@@ -40,8 +41,9 @@ SAME_SIDE = 0.5
 class OwnContact(ContactTerm):
     """Contact of the parts of a mesh with each other, and of each part with itself.
 
-    During a minimisation each vertex keeps its face and the plane of that face. Between minimisations, new faces and
-    planes are searched. The first search uses the positions of the last accepted state.
+    During a minimisation each vertex keeps its face and the plane of that face, and each sharp edge keeps the edge that
+    it crosses and the plane along both. Between minimisations, new faces, edges and planes are searched. The first
+    search uses the positions of the last accepted state.
 
     Args:
         meant: the self-contact definition: faces that may touch, and friction.
@@ -51,17 +53,17 @@ class OwnContact(ContactTerm):
     kernel, potential = law.pair_entry, staticmethod(law.pair_energy)
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
-        self.surface = OwnSurface(body, meant.quads)
+        self.pairs = OwnPairs(body, meant.quads)
+        self.surface = self.pairs.surface
         self.penetration = Inside(body, self.surface.topology, meant)
-        self._vertices, self._quads = self.surface.topology.vertices, self.surface.topology.quads
-        count = len(self._vertices)
+        count, vertices = self.pairs.count, len(self.surface.topology.vertices)
         reals = np.zeros(law.HEAD + law.STRIDE * count)
         reals[law.FRICTION] = meant.friction
         super().__init__(NAME, body, reals, np.zeros(law.VERTICES + law.WIDTH * count, dtype=np.int32))
         self._yielding = np.zeros(len(body.rest))
         self._chosen, self._on = np.zeros(0, dtype=np.int64), False
         self._last: State | None = None
-        self._reach, self._sunk = 0.0, np.zeros(count, dtype=np.bool_)
+        self._reach, self._sunk = 0.0, np.zeros(vertices, dtype=np.bool_)
         none = np.zeros((count, 3))
         self._free = {
             "press": np.zeros(count), "shear": none, "normal": none, "slips": np.ones(count),
@@ -91,10 +93,10 @@ class OwnContact(ContactTerm):
         _, presses, _, slips, _ = self._forces(positions)
         roots, normals = np.sqrt(rows[:, law.PENALTY]), rows[:, law.NORMAL : law.WEIGHTS]
         press, stick = presses > 0.0, (self.reals[law.FRICTION] * rows[:, law.PRESS] > 0.0) & ~slips
-        corners, held = self._quads[self._face], self._quads[self._hold[chosen]]
+        corners, held = self.pairs.carriers(chosen, self._face), self.pairs.carriers(chosen, self._hold[chosen])
         parts = [(press, corners, self._weights, normals)]
         parts += [(stick, held, self._hold_weights[chosen], way) for way in across(normals)]
-        ends = [np.column_stack([self._vertices[chosen], quads])[on] for on, quads, _, _ in parts]
+        ends = [np.column_stack([self.pairs.first[chosen], quads])[on] for on, quads, _, _ in parts]
         ways = [
             (roots[:, None, None] * np.insert(-weights, 0, 1.0, axis=1)[:, :, None] * way[:, None, :])[on]
             for on, _, weights, way in parts
@@ -114,24 +116,24 @@ class OwnContact(ContactTerm):
         last = positions if self._last is None else self._last.positions
         self._from, size = last, self._body.size
         moved = positions - last
-        far = float(np.abs(moved - moved[self._vertices].mean(axis=0)).max(initial=0.0))
+        far = float(np.abs(moved - moved[self.surface.topology.vertices].mean(axis=0)).max(initial=0.0))
         self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
         self.missed, entered = 0.0, self._entered(positions)
-        found = self.surface.look(last, last, self._reach, self._sunk)
-        self.hopeless = self.gives_up and bool(((entered > 0.0) & (found.face < 0)).any())
+        found = self.pairs.look(last, last, self._reach, self._sunk)
+        self.hopeless = self.gives_up and bool(((entered > 0.0) & (found.face[: len(entered)] < 0)).any())
         kept = saved["slips"] == 0.0
         face = np.where(kept, saved["face"], found.face).astype(np.int64)
-        some = saved["face"] >= 0.0
-        axes = frames(positions, self._quads[saved["face"][some].astype(np.int64)])
+        some, every = saved["face"] >= 0.0, np.arange(self.pairs.count)
+        axes = frames(positions, self.pairs.carriers(every[some], saved["face"][some].astype(np.int64)))
         self._press, self._shear, self._normal = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
         self._settling, self._scale = Settling(positions, held=self.reals[law.FRICTION] > 0.0), 0.0
         self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
         self._hold, self._hold_weights = face, np.where(kept[:, None], saved["weights"], found.weights)
-        self._offset = tangential(self._away(last, slice(None), face, self._hold_weights), found.normal)
+        self._offset = tangential(self._away(last, every, face, self._hold_weights), found.normal)
         self._offset[kept] = np.einsum("kij,kj->ki", axes[kept[some]], saved["offset"][kept])
         self._began = self._hold.copy(), self._hold_weights.copy(), self._offset.copy()
         on = found.face >= 0
-        before, after = (frames(x, self._quads[found.face[on]]) for x in (last, positions))
+        before, after = (frames(x, self.pairs.carriers(every[on], found.face[on])) for x in (last, positions))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
         self._pack(found, last)
         self._on, rows = bool(self._press.any()), self._rows()
@@ -151,7 +153,7 @@ class OwnContact(ContactTerm):
         press = rows[:, law.PRESS].copy()
         pushed, given_up = press > 0.0, press / rows[:, law.PENALTY]
         self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
-        found = self.surface.look(positions, self._from, self._reach, self._sunk)
+        found = self.pairs.look(positions, self._from, self._reach, self._sunk)
         self._follow(found, positions)
         self._pack(found, positions)
         kept = pushed & (self._press[chosen] > 0.0)
@@ -182,7 +184,7 @@ class OwnContact(ContactTerm):
         """Search the pairs again if no pair touched so far; return whether one touches at ``positions`` (n, 3) [m]."""
         if self._on:
             return False
-        found = self.surface.look(positions, self._from, self._reach, self._sunk)
+        found = self.pairs.look(positions, self._from, self._reach, self._sunk)
         self._pack(found, positions)
         self._on = bool((found.gap[self._chosen] < 0.0).any())
         if self._on and self.gives_up:
@@ -201,7 +203,8 @@ class OwnContact(ContactTerm):
         slips |= ~(presses > 0.0)
         face, weights = self._hold[chosen], self._hold_weights[chosen]
         face, weights = np.where(slips, self._face, face), np.where(slips[:, None], self._weights, weights)
-        axes, offset = frames(positions, self._quads[face]), self._away(positions, chosen, face, weights)
+        axes = frames(positions, self.pairs.carriers(chosen, face))
+        offset = self._away(positions, chosen, face, weights)
         offset[~slips] = rows[~slips, law.OFFSET : law.SUPPORT]
         offset = tangential(offset, rows[:, law.NORMAL : law.WEIGHTS])
         kept["press"][chosen], kept["slips"][chosen] = presses, slips
@@ -218,12 +221,12 @@ class OwnContact(ContactTerm):
         on = np.flatnonzero(saved["press"])
         if not len(on):
             return NOTHING
-        quads = self._quads[saved["face"][on].astype(np.int64)]
+        quads = self.pairs.carriers(on, saved["face"][on].astype(np.int64))
         shears = np.einsum("kij,kj->ki", frames(state.positions, quads), saved["shear"][on])
         return touching_vertices(
             state.positions,
             origin,
-            self._vertices[on],
+            self.pairs.first[on],
             quads,
             weights=saved["weights"][on],
             normals=saved["normal"][on],
@@ -279,26 +282,26 @@ class OwnContact(ContactTerm):
     def _away(
         self,
         x: NDArray[np.float64],
-        pairs: NDArray[np.int64] | slice,
+        pairs: NDArray[np.int64],
         face: NDArray[np.int64],
         weights: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return the vectors (k, 3) [m] from points of faces, with corner weights (k, 4), to the pairs' vertices."""
-        return x[self._vertices[pairs]] - np.einsum("ka,kai->ki", weights, x[self._quads[face]])
+        """Return the vectors (k, 3) [m] from the second member of each pair to the first, with weights (k, 4)."""
+        return x[self.pairs.first[pairs]] - np.einsum("ka,kai->ki", weights, x[self.pairs.carriers(pairs, face)])
 
     def _before(
         self, x: NDArray[np.float64], pairs: NDArray[np.int64], face: NDArray[np.int64], weights: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the result of `_away` in the last state, rotated with the faces to the positions ``x`` (n, 3) [m]."""
-        quads, last = self._quads[face], self._from
+        quads, last = self.pairs.carriers(pairs, face), self._from
         away = self._away(last, pairs, face, weights)
         return np.einsum("kij,klj,kl->ki", frames(x, quads), frames(last, quads), away)
 
     def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
         """Write the pairs found at ``x`` (n, 3) [m] to the kernels' arrays; persisting pairs keep their multipliers."""
         on = found.face >= 0
-        corners = self._quads[found.face]
-        give = self._yielding[self._vertices] + np.einsum("ka,ka->k", found.weights**2, self._yielding[corners])
+        corners = self.pairs.carriers(np.arange(self.pairs.count), found.face)
+        give = self.pairs.give(self._yielding, corners, found.weights)
         on &= give > 0.0
         turned = np.einsum("ki,ki->k", self._normal, found.normal) < SAME_SIDE
         lost = ~on | turned
@@ -319,8 +322,8 @@ class OwnContact(ContactTerm):
         rows[:, law.SHEAR : law.HOLD], rows[:, law.HOLD : law.OFFSET] = shear, self._hold_weights[chosen]
         rows[:, law.OFFSET : law.SUPPORT], rows[:, law.SUPPORT] = self._offset[chosen], found.support[chosen]
         ends = self.integers[law.VERTICES : law.VERTICES + law.WIDTH * len(chosen)].reshape(-1, law.WIDTH)
-        ends[:, law.VERTEX], ends[:, law.FACE : law.HELD] = self._vertices[chosen], corners[chosen]
-        ends[:, law.HELD :] = self._quads[self._hold[chosen]]
+        ends[:, law.VERTEX], ends[:, law.FACE : law.HELD] = self.pairs.first[chosen], corners[chosen]
+        ends[:, law.HELD :] = self.pairs.carriers(chosen, self._hold[chosen])
 
     def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
         """Return gaps (k,) [m], normal (k,) and friction forces (k, 3) [N], slip flags (k,) and slips (k, 3) [m]."""
@@ -331,11 +334,11 @@ class OwnContact(ContactTerm):
         return gaps, presses, shears, slips, slid
 
     def _multipliers(self) -> NDArray[np.float64]:
-        """Return normal force, friction force and scaled normal [N] of each surface vertex (k, 7).
+        """Return normal force, friction force and scaled normal [N] of each pair (k, 7).
 
         The normals of pressing pairs are multiplied by the mean normal force, so that all columns have one unit.
         """
-        rows, chosen, found = self._rows(), self._chosen, np.zeros((len(self._vertices), 7))
+        rows, chosen, found = self._rows(), self._chosen, np.zeros((self.pairs.count, 7))
         found[chosen, 0], found[chosen, 1:4] = rows[:, law.PRESS], rows[:, law.SHEAR : law.HOLD]
         found[chosen, 4:] = self._scale * (rows[:, law.PRESS, None] > 0.0) * rows[:, law.NORMAL : law.WEIGHTS]
         return found

@@ -32,7 +32,7 @@ class DifferentiableOwnContact(OwnContact):
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
         super().__init__(meant, body)
-        self.reals = np.concatenate([self.reals, np.zeros(3 * len(self._vertices))])
+        self.reals = np.concatenate([self.reals, np.zeros(3 * self.pairs.count)])
 
     @property
     def delicate(self) -> bool:
@@ -50,11 +50,11 @@ class DifferentiableOwnContact(OwnContact):
             self._chosen = self._face = np.zeros(0, dtype=np.int64)
             self._weights, self.integers[law.COUNT] = np.zeros((0, 4)), 0
             return
-        near = self.surface.look(positions, positions, REACH * self._body.size)
+        near = self.pairs.look(positions, positions, REACH * self._body.size)
         near.face[~(found["press"] > 0.0)] = -1
         on = near.face >= 0
         self._hold, self._hold_weights = found["face"].astype(np.int64), found["weights"].copy()
-        axes = frames(positions, self._quads[self._hold[on]])
+        axes = frames(positions, self.pairs.carriers(np.flatnonzero(on), self._hold[on]))
         self._press, self._normal = found["press"].copy(), found["normal"]
         self._shear, self._offset = np.zeros_like(found["shear"]), np.zeros_like(found["offset"])
         self._shear[on] = np.einsum("kij,kj->ki", axes, found["shear"][on])
@@ -74,7 +74,7 @@ class DifferentiableOwnContact(OwnContact):
         weights = self._nearest(self._from, face).weights
         weights[kept] = saved["weights"][chosen[kept]]
         rows[~slips, law.HOLD : law.OFFSET] = self._hold_weights[chosen[~slips]] = weights[~slips]
-        axes = frames(positions, self._quads[face[kept]])
+        axes = frames(positions, self.pairs.carriers(chosen[kept], face[kept]))
         rows[kept, law.OFFSET : law.SUPPORT] = np.einsum("kij,kj->ki", axes, saved["offset"][chosen[kept]])
         moved = self._slid(positions, rows) - self._anchors
         rows[slips, law.OFFSET : law.SUPPORT] = (self._ends + moved)[slips]
@@ -128,8 +128,7 @@ class DifferentiableOwnContact(OwnContact):
 
     def _nearest(self, x: NDArray[np.float64], face: NDArray[np.int64]) -> Nearest:
         """Return the nearest points on the given faces ``face`` (k,) to the vertices of the chosen pairs."""
-        inside = np.ones(len(self._vertices), dtype=np.bool_)
-        return self.surface.nearest(x, x, self._chosen, face, np.inf, inside).of(self._chosen)
+        return self.pairs.nearest_to(x, self._chosen, face).of(self._chosen)
 
     def _slid(self, x: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tangential vectors (k, 3) [m] from face points to vertices in the last state.
@@ -159,4 +158,4 @@ class DifferentiableOwnContact(OwnContact):
 
     def _moved(self) -> NDArray[np.float64]:
         """Return the changes (k, 3) [m] of the offsets, a view; they are stored after the rows of all pairs."""
-        return self.reals[-3 * len(self._vertices) :][: 3 * len(self._chosen)].reshape(-1, 3)
+        return self.reals[-3 * self.pairs.count :][: 3 * len(self._chosen)].reshape(-1, 3)

@@ -36,11 +36,13 @@ def touching_vertices(
     """
     places = np.einsum("ka,kai->ki", weights, x[quads])
     gaps = np.einsum("ki,ki->k", normals, x[vertices] - places)
-    nearest = quads[np.arange(len(quads)), weights.argmax(axis=1)]
-    # Each pair has five entries: its vertex, and the four corners of its face with the opposite force.
+    # Each pair has five entries: its vertex, and the four corners of its face with the opposite force. For two edges,
+    # these four contain both ends of the first edge: the vertex itself, and the other end with a negative weight.
+    own = (quads == vertices[:, None]) | (weights < 0.0)
+    nearest = quads[np.arange(len(quads)), np.where(own, -1.0, weights).argmax(axis=1)]
     ends = np.column_stack([vertices, quads])
     share = np.column_stack([np.ones(len(weights)), -weights])
-    other = np.column_stack([nearest, *[vertices] * 4])
+    other = np.column_stack([nearest, np.where(own, nearest[:, None], vertices[:, None])])
     pushes = (share * presses[:, None])[:, :, None] * normals[:, None]
     rubs = share[:, :, None] * shears[:, None]
     touched, place = np.unique(ends, return_inverse=True)

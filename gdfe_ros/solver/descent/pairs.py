@@ -17,7 +17,7 @@ from gdfe_ros.solver.distance import largest
 CURVATURE = 1e-10
 """A pair enters the history if the cosine between the step and the change of the gradient is at least this."""
 LARGE = 50_000
-"""Least number of unknowns for which threads divide the work on the history."""
+"""Least number of unknowns for which threads divide the work on the history and on the gradient."""
 MOST_SHORTENED = 1e-4
 """Least length of the quasi-Newton direction, divided by the length of the plain preconditioned step. A shorter
 direction empties the history: the last pairs of a very accurate solve consist of rounding. With them a body would seem

@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import internal, kernel, merged
-from gdfe_ros.solver.descent.pairs import find_direction, inner, remember
+from gdfe_ros.solver.descent.pairs import LARGE, find_direction, inner, remember
 from gdfe_ros.solver.descent.stopping import LONGEST_WAY, note_step, way_left
 from gdfe_ros.solver.descent.workspace import End
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.elements.watch import look
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
-from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows, gather_rows, place
+from gdfe_ros.solver.matrix.unknowns import add_rows, gather_in_threads, gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.tangent.substitution import solve_kept
 from gdfe_ros.solver.terms.term import terms_energy
 
@@ -68,7 +68,7 @@ def energy_and_gradient(u, problem, work, moved):
         work.energies,
         problem.threads,
     )
-    gather_rows(work.force, problem.unknowns, work.gradient)
+    gather(work, problem.unknowns, problem.threads)
     work.status[0].evaluations += 1
     pushed = len(problem.terms.address) > 0
     if pushed:
@@ -77,6 +77,15 @@ def energy_and_gradient(u, problem, work, moved):
         work.status[0].outside = work.size[0]
     gather_rigid_rows(u, work.x, work.force, work.outside, pushed, problem.frame, problem.unknowns, work.gradient)
     return total
+
+
+@internal
+def gather(work, unknowns, threads):
+    """Write the gradient's rows of free vertices from the elements' forces."""
+    if threads is None or len(work.gradient) < LARGE:
+        gather_rows(work.force, unknowns, work.gradient)
+    else:
+        gather_in_threads(threads, work.force, unknowns, work.gradient)
 
 
 @merged

@@ -18,11 +18,11 @@ from gdfe_ros.solver.matrix.supernodes import NotDefiniteError, supernodal
 DENSE_UP_TO = 200
 """Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
 SOUND = 1e-3
-"""A factor is stored in single precision if the relative correction of a solution is at most this. The factor serves as
+"""A factor is stored in 16 bits if the relative correction of a solution is at most this. The factor serves as
 preconditioner, and to estimate the distance to the equilibrium.
 """
 REFINED = 3
-"""Number of corrections of a solution with a single-precision factor; each reduces the error to at most the fraction
+"""Number of corrections of a solution with a factor of 16 bits; each reduces the error to at most the fraction
 `SOUND`.
 """
 
@@ -70,7 +70,7 @@ class Factor:
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64], *, exact: bool = False) -> None:
         """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``.
 
-        With a single-precision factor, the relative error is up to `SOUND`. If ``exact``, the solution is corrected
+        With a factor of 16 bits, the relative error is up to `SOUND`. If ``exact``, the solution is corrected
         `REFINED` times.
         """
         if self._library is not None:

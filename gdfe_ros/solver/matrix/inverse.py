@@ -3,8 +3,11 @@
 
 Three right-hand sides are solved at once, so that each entry of the factor is read once for x, y and z. Rows of the
 factor are processed four at a time; rows of zeros fill the last four. The length of each row is a multiple of eight
-numbers, and entries left of the diagonal and beyond a row's end are zero. Inner loops use unsigned indices: a possibly
+numbers, and entries up to the diagonal and beyond a row's end are zero. Inner loops use unsigned indices: a possibly
 negative index would cost a test in each iteration and prevent SIMD.
+
+A large factor does not fit into any cache, and reading it dominates the time of a solve. Its entries are rounded to
+16-bit fractions of the largest entry of their row, and the solve is in single precision.
 """
 
 from __future__ import annotations
@@ -32,9 +35,10 @@ class Inverse(NamedTuple):
             them depend on several groups.
         length: (s,) length of the rows of each supernode.
         value_start: (s + 1,) offset of each supernode's values.
-        values: values of all rows, and a row of zeros at the end; each diagonal entry is replaced by its inverse. Empty
-            if ``coarse`` is used.
-        coarse: the values in single precision; empty if they are in double precision.
+        pivot: (f,) inverse of each row's diagonal entry.
+        scale: (f,) number by which each row's other entries are multiplied.
+        values: other entries of all rows, and a row of zeros at the end. Empty if ``coarse`` is used.
+        coarse: these entries as 16-bit integers; empty if they are in double precision.
     """
 
     explicit: NDArray[np.float64]
@@ -45,15 +49,18 @@ class Inverse(NamedTuple):
     group_start: NDArray[np.int64]
     length: NDArray[np.int64]
     value_start: NDArray[np.int64]
+    pivot: NDArray[np.float64]
+    scale: NDArray[np.float64]
     values: NDArray[np.float64]
-    coarse: NDArray[np.float32]
+    coarse: NDArray[np.int16]
 
     @classmethod
     def of(cls, explicit: NDArray[np.float64] | None = None) -> Inverse:
         """Return an explicit inverse (f, f); an empty inverse for None, if a library solves with the matrix."""
         start, none = np.zeros(1, np.int64), np.zeros(0, np.int64)
         known = np.zeros((0, 0)) if explicit is None else explicit
-        return cls(known, none, start, start, none, start, none, start, np.zeros(0), np.zeros(0, np.float32))
+        no_value, no_code = np.zeros(0), np.zeros(0, np.int16)
+        return cls(known, none, start, start, none, start, none, start, no_value, no_value, no_value, no_code)
 
 
 @vector_kernel
@@ -66,14 +73,19 @@ def apply_free(inverse, right, out, threads):
     if len(inverse.order) == 0:
         apply_explicit(inverse.explicit, right, out)
         return
-    x = np.empty(3 * len(inverse.order))
+    if len(inverse.coarse) > 0:
+        apply_factor(inverse, inverse.coarse, np.empty(3 * len(inverse.order), np.float32), right, out, threads)
+    else:
+        apply_factor(inverse, inverse.values, np.empty(3 * len(inverse.order)), right, out, threads)
+
+
+@vector_kernel
+def apply_factor(inverse, values, x, right, out, threads):
+    """Do `apply_free` with the factor's ``values``, in the precision of the scratch ``x`` (f, 3), flat."""
     for i in range(len(inverse.order)):
         for axis in range(3):
             x[3 * i + axis] = right[3 * inverse.order[i] + axis]
-    if len(inverse.coarse) > 0:
-        solve_rows(inverse, inverse.coarse, x, threads)
-    else:
-        solve_rows(inverse, inverse.values, x, threads)
+    solve_rows(inverse, values, x, threads)
     for i in range(len(inverse.order)):
         for axis in range(3):
             out[3 * inverse.order[i] + axis] = x[3 * i + axis]
@@ -101,7 +113,7 @@ def solve_rows(inverse, values, x, threads):
     groups = len(inverse.group_start) - 1
     begin, end = inverse.group_start[groups], len(inverse.length)
     above = x[3 * inverse.first[begin] :]
-    taken = np.zeros((groups, len(above)))
+    taken = np.zeros((groups, len(above)), x.dtype)
     if threads is None or groups == 0:
         reduce_groups(inverse, values, x, taken, 0, groups)
     else:
@@ -145,7 +157,7 @@ def expand_in_threads(threads, inverse, values, x):
 def reduce_nodes(inverse, values, x, above, begin, end):
     """Replace ``x`` by U^-T x in supernodes ``begin`` to ``end``; ``above`` are the rows after those of all groups."""
     longest = inverse.length.max()
-    local, blank = np.empty(3 * longest), len(values) - longest
+    local, blank = np.empty(3 * longest, x.dtype), len(values) - longest
     top = inverse.first[inverse.group_start[-1]]
     for node in range(begin, end):
         start, length = inverse.first[node], inverse.length[node]
@@ -155,7 +167,8 @@ def reduce_nodes(inverse, values, x, above, begin, end):
         for k in range(own):
             u[k], v[k], w[k] = x[3 * (start + k)], x[3 * (start + k) + 1], x[3 * (start + k) + 2]
         u[own:], v[own:], w[own:] = 0.0, 0.0, 0.0
-        reduce_rows(values, inverse.value_start[node], blank, u, v, w, own)
+        pivots, scales = inverse.pivot[start : start + own], inverse.scale[start : start + own]
+        reduce_rows(values, inverse.value_start[node], blank, pivots, scales, u, v, w, own)
         for k in range(own):
             x[3 * (start + k)], x[3 * (start + k) + 1], x[3 * (start + k) + 2] = u[k], v[k], w[k]
         for k in range(own, len(rows)):
@@ -169,7 +182,7 @@ def reduce_nodes(inverse, values, x, above, begin, end):
 def expand_nodes(inverse, values, x, begin, end):
     """Replace ``x`` by U^-1 x in the supernodes ``begin`` to ``end``, the last supernode first."""
     longest = inverse.length.max()
-    local, blank = np.empty(3 * longest), len(values) - longest
+    local, blank = np.empty(3 * longest, x.dtype), len(values) - longest
     for node in range(end - 1, begin - 1, -1):
         start, length = inverse.first[node], inverse.length[node]
         rows = inverse.rows[inverse.row_start[node] : inverse.row_start[node + 1]]
@@ -178,7 +191,8 @@ def expand_nodes(inverse, values, x, begin, end):
         for k in range(height):
             u[k], v[k], w[k] = x[3 * rows[k]], x[3 * rows[k] + 1], x[3 * rows[k] + 2]
         u[height:], v[height:], w[height:] = 0.0, 0.0, 0.0
-        expand_rows(values, inverse.value_start[node], blank, u, v, w, own)
+        pivots, scales = inverse.pivot[start : start + own], inverse.scale[start : start + own]
+        expand_rows(values, inverse.value_start[node], blank, pivots, scales, u, v, w, own)
         for k in range(own):
             x[3 * (start + k)], x[3 * (start + k) + 1], x[3 * (start + k) + 2] = u[k], v[k], w[k]
 
@@ -191,30 +205,51 @@ def row_of(values, at, blank, length, number, own):
 
 
 @vector_kernel
-def forward(u, first, a, b, c, d):
-    """Solve four rows of U^T for one axis; return the four values."""
-    p = u[first] * a[first]
-    q = (u[first + 1] - a[first + 1] * p) * b[first + 1]
-    r = (u[first + 2] - a[first + 2] * p - b[first + 2] * q) * c[first + 2]
-    s = (u[first + 3] - a[first + 3] * p - b[first + 3] * q - c[first + 3] * r) * d[first + 3]
-    return p, q, r, s
-
-
-@vector_kernel
-def backward(taken, first, a, b, c, d):
-    """Solve four rows of U for one axis; ``taken`` are the right-hand sides minus products with later values."""
-    p, q, r, s = taken
-    s *= d[first + 3]
-    r = (r - c[first + 3] * s) * c[first + 2]
-    q = (q - b[first + 3] * s - b[first + 2] * r) * b[first + 1]
-    p = (p - a[first + 3] * s - a[first + 2] * r - a[first + 1] * q) * a[first]
-    return p, q, r, s
-
-
-@vector_kernel
 def four_of(u, first):
     """Return four successive numbers of ``u``."""
     return u[first], u[first + 1], u[first + 2], u[first + 3]
+
+
+@vector_kernel
+def number_as(u, numbers, at):
+    """Return number ``at``, in the precision of ``u``; 0 if there is no such number."""
+    return u.dtype.type(numbers[at] if at < len(numbers) else 0.0)
+
+
+@vector_kernel
+def four_as(u, numbers, first):
+    """Return `number_as` of four successive numbers."""
+    one, two = number_as(u, numbers, first), number_as(u, numbers, first + 1)
+    return one, two, number_as(u, numbers, first + 2), number_as(u, numbers, first + 3)
+
+
+@vector_kernel
+def product(p, q):
+    """Return the products of four and four numbers."""
+    return p[0] * q[0], p[1] * q[1], p[2] * q[2], p[3] * q[3]
+
+
+@vector_kernel
+def forward(u, first, a, b, c, d, pivot, scale):
+    """Solve four rows of U^T for one axis; return the four values."""
+    p = u[first] * pivot[0]
+    pa = p * scale[0]
+    q = (u[first + 1] - a[first + 1] * pa) * pivot[1]
+    qb = q * scale[1]
+    r = (u[first + 2] - a[first + 2] * pa - b[first + 2] * qb) * pivot[2]
+    rc = r * scale[2]
+    s = (u[first + 3] - a[first + 3] * pa - b[first + 3] * qb - c[first + 3] * rc) * pivot[3]
+    return p, q, r, s
+
+
+@vector_kernel
+def backward(right, taken, first, a, b, c, pivot, scale):
+    """Solve four rows of U for one axis; ``taken`` are the products of their entries and the values after them."""
+    s = (right[3] - scale[3] * taken[3]) * pivot[3]
+    r = (right[2] - scale[2] * (taken[2] + c[first + 3] * s)) * pivot[2]
+    q = (right[1] - scale[1] * (taken[1] + b[first + 3] * s + b[first + 2] * r)) * pivot[1]
+    p = (right[0] - scale[0] * (taken[0] + a[first + 3] * s + a[first + 2] * r + a[first + 1] * q)) * pivot[0]
+    return p, q, r, s
 
 
 @vector_kernel
@@ -231,51 +266,57 @@ def put(found, u, first, own):
 
 
 @vector_kernel
-def reduce_rows(values, at, blank, u, v, w, own):
+def reduce_rows(values, at, blank, pivots, scales, u, v, w, own):
     """Solve the ``own`` rows of U^T of a supernode, and subtract the products from the supernode's other rows."""
     length = len(u)
     for first in range(0, own, TAKEN):
         a, b = row_of(values, at, blank, length, first, own), row_of(values, at, blank, length, first + 1, own)
         c, d = row_of(values, at, blank, length, first + 2, own), row_of(values, at, blank, length, first + 3, own)
-        x0, x1, x2, x3 = forward(u, first, a, b, c, d)
-        y0, y1, y2, y3 = forward(v, first, a, b, c, d)
-        z0, z1, z2, z3 = forward(w, first, a, b, c, d)
+        pivot, scale = four_as(u, pivots, first), four_as(u, scales, first)
+        x = forward(u, first, a, b, c, d, pivot, scale)
+        y = forward(v, first, a, b, c, d, pivot, scale)
+        z = forward(w, first, a, b, c, d, pivot, scale)
+        x0, x1, x2, x3 = product(x, scale)
+        y0, y1, y2, y3 = product(y, scale)
+        z0, z1, z2, z3 = product(z, scale)
         for j in range(uint64(first // LINE * LINE), uint64(length)):
             u[j] -= x0 * a[j] + x1 * b[j] + x2 * c[j] + x3 * d[j]
             v[j] -= y0 * a[j] + y1 * b[j] + y2 * c[j] + y3 * d[j]
             w[j] -= z0 * a[j] + z1 * b[j] + z2 * c[j] + z3 * d[j]
-        put((x0, x1, x2, x3), u, first, own)
-        put((y0, y1, y2, y3), v, first, own)
-        put((z0, z1, z2, z3), w, first, own)
+        put(x, u, first, own)
+        put(y, v, first, own)
+        put(z, w, first, own)
 
 
 @vector_kernel
-def expand_rows(values, at, blank, u, v, w, own):
+def expand_rows(values, at, blank, pivots, scales, u, v, w, own):
     """Solve the ``own`` rows of U of a supernode; the values of its other rows are known."""
-    length = len(u)
+    length, zero = len(u), u.dtype.type(0.0)
     for first in range((own - 1) // TAKEN * TAKEN, -1, -TAKEN):
         a, b = row_of(values, at, blank, length, first, own), row_of(values, at, blank, length, first + 1, own)
         c, d = row_of(values, at, blank, length, first + 2, own), row_of(values, at, blank, length, first + 3, own)
-        x0, x1, x2, x3 = four_of(u, first)
-        y0, y1, y2, y3 = four_of(v, first)
-        z0, z1, z2, z3 = four_of(w, first)
-        nothing = (0.0, 0.0, 0.0, 0.0)
+        x, y, z = four_of(u, first), four_of(v, first), four_of(w, first)
+        nothing = (zero, zero, zero, zero)
         put(nothing, u, first, own)
         put(nothing, v, first, own)
         put(nothing, w, first, own)
+        x0, x1, x2, x3 = nothing
+        y0, y1, y2, y3 = nothing
+        z0, z1, z2, z3 = nothing
         for j in range(uint64(first // LINE * LINE), uint64(length)):
-            x0 -= a[j] * u[j]
-            y0 -= a[j] * v[j]
-            z0 -= a[j] * w[j]
-            x1 -= b[j] * u[j]
-            y1 -= b[j] * v[j]
-            z1 -= b[j] * w[j]
-            x2 -= c[j] * u[j]
-            y2 -= c[j] * v[j]
-            z2 -= c[j] * w[j]
-            x3 -= d[j] * u[j]
-            y3 -= d[j] * v[j]
-            z3 -= d[j] * w[j]
-        put(backward((x0, x1, x2, x3), first, a, b, c, d), u, first, own)
-        put(backward((y0, y1, y2, y3), first, a, b, c, d), v, first, own)
-        put(backward((z0, z1, z2, z3), first, a, b, c, d), w, first, own)
+            x0 += a[j] * u[j]
+            y0 += a[j] * v[j]
+            z0 += a[j] * w[j]
+            x1 += b[j] * u[j]
+            y1 += b[j] * v[j]
+            z1 += b[j] * w[j]
+            x2 += c[j] * u[j]
+            y2 += c[j] * v[j]
+            z2 += c[j] * w[j]
+            x3 += d[j] * u[j]
+            y3 += d[j] * v[j]
+            z3 += d[j] * w[j]
+        pivot, scale = four_as(u, pivots, first), four_as(u, scales, first)
+        put(backward(x, (x0, x1, x2, x3), first, a, b, c, pivot, scale), u, first, own)
+        put(backward(y, (y0, y1, y2, y3), first, a, b, c, pivot, scale), v, first, own)
+        put(backward(z, (z0, z1, z2, z3), first, a, b, c, pivot, scale), w, first, own)

@@ -20,9 +20,9 @@ from gdfe_ros.solver.matrix.inverse import LINE, Inverse
 from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
 
 COARSE_FROM = 4_000_000
-"""A factor with at least this number of entries is stored in single precision. It does not fit into any cache, and
-reading it dominates the time of a solve.
-"""
+"""A factor with at least this number of entries is stored as 16-bit integers."""
+CODES = np.iinfo(np.int16).max
+"""Integer that stands for the largest entry of a row."""
 
 GROUPS = 4
 """Number of groups of supernodes in a large factor; threads divide the groups."""
@@ -46,7 +46,7 @@ def extend(left, places, front):
 def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact: bool = False) -> Inverse:
     """Return the factor of a matrix (f, f) of vertices at ``points`` (f, 3) [m], for the kernels.
 
-    A large factor is stored in single precision, unless ``exact`` is set.
+    A large factor is stored as 16-bit integers, unless ``exact`` is set.
 
     Raises:
         NotDefiniteError: the matrix is not positive definite.
@@ -60,16 +60,18 @@ def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact:
     length = -(-found.heights // LINE) * LINE
     start = np.concatenate([[0], np.cumsum(found.widths * length)]).astype(np.int64)
     coarse = large and not exact
-    values = np.zeros(start[-1] + length.max(), np.float32 if coarse else np.float64)
+    values, none = np.zeros(start[-1] + length.max(), np.int16 if coarse else np.float64), np.zeros(0)
+    pivot, scale = np.zeros((2, len(points)))
+    lists = found.order, found.first, found.row_start, found.rows, group_start, length, start, pivot, scale
+    kept = (none, values) if coarse else (values, none.astype(np.int16))
+    inverse = Inverse(np.zeros((0, 0)), *lists, *kept)
     with one_blas_thread():
-        _factor(graph, found, start, values)
-    kept = (np.zeros(0), values) if coarse else (values, np.zeros(0, np.float32))
-    explicit = np.zeros((0, 0))
-    return Inverse(explicit, found.order, found.first, found.row_start, found.rows, group_start, length, start, *kept)
+        _factor(graph, found, inverse, values)
+    return inverse
 
 
-def _factor(graph: sparse.csr_matrix, found: Elimination, value_start: NDArray, values: NDArray) -> None:
-    """Write the rows of the factor to ``values``, supernode by supernode."""
+def _factor(graph: sparse.csr_matrix, found: Elimination, inverse: Inverse, values: NDArray) -> None:
+    """Write the factor to an inverse, whose ``values`` are given, supernode by supernode."""
     taken, rows, columns, part_start = found.parts(graph)
     entries = graph.data[taken]
     inside, widths = found.inside(), found.widths
@@ -85,12 +87,24 @@ def _factor(graph: sparse.csr_matrix, found: Elimination, value_start: NDArray, 
         upper, failed = dpotrf(front[:own, :own], clean=1)
         if failed:
             raise NotDefiniteError
-        kept = values[value_start[node] : value_start[node + 1]].reshape(own, -1)
-        kept[:, :own] = upper
-        kept[range(own), range(own)] = 1.0 / np.diag(upper)
-        if own == height:
-            continue
-        beyond = dtrsm(1.0, upper, front[:own, own:], trans_a=1)
-        kept[:, own:height] = beyond
-        rest = dsyrk(-1.0, beyond, beta=1.0, c=front[own:, own:], trans=1)
-        left.setdefault(int(found.parent[node]), []).append((rest.T, inside[begin + own : end]))
+        own_rows = np.zeros((own, height))
+        own_rows[:, :own] = upper
+        if own < height:
+            own_rows[:, own:] = beyond = dtrsm(1.0, upper, front[:own, own:], trans_a=1)
+            rest = dsyrk(-1.0, beyond, beta=1.0, c=front[own:, own:], trans=1)
+            left.setdefault(int(found.parent[node]), []).append((rest.T, inside[begin + own : end]))
+        lines = slice(*found.first[node : node + 2])
+        kept = values[slice(*inverse.value_start[node : node + 2])].reshape(own, -1)
+        _keep(own_rows, kept, inverse.pivot[lines], inverse.scale[lines])
+
+
+def _keep(rows: NDArray[np.float64], kept: NDArray, pivot: NDArray[np.float64], scale: NDArray[np.float64]) -> None:
+    """Write rows (k, h) of U to ``kept`` (k, length), ``pivot`` (k,) and ``scale`` (k,), as `Inverse` describes."""
+    own = range(len(rows))
+    pivot[...], scale[...] = 1.0 / rows[own, own], 1.0
+    rows[own, own] = 0.0
+    if kept.dtype == np.int16:
+        largest = np.abs(rows).max(axis=1)
+        scale[largest > 0.0] = largest[largest > 0.0] / CODES
+        rows = np.rint(rows / scale[:, None])
+    kept[:, : rows.shape[1]] = rows

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numba import prange
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.compiled import inlined, kernel, parallel_kernel
 from gdfe_ros.constraints import Handle
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed, rotated, rotation_matrix
 
@@ -169,9 +170,23 @@ def place(u, frame, unknowns, x):
 @kernel
 def gather_rows(force, unknowns, gradient):
     """Sum corner forces (m, c, 3) into the rows of free vertices, in a fixed order."""
-    for row in range(len(unknowns.free)):
+    gather_part(force, unknowns, gradient, 0, len(unknowns.free))
+
+
+@kernel
+def gather_part(force, unknowns, gradient, first, last):
+    """Do `gather_rows` for the rows from ``first`` up to ``last``."""
+    for row in range(first, last):
         s = vertex_force(force, unknowns, unknowns.free[row])
         gradient[3 * row], gradient[3 * row + 1], gradient[3 * row + 2] = s
+
+
+@parallel_kernel
+def gather_in_threads(threads, force, unknowns, gradient):
+    """Do `gather_rows` with the rows divided among threads."""
+    count = len(unknowns.free)
+    for part in prange(threads):
+        gather_part(force, unknowns, gradient, part * count // threads, (part + 1) * count // threads)
 
 
 @kernel

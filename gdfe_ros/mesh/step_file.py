@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contents of STEP files: facts, bounds, facets of the surface, thickness of walls; read by gmsh in a process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.mesher import run_mesher
+from gdfe_ros.mesh.walls import Walls, find_walls
+
+STEP_SUFFIXES = (".step", ".stp")
+FACETS_ALONG = 30.0
+"""Number of facets along the longest side of a STEP file's solids."""
+
+
+def step_bounds(path: str | Path) -> NDArray[np.float64]:
+    """Return the lowest and the highest corner (2, 3) [m] of the bounding box of a STEP file's solids."""
+    return run_mesher("facts", {"path": str(Path(path).resolve())}, f"step {path}")["bounds"]
+
+
+def step_facts(path: str | Path) -> list[tuple[str, str]]:
+    """Return pairs (name, value) of texts about a STEP file: kind, solids, surfaces, bounds in metres, volume."""
+    raw = run_mesher("facts", {"path": str(Path(path).resolve())}, f"step {path}")
+    low, high = raw["bounds"]
+    spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
+    return [
+        ("kind", "STEP, to be filled with `mesh: {tets: {step: ...}}`"),
+        ("solids, surfaces", f"{int(raw['solids'])}, {int(raw['surfaces'])}"),
+        ("bounds in metres", spans),
+        ("volume", f"{float(raw['volume']):.6g} m^3"),
+    ]
+
+
+def step_surface(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return facets of a STEP file's solids: vertices (n, 3) [m], triangles (t, 3), and the number (t,) of their solid.
+
+    The normals of the triangles point out of their solid. Where two solids touch, there is a triangle for each.
+    """
+    edge = float(np.ptp(step_bounds(path), axis=0).max()) / FACETS_ALONG
+    heading = f"step {path}"
+    raw = run_mesher("facets", {"path": str(Path(path).resolve()), "size": edge}, heading)
+    if "triangles" not in raw:
+        raise MeshError(heading, ["there is no solid in it; remedy: export the body as a solid, not as surfaces"])
+    return raw["vertices"], raw["triangles"], raw["solid"]
+
+
+def step_walls(path: str | Path, *, spacing: float) -> Walls:
+    """Return the thickness of the walls of each solid of a STEP file, at places with a distance of ``spacing`` [m]."""
+    vertices, triangles, solid = step_surface(path)
+    return Walls.joined(
+        [find_walls(vertices, triangles[solid == k], spacing=spacing) for k in range(int(solid.max()) + 1)]
+    )

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Findings on the surface of a body that is to be filled: its winding, its self-intersections, its thin walls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
+from gdfe_ros.mesh.self_cuts import SelfCuts, find_self_cuts
+from gdfe_ros.mesh.shells import shell_numbers
+from gdfe_ros.mesh.wall_cells import FLATTEST, LEAST_FRACTION, measured
+from gdfe_ros.mesh.walls import Walls, find_walls
+from gdfe_ros.mesh.winding import disagreeing_edges, open_edges_of, winding_defects
+
+FACETED = 1e-4
+"""Length up to which facets of a STEP file touch, divided by the diagonal of the surface; facets are not exact."""
+OUTWARD, INWARD = "out of the material", "into the material"
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFindings:
+    """The findings on a surface.
+
+    Attributes:
+        vertices: (n, 3) [m].
+        triangles: (t, 3) vertex ids.
+        size: size of the cells [m] with which walls are compared.
+        cuts: self-intersections.
+        walls: thickness of the walls; None if the material is not known, because the surface is open, cuts itself, or
+            has neighbours that are wound in opposite directions.
+        normals: direction of the normals in words.
+    """
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    size: float
+    cuts: SelfCuts
+    walls: Walls | None
+    normals: str = "unknown"
+
+    @property
+    def wrong_edges(self) -> NDArray[np.float64]:
+        """Ends (k, 2, 3) [m] of the edges that are open, or whose triangles are wound in opposite directions."""
+        wrong = np.concatenate([open_edges_of(self.triangles), disagreeing_edges(self.triangles)])
+        return self.vertices[wrong]
+
+    @property
+    def facts(self) -> list[tuple[str, str]]:
+        """Pairs (name, value) of texts, for a table."""
+        found = [("pairs of triangles that cut each other", str(self.cuts.pairs)), ("normals", self.normals)]
+        if self.walls is None:
+            return [*found, ("walls", "unknown, because the surface is not closed, not wound alike, or cuts itself")]
+        thickness = self.walls.thickness
+        worst = self.walls.thinnest
+        if np.isfinite(thickness[worst]):
+            x, y, z = self.walls.places[worst]
+            found.append(("thinnest wall", f"{thickness[worst]:.3g} m near ({x:.4g}, {y:.4g}, {z:.4g}) m"))
+        name = f"surface at walls thinner than {self.size:.3g} m"
+        return [*found, (name, f"{self.walls.fraction(thickness < self.size):.1%}")]
+
+    @property
+    def defects(self) -> list[str]:
+        """Texts of the defects: self-intersections, and neighbours that are wound in opposite directions."""
+        return winding_defects(self.vertices, self.triangles) + self.cuts.defects
+
+    @property
+    def remarks(self) -> list[str]:
+        """Advice on normals that point into the material, and on walls that are too thin for the size of the cells."""
+        found = []
+        if self.normals == INWARD:
+            found.append(
+                "the normals point into the material. A body is filled all the same, but `obstacles` and `bodies` "
+                "refuse this surface; remedy: turn it (MeshLab: Invert Faces Orientation, Blender: Recalculate Outside)"
+            )
+        if self.walls is not None:
+            ratio = self.size / self.walls.thickness
+            fraction = self.walls.fraction(ratio > FLATTEST)
+            if fraction >= LEAST_FRACTION:
+                thinnest = float(self.walls.thickness.min())
+                found.append(
+                    f"{fraction:.0%} of the surface is at walls that are thin for cells of {self.size:.3g} m. "
+                    f"{measured(float(ratio.max()))}; remedy: for tetrahedra `least_size: {thinnest:.2g}` beside "
+                    "`size`, which makes small cells only at thin walls; for voxels a `cell` of at most "
+                    f"{0.5 * thinnest:.2g} m"
+                )
+        return found
+
+
+def surface_findings(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, size: float) -> SurfaceFindings:
+    """Examine a surface (n, 3) [m], (t, 3), and compare its walls with cells of a size [m]."""
+    cuts = find_self_cuts(vertices, triangles)
+    if cuts.pairs or not is_closed(triangles):
+        return SurfaceFindings(vertices, triangles, size, cuts, None)
+    outward = out_of_material(vertices, triangles)
+    walls = find_walls(vertices, outward, spacing=size)
+    return SurfaceFindings(vertices, triangles, size, cuts, walls, _normals(vertices, triangles, outward))
+
+
+def solid_findings(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], solid: NDArray[np.int64], *, size: float
+) -> SurfaceFindings:
+    """Examine the facets of a STEP file's solids, as `tetrahedralise.step_surface` returns them."""
+    _, once = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
+    walls = [find_walls(vertices, triangles[solid == k], spacing=size) for k in range(int(solid.max()) + 1)]
+    cuts = find_self_cuts(vertices, triangles[once], touch=FACETED)
+    return SurfaceFindings(vertices, triangles[once], size, cuts, Walls.joined(walls), OUTWARD)
+
+
+def _normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64], outward: NDArray[np.int64]) -> str:
+    """Return the direction of a closed surface's normals; ``outward`` are the triangles with outward normals."""
+    shell = shell_numbers(len(vertices), triangles)
+    turned, count = len(np.unique(shell[(outward != triangles).any(axis=1)])), int(shell.max()) + 1
+    if turned in (0, count):
+        return INWARD if turned else OUTWARD
+    return f"{OUTWARD}, except in {turned} of {count} shells"

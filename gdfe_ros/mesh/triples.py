@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled vector algebra of triples, for searches among triangles."""
+
+from __future__ import annotations
+
+from gdfe_ros.compiled import inlined
+
+
+@inlined
+def dot(a, b):
+    """Return the inner product of two triples."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inlined
+def minus(a, b):
+    """Return the difference of two triples."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@inlined
+def cross(a, b):
+    """Return the vector product of two triples."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inlined
+def corner(points, k):
+    """Return point ``k`` of an array (n, 3) as a triple."""
+    return points[k, 0], points[k, 1], points[k, 2]
+
+
+@inlined
+def along(a, d, b, e):
+    """Return a d + b e for the triples d, e and the factors a, b."""
+    return a * d[0] + b * e[0], a * d[1] + b * e[1], a * d[2] + b * e[2]

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pairs of self-contact: each surface vertex with its nearest face, each sharp edge with the edge it crosses."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.own_edges import OwnEdges
+from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
+
+
+class OwnPairs:
+    """All pairs of a body that may touch; those of vertices come first, those of edges follow.
+
+    The vector from the second member of a pair to the first is x_v - sum w_a x_a, with a vertex v, four vertices a and
+    weights w_a of sum 1. For a vertex and a face, these are the vertex and the corners of the face. For the edges ab
+    and cd, v is a, and the four vertices are a, c, b, d with the weights s, 1 - t, -s, t.
+
+    Args:
+        body: the discretised body.
+        quads: (q, 4) int32 faces that may touch.
+
+    Attributes:
+        surface: the vertices and faces.
+        edges: the edges.
+        count: number of pairs k.
+        first: (k,) int32 vertex v of each pair.
+    """
+
+    def __init__(self, body: Body, quads: NDArray[np.int32]) -> None:
+        self.surface = OwnSurface(body, quads)
+        self.edges = OwnEdges(body.rest, self.surface.topology)
+        self._vertices = len(self.surface.topology.vertices)
+        self.first = np.concatenate([self.surface.topology.vertices, self.edges.topology.ends[:, 0]])
+        self.count = len(self.first)
+
+    def look(
+        self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, sunk: NDArray[np.bool_] | None = None
+    ) -> Nearest:
+        """Return the nearest face or edge of each pair; the arguments are those of `OwnSurface.look`."""
+        return _joined(self.surface.look(x, last, reach, sunk), self.edges.look(x, last, reach))
+
+    def nearest_to(self, x: NDArray[np.float64], pairs: NDArray[np.int64], others: NDArray[np.int64]) -> Nearest:
+        """Return the closest points of some ``pairs`` (p,) and their given faces or edges ``others`` (p,)."""
+        own = pairs < self._vertices
+        inside = np.ones(self._vertices, dtype=np.bool_)
+        faces = self.surface.nearest(x, x, pairs[own], others[own], np.inf, inside)
+        edges = self.edges.nearest(x, x, pairs[~own] - self._vertices, others[~own], np.inf)
+        return _joined(faces, edges)
+
+    def carriers(self, pairs: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Return the four vertices (p, 4) of some ``pairs`` (p,) with the faces or edges ``others`` (p,)."""
+        own = pairs < self._vertices
+        found = np.empty((len(pairs), 4), dtype=np.int32)
+        found[own] = self.surface.topology.quads[others[own]]
+        found[~own] = self.edges.carriers(pairs[~own] - self._vertices, others[~own])
+        return found
+
+    def give(
+        self, yielding: NDArray[np.float64], carriers: NDArray[np.int32], weights: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the compliance (k,) [m/N] of all pairs with four vertices and weights (k, 4) each.
+
+        ``yielding`` (n,) [m/N] are the compliances of the vertices.
+        """
+        own = carriers == self.first[:, None]
+        whole = 1.0 - np.where(own, weights, 0.0).sum(axis=1)
+        others = np.where(own, 0.0, weights)
+        return whole**2 * yielding[self.first] + np.einsum("ka,ka->k", others**2, yielding[carriers])
+
+
+def _joined(one: Nearest, other: Nearest) -> Nearest:
+    """Return the entries of both."""
+    return Nearest(*(np.concatenate([getattr(one, each.name), getattr(other, each.name)]) for each in fields(Nearest)))

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe inspect`` prints findings on surfaces and draws them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from gdfe_ros.cli import BAD_INPUT, main
+from gdfe_ros.commands.inspect import DEFECTIVE
+
+
+def test_thin_walls_are_noted_and_do_not_fail(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A plate that is thin for the size has a note and a picture, and can be used as it is."""
+    path, picture = tmp_path / "plate.stl", tmp_path / "plate.png"
+    trimesh.creation.box((0.1, 0.06, 0.001)).export(path)
+    assert main(["inspect", str(path), "--size", "0.005", "--picture", str(picture)]) == 0
+    said = capsys.readouterr()
+    assert "can be used as it is" in said.out
+    assert "thinnest wall" in said.out
+    assert "5 times as long as the wall is thick" in " ".join(said.err.split())
+    assert picture.stat().st_size > 5000
+
+
+def test_self_intersections_are_a_defect_that_is_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two boxes that overlap are a defect with its places and its remedy, and are drawn."""
+    box = trimesh.creation.box((0.1, 0.06, 0.04))
+    path, picture = tmp_path / "two.stl", tmp_path / "two.png"
+    trimesh.util.concatenate([box, box.copy().apply_translation((0.05, 0.01, 0.01))]).export(path)
+    assert main(["inspect", str(path), "--picture", str(picture)]) == DEFECTIVE
+    said = " ".join(capsys.readouterr().err.split())
+    assert "fix: the surface cuts itself:" in said
+    assert "remedy: unite overlapping parts" in said
+    assert picture.stat().st_size > 5000
+
+
+@pytest.mark.parametrize("size", ["0", "-0.1", "nan"])
+def test_a_size_that_is_not_positive_is_refused(size: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A size that is not positive is refused with the allowed range."""
+    trimesh.creation.box((0.1, 0.06, 0.04)).export(tmp_path / "box.stl")
+    assert main(["inspect", str(tmp_path / "box.stl"), "--size", size]) == BAD_INPUT
+    assert "allowed: > 0" in capsys.readouterr().err
