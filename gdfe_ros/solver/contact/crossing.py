@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled search for the edge that an edge of the surface can cross, with the closest points of both."""
+"""Compiled search for the edges that an edge of the surface can cross, with the closest points of both."""
 
 from __future__ import annotations
 
@@ -10,55 +10,81 @@ from gdfe_ros.solver.contact.closest import among
 
 PARALLEL = 0.1
 """Least sine of the angle between two edges that touch. Vertices and faces carry the contact of parallel edges."""
-BESIDE = -0.1
-"""Least share of the normal of either face of an edge in the direction of contact. Both shares are positive if the
-direction is between the two normals, where only the edge can touch.
+BESIDE = 0.1
+"""Least share of the normal of either face of an edge in the direction of contact, where only edges can touch. A
+direction with shares between this number and its negative may be that of flat faces whose rims cross.
 """
+ENDS = 1e-3
+"""Fraction of an edge' length. Edges touch up to this far beyond their ends: nothing passes between edges in a row."""
+LEAST = 0.01
+"""Least fraction of a contact force that edges carry."""
+SEATS = 4
+"""Largest number of edges that may cross an edge at the same time. Of two edges, only the first counts the other."""
 
 
 @kernel
-def nearest_edges(x, last, pairs, edges, surface, areas, reach, distance, edge, weights, normal, gap):
-    """Find, for each sharp edge, the nearest edge that it can cross.
+def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge, weights, normal, gap, support):
+    """Find, for each seat of a sharp edge, an edge that crosses it; an edge has `SEATS` seats.
+
+    An edge that had a seat keeps it. Others get free seats, and if there are none, that of the farthest edge.
 
     Args:
         x: (n, 3) [m] positions.
         last: (n, 3) [m] positions of the last accepted state.
-        pairs: (p,) first edge of each candidate pair.
-        edges: (p,) second edge of each candidate pair.
+        pairs: (p, 2) both edges of each candidate pair.
         surface: the topology of the edges (`own_edges.EdgeTopology`).
         areas: (q, 3) [m^2] area vectors of the surface's faces at ``x``.
         reach: [m] search distance.
-        distance: (e,) [m], is written: distance to the nearest edge; infinite if no edge is within reach.
-        edge: (e,) int64, is written: the nearest edge; -1 if there is none.
-        weights: (e, 4), is written: s, 1 - t, -s, t for the closest points s and t between the ends of both edges.
-        normal: (e, 3), is written: unit normal of both edges, out of the nearest edge.
-        gap: (e,) [m], is written: distance between the closest points along the normal.
+        before: (k,) int64 edge that was in each seat; -1 for none.
+        distance: (k,) [m], is written: distance to the edge in each seat; infinite for a free seat.
+        edge: (k,) int64, is written: the edge in each seat; -1 for a free seat.
+        weights: (k, 4), is written: s, 1 - t, -s, t for the closest points s and t between the ends of both edges.
+        normal: (k, 3), is written: unit normal of both edges, out of the edge in the seat.
+        gap: (k,) [m], is written: distance between the closest points along the normal.
+        support: (k,), is written: fraction of the contact force that the edges carry. It is 1 where only edges can
+            touch. Where rims of flat faces cross, it falls to 0 at the ends: vertices carry the force there.
     """
-    for pair in range(len(pairs)):
-        i, j = pairs[pair], edges[pair]
-        if neighbours(surface, i, j):
-            continue
-        a, b, c, d = surface.ends[i, 0], surface.ends[i, 1], surface.ends[j, 0], surface.ends[j, 1]
-        n, length = across(x, a, b, c, d)
-        if not length > 0.0:
-            continue
-        s, t = closest_between(x, a, b, c, d)
-        if not (0.0 < s < 1.0 and 0.0 < t < 1.0):
-            continue
-        if dot(n, areas, surface.sides[j, 0]) + dot(n, areas, surface.sides[j, 1]) < 0.0:
-            n = -n[0], -n[1], -n[2]
-        back = -n[0], -n[1], -n[2]
-        if not (between(n, areas, surface.sides[j]) and between(back, areas, surface.sides[i])):
-            continue
-        height = apart(x, a, b, c, d, s, t, n)
-        away = abs(height)
-        if away > reach or away > distance[i] or (away == distance[i] and j > edge[i]):
-            continue
-        if height < -surface.depth and not apart(last, a, b, c, d, s, t, n) > 0.0:
-            continue
-        distance[i], edge[i], gap[i] = away, j, height
-        weights[i, 0], weights[i, 1], weights[i, 2], weights[i, 3] = s, 1.0 - t, -s, t
-        normal[i, 0], normal[i, 1], normal[i, 2] = n
+    for known in (True, False):
+        for pair in range(len(pairs)):
+            i, j = pairs[pair, 0], pairs[pair, 1]
+            if neighbours(surface, i, j):
+                continue
+            a, b, c, d = surface.ends[i, 0], surface.ends[i, 1], surface.ends[j, 0], surface.ends[j, 1]
+            n, length = across(x, a, b, c, d)
+            if not length > 0.0:
+                continue
+            s, t = closest_between(x, a, b, c, d)
+            if not (-ENDS < s < 1.0 + ENDS and -ENDS < t < 1.0 + ENDS):
+                continue
+            if dot(n, areas, surface.sides[j, 0]) + dot(n, areas, surface.sides[j, 1]) < 0.0:
+                n = -n[0], -n[1], -n[2]
+            back = -n[0], -n[1], -n[2]
+            share = min(between(n, areas, surface.sides[j]), between(back, areas, surface.sides[i]))
+            inside = clear(x, a, b, s, surface.rim) * clear(x, c, d, t, surface.rim)
+            carried = inside + (1.0 - inside) * min(1.0, max(0.0, share / BESIDE))
+            height = apart(x, a, b, c, d, s, t, n)
+            if share < -BESIDE or carried < LEAST or abs(height) > reach:
+                continue
+            if height < -surface.depth and not apart(last, a, b, c, d, s, t, n) > 0.0:
+                continue
+            k = seat(before, edge, distance, i, j, known)
+            if k < 0 or not abs(height) < distance[k]:
+                continue
+            distance[k], edge[k], gap[k], support[k] = abs(height), j, height, carried
+            weights[k, 0], weights[k, 1], weights[k, 2], weights[k, 3] = s, 1.0 - t, -s, t
+            normal[k, 0], normal[k, 1], normal[k, 2] = n
+
+
+@inlined
+def seat(before, edge, distance, i, j, known):
+    """Return the seat of edge ``i`` for edge ``j``: its own seat if ``known``, else the best other one; or -1."""
+    first, found = SEATS * i, -1
+    for k in range(first, first + SEATS):
+        if before[k] == j:
+            return k if known else -1
+        if found < 0 or distance[k] > distance[found]:
+            found = k
+    return -1 if known else found
 
 
 @inlined
@@ -96,6 +122,17 @@ def closest_between(x, a, b, c, d):
 
 
 @inlined
+def clear(x, a, b, s, rim):
+    """Return a fraction that is 1 farther than the ``rim`` [m] from each end of an edge ab, and 0 at its ends.
+
+    ``s`` is the position between the ends.
+    """
+    u0, u1, u2 = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
+    inside = min(s, 1.0 - s) * math.sqrt(u0 * u0 + u1 * u1 + u2 * u2) / rim
+    return min(1.0, max(0.0, inside)) ** 2
+
+
+@inlined
 def apart(x, a, b, c, d, s, t, n):
     """Return the distance [m] along ``n`` (3,) from the point t of the edge cd to the point s of the edge ab."""
     height = 0.0
@@ -114,12 +151,15 @@ def dot(n, areas, face):
 
 @inlined
 def between(n, areas, sides):
-    """Return whether a direction normal to an edge is between the normals of the edge's faces, up to `BESIDE`."""
+    """Return the smaller share of the unit normals of an edge's two faces in a direction ``n`` normal to the edge.
+
+    It is positive between both normals, and -1 for a face without area.
+    """
     m0, m1, m2 = areas[sides[0], 0], areas[sides[0], 1], areas[sides[0], 2]
     size = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
     if not size > 0.0:
-        return False
+        return -1.0
     own, other = dot(n, areas, sides[0]), dot(n, areas, sides[1])
     both = dot((m0 / size, m1 / size, m2 / size), areas, sides[1])
     rest = 1.0 - both * both
-    return own - both * other >= BESIDE * rest and other - both * own >= BESIDE * rest
+    return min(own - both * other, other - both * own) / rest if rest > 0.0 else -1.0

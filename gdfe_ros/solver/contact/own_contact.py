@@ -119,7 +119,7 @@ class OwnContact(ContactTerm):
         far = float(np.abs(moved - moved[self.surface.topology.vertices].mean(axis=0)).max(initial=0.0))
         self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
         self.missed, entered = 0.0, self._entered(positions)
-        found = self.pairs.look(last, last, self._reach, self._sunk)
+        found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), self._sunk)
         self.hopeless = self.gives_up and bool(((entered > 0.0) & (found.face[: len(entered)] < 0)).any())
         kept = saved["slips"] == 0.0
         face = np.where(kept, saved["face"], found.face).astype(np.int64)
@@ -153,7 +153,7 @@ class OwnContact(ContactTerm):
         press = rows[:, law.PRESS].copy()
         pushed, given_up = press > 0.0, press / rows[:, law.PENALTY]
         self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
-        found = self.pairs.look(positions, self._from, self._reach, self._sunk)
+        found = self.pairs.look(positions, self._from, self._reach, self._partners, self._sunk)
         self._follow(found, positions)
         self._pack(found, positions)
         kept = pushed & (self._press[chosen] > 0.0)
@@ -184,7 +184,7 @@ class OwnContact(ContactTerm):
         """Search the pairs again if no pair touched so far; return whether one touches at ``positions`` (n, 3) [m]."""
         if self._on:
             return False
-        found = self.pairs.look(positions, self._from, self._reach, self._sunk)
+        found = self.pairs.look(positions, self._from, self._reach, self._partners, self._sunk)
         self._pack(found, positions)
         self._on = bool((found.gap[self._chosen] < 0.0).any())
         if self._on and self.gives_up:
@@ -310,7 +310,7 @@ class OwnContact(ContactTerm):
         self._hold[fresh], self._hold_weights[fresh] = found.face[fresh], found.weights[fresh]
         away = self._away(x, fresh, found.face[fresh], found.weights[fresh])
         self._offset[fresh] = tangential(away, found.normal[fresh])
-        self._normal = found.normal
+        self._normal, self._partners = found.normal, found.face
         chosen = np.flatnonzero(on)
         normal = found.normal[chosen]
         shear = tangential(self._shear[chosen], normal)

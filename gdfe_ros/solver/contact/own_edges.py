@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sharp convex edges of the surface for self-contact, and the search for each edge' nearest crossing edge."""
+"""The sharp convex edges of the surface for self-contact, and the search for edges that cross each other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gdfe_ros.solver.contact.closest import face_areas
-from gdfe_ros.solver.contact.crossing import nearest_edges
+from gdfe_ros.solver.contact.crossing import crossing_edges
 from gdfe_ros.solver.contact.own_surface import CREASE, Nearest, Topology
 
 
@@ -20,7 +20,7 @@ class EdgeTopology(NamedTuple):
     Attributes:
         ends: (e, 2) int32 vertices at the ends of each edge.
         sides: (e, 2) int64 the two faces of each edge.
-        near_starts, near, depth: as in `Topology`.
+        near_starts, near, depth, rim: as in `Topology`.
     """
 
     ends: NDArray[np.int32]
@@ -28,6 +28,7 @@ class EdgeTopology(NamedTuple):
     near_starts: NDArray[np.int64]
     near: NDArray[np.int64]
     depth: float
+    rim: float
 
 
 class OwnEdges:
@@ -53,64 +54,47 @@ class OwnEdges:
         sharp = (np.einsum("ij,ij->i", one, other) <= CREASE) & (np.einsum("ij,ij->i", one, beyond) < 0.0)
         self._quads = surface.quads
         given = np.ascontiguousarray(ends[sharp]), np.ascontiguousarray(sides[sharp])
-        self.topology = EdgeTopology(*given, surface.near_starts, surface.near, surface.depth)
+        self.topology = EdgeTopology(*given, surface.near_starts, surface.near, surface.depth, surface.rim)
 
-    @property
-    def count(self) -> int:
-        """Number of edges."""
-        return len(self.topology.ends)
-
-    def look(self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float) -> Nearest:
-        """Return the nearest edge that each edge can cross within a distance.
-
-        If two edges are nearest to each other, only the first one has a partner.
+    def look(
+        self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, before: NDArray[np.int64]
+    ) -> Nearest:
+        """Return the edges within a distance that can cross each edge, in the edge's seats.
 
         Args:
             x: (n, 3) [m] positions.
             last: (n, 3) [m] positions of the last accepted state.
             reach: [m] search distance.
+            before: (`SEATS` e,) edge that was in each seat; -1 for none.
         """
-        middles = x[self.topology.ends].mean(axis=1)
-        if not self.count or not np.isfinite(middles).all():
-            return self.nearest(x, last, np.zeros(0, np.int64), np.zeros(0, np.int64), reach)
-        length = float(np.linalg.norm(np.subtract(*np.moveaxis(x[self.topology.ends], 1, 0)), axis=1).max())
-        near = cKDTree(middles).query_pairs(reach + length, output_type="ndarray")
-        both = np.concatenate([near, near[:, ::-1]])
-        found = self.nearest(x, last, *np.ascontiguousarray(both.T), reach)
-        own = np.arange(self.count)
-        twice = (found.face >= 0) & (found.face[found.face] == own) & (found.face < own)
-        found.face[twice], found.gap[twice] = -1, np.inf
-        return found
+        ends = x[self.topology.ends]
+        if not len(ends) or not np.isfinite(ends).all():
+            return self.cross(x, last, np.zeros((0, 2), np.int64), reach, before)
+        length = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max())
+        near = cKDTree(ends.mean(axis=1)).query_pairs(reach + length, output_type="ndarray")
+        return self.cross(x, last, near[np.lexsort(near.T[::-1])], reach, before)
 
-    def nearest(
+    def cross(
         self,
         x: NDArray[np.float64],
         last: NDArray[np.float64],
         pairs: NDArray[np.int64],
-        edges: NDArray[np.int64],
         reach: float,
+        before: NDArray[np.int64],
     ) -> Nearest:
-        """Return the nearest of the candidates ``edges`` (p,) that each of the edges ``pairs`` (p,) can cross.
+        """Do `look` for the candidates ``pairs`` (p, 2).
 
-        In the result, ``face`` is an edge, and ``weights`` belong to the vertices that `carriers` returns.
+        In the result, ``face`` is an edge, and ``weights`` are those of `OwnPairs`.
         """
-        count = self.count
+        count = len(before)
         distance, edge, gap = np.full(count, np.inf), np.full(count, -1, dtype=np.int64), np.full(count, np.inf)
-        weights, normal = np.zeros((count, 4)), np.zeros((count, 3))
+        weights, normal, support = np.zeros((count, 4)), np.zeros((count, 3)), np.zeros(count)
         if len(pairs):
             areas = np.empty((len(self._quads), 3))
             face_areas(x, self._quads, areas)
-            found = distance, edge, weights, normal, gap
-            nearest_edges(x, last, pairs, edges, self.topology, areas, reach, *found)
-        return Nearest(edge, weights, normal, gap, np.ones(count))
-
-    def carriers(self, pairs: NDArray[np.int64], edges: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Return the vertices (k, 4) a, c, b, d of the edges ab ``pairs`` (k,) and cd ``edges`` (k,).
-
-        The vector from cd to ab is x_a minus the sum of the vertices times the weights s, 1 - t, -s, t.
-        """
-        ends = self.topology.ends
-        return np.stack([ends[pairs], ends[edges]], axis=2).reshape(-1, 4)
+            found = distance, edge, weights, normal, gap, support
+            crossing_edges(x, last, pairs, self.topology, areas, reach, before, *found)
+        return Nearest(edge, weights, normal, gap, support)
 
 
 def _inner_sides(quads: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:

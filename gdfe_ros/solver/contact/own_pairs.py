@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.crossing import SEATS
 from gdfe_ros.solver.contact.own_edges import OwnEdges
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
 
 
 class OwnPairs:
-    """All pairs of a body that may touch; those of vertices come first, those of edges follow.
+    """All pairs of a body that may touch: each vertex with a face, then each seat of an edge with another edge.
 
     The vector from the second member of a pair to the first is x_v - sum w_a x_a, with a vertex v, four vertices a and
     weights w_a of sum 1. For a vertex and a face, these are the vertex and the corners of the face. For the edges ab
@@ -34,31 +35,45 @@ class OwnPairs:
     def __init__(self, body: Body, quads: NDArray[np.int32]) -> None:
         self.surface = OwnSurface(body, quads)
         self.edges = OwnEdges(body.rest, self.surface.topology)
-        self._vertices = len(self.surface.topology.vertices)
-        self.first = np.concatenate([self.surface.topology.vertices, self.edges.topology.ends[:, 0]])
+        vertices, faces, ends = self.surface.topology.vertices, self.surface.topology.quads, self.edges.topology.ends
+        self._vertices, seats = len(vertices), np.repeat(ends, SEATS, axis=0)
+        self.first = np.concatenate([vertices, seats[:, 0]])
         self.count = len(self.first)
+        # The four vertices of a pair are a row for its own part plus a row for the face or edge; an edge -1 has zeros.
+        own, others = np.zeros((self.count, 4), np.int32), np.zeros((1 + len(ends), 4), np.int32)
+        own[len(vertices) :, ::2], others[1:, 1::2] = seats, ends
+        self._own, self._others = own, np.concatenate([faces, others])
+        self._start = np.repeat([0, len(faces) + 1], [len(vertices), len(seats)])
 
     def look(
-        self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, sunk: NDArray[np.bool_] | None = None
+        self,
+        x: NDArray[np.float64],
+        last: NDArray[np.float64],
+        reach: float,
+        before: NDArray[np.int64],
+        sunk: NDArray[np.bool_] | None = None,
     ) -> Nearest:
-        """Return the nearest face or edge of each pair; the arguments are those of `OwnSurface.look`."""
-        return _joined(self.surface.look(x, last, reach, sunk), self.edges.look(x, last, reach))
+        """Return the nearest face of each vertex, and the edges in the seats of each edge.
+
+        ``before`` (k,) are the faces and edges of all pairs until now. The other arguments are those of
+        `OwnSurface.look`.
+        """
+        seats = before[self._vertices :]
+        return _joined(self.surface.look(x, last, reach, sunk), self.edges.look(x, last, reach, seats))
 
     def nearest_to(self, x: NDArray[np.float64], pairs: NDArray[np.int64], others: NDArray[np.int64]) -> Nearest:
         """Return the closest points of some ``pairs`` (p,) and their given faces or edges ``others`` (p,)."""
         own = pairs < self._vertices
         inside = np.ones(self._vertices, dtype=np.bool_)
         faces = self.surface.nearest(x, x, pairs[own], others[own], np.inf, inside)
-        edges = self.edges.nearest(x, x, pairs[~own] - self._vertices, others[~own], np.inf)
-        return _joined(faces, edges)
+        seats = np.full(self.count - self._vertices, -1)
+        place, edges = pairs[~own] - self._vertices, others[~own]
+        seats[place] = edges
+        return _joined(faces, self.edges.cross(x, x, np.column_stack([place // SEATS, edges]), np.inf, seats))
 
     def carriers(self, pairs: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int32]:
         """Return the four vertices (p, 4) of some ``pairs`` (p,) with the faces or edges ``others`` (p,)."""
-        own = pairs < self._vertices
-        found = np.empty((len(pairs), 4), dtype=np.int32)
-        found[own] = self.surface.topology.quads[others[own]]
-        found[~own] = self.edges.carriers(pairs[~own] - self._vertices, others[~own])
-        return found
+        return self._own[pairs] + self._others[others + self._start[pairs]]
 
     def give(
         self, yielding: NDArray[np.float64], carriers: NDArray[np.int32], weights: NDArray[np.float64]

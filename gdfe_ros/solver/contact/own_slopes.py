@@ -50,7 +50,7 @@ class DifferentiableOwnContact(OwnContact):
             self._chosen = self._face = np.zeros(0, dtype=np.int64)
             self._weights, self.integers[law.COUNT] = np.zeros((0, 4)), 0
             return
-        near = self.pairs.look(positions, positions, REACH * self._body.size)
+        near = self.pairs.look(positions, positions, REACH * self._body.size, found["face"].astype(np.int64))
         near.face[~(found["press"] > 0.0)] = -1
         on = near.face >= 0
         self._hold, self._hold_weights = found["face"].astype(np.int64), found["weights"].copy()

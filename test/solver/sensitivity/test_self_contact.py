@@ -52,10 +52,10 @@ def seen(simulation: Simulation) -> np.ndarray:
     return np.concatenate([*simulation.probe_positions().values(), simulation.result.reactions["lid"]])
 
 
-def agree(exact: np.ndarray, difference: np.ndarray, near: float = NEAR) -> None:
+def agree(exact: np.ndarray, difference: np.ndarray, near: float = NEAR, arm: float = ARM) -> None:
     """Compare positions, forces and moments, each relative to its largest component."""
     places, forces = (np.abs(difference[part]).max() for part in (slice(0, 6), slice(6, 9)))
-    for part, size in ((slice(0, 6), places), (slice(6, 9), forces), (slice(9, 12), ARM * forces)):
+    for part, size in ((slice(0, 6), places), (slice(6, 9), forces), (slice(9, 12), arm * forces)):
         np.testing.assert_allclose(exact[part], difference[part], rtol=0, atol=near * size)
 
 
@@ -116,3 +116,36 @@ def test_asking_leaves_the_state(friction: float) -> None:
     for simulation in (asked, plain):
         assert simulation.step(lid(8e-4)).converged
     np.testing.assert_array_equal(asked.positions, plain.positions)
+
+
+CROSS = """
+name: cross
+meshes:
+  low: {bar: {size: [0.1, 0.01, 0.01], cells: [6, 1, 1]}, rotation_deg: [45, 0, 0]}
+  high: {bar: {size: [0.1, 0.01, 0.01], cells: [6, 1, 1]}, at: [0.043, -0.056, 0.0145],
+    rotation_deg: [[45, 0, 0], [0, 0, 90]]}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.3, density: 1000}}
+regions: [{material: soft}]
+handles:
+  floor: {where: {any: [{mesh: low, face: x-}, {mesh: low, face: x+}]}, fixed: true}
+  lid: {where: {any: [{mesh: high, face: x-}, {mesh: high, face: x+}]}}
+self_contact: {friction: 0.0}
+probes: {top: {mesh: low, at: [0.043, 0.004, 0.004]}, under: {mesh: high, at: [0.05, 0.0, 0.0]}}
+solver: {tolerance: 1.0e-10, max_iterations: 100000}
+"""
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2, 2.0])
+def test_of_edges_that_cross(friction: float) -> None:
+    """Derivatives of two bars whose edges cross equal differences: free to slip, slipping and sticking."""
+    simulation = Simulation(scene_from_text(CROSS, overrides={"self_contact.friction": friction}))
+    for x, z in ((0.0, -1e-3), (0.0, -2e-3), *([(1e-3, -2e-3), (1.5e-3, -2e-3)] if friction < 1.0 else [])):
+        assert simulation.step(lid(x, z)).converged, simulation.result.message
+    exact = simulation.sensitivities(["probes.top", "probes.under", "reactions.lid"], ["handles.lid.x"]).matrix[:, 0]
+    here, began, slopes = simulation.snapshot(), seen(simulation), []
+    size, near = (1e-6, SLIPPING) if 0.0 < friction < 1.0 else (1e-5, NEAR)
+    for step in (size, 2.0 * size):
+        simulation.restore(here)
+        assert simulation.step(lid(x + step, z)).converged
+        slopes.append((seen(simulation) - began) / step)
+    agree(exact, 2.0 * slopes[0] - slopes[1], near, arm=0.05)

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Edges of soft bodies that cross: two bars, each with an edge towards the other, and no vertex where they meet."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene.document import write_document
+from gdfe_ros.solver.contact import pair_law
+from gdfe_ros.solver.contact.crossing import PARALLEL, SEATS
+
+HALF = math.sqrt(0.5) * 0.01
+"""Half of the diagonal of the bars' cross-section [m]."""
+GAP = 1e-3
+GRID = bar([0.1, 0.01, 0.01], [10, 1, 1])
+RISEN = [45, 0, 0]
+
+
+def crossing(
+    mesh: Any = GRID, *, turn: list[int] = RISEN, height: float = 2 * HALF + GAP, **entries: Any
+) -> Simulation:
+    """Return two bars that cross in the middle of cells, turned about their axes, the upper one at a height [m]."""
+    packed = {"embedded": pack_mesh(mesh)}
+    text = {
+        "name": "crossing",
+        "meshes": {
+            "low": {**packed, "rotation_deg": turn},
+            "high": {**packed, "at": [0.045, -0.055, height], "rotation_deg": [turn, [0, 0, 90]]},
+        },
+        "materials": {"rubber": {"law": "neo_hookean", "young": 1e5, "poisson": 0.4, "density": 1000}},
+        "regions": [{"material": "rubber"}],
+        "handles": {
+            "base": {"where": {"any": [{"mesh": "low", "face": face} for face in ("x-", "x+")]}, "fixed": True},
+            "ends": {"where": {"any": [{"mesh": "high", "face": face} for face in ("x-", "x+")]}},
+        },
+        "self_contact": {},
+        "solver": {"tolerance": 1e-5},
+        **entries,
+    }
+    return Simulation(scene_from_text(write_document(text)))
+
+
+def down(z: float, x: float = 0.0) -> Command:
+    """Return the command that moves the ends of the upper bar down and along the lower bar [m]."""
+    return Command(handles={"ends": Pose((x, 0.0, -z))})
+
+
+def upper(simulation: Simulation) -> np.ndarray:
+    """Return which vertices (n,) belong to the upper bar."""
+    first = simulation.mesh.parts["high"].first_vertex
+    place = np.arange(len(simulation.mesh.vertices))
+    return (place >= first) & (place < first + len(GRID.vertices))
+
+
+def clearance(simulation: Simulation) -> float:
+    """Return the height [m] of the upper bar's lowest edge above the lower bar's highest edge, where they cross."""
+    x, rest, high = simulation.state.positions, simulation.mesh.vertices, upper(simulation)
+    top, bottom = ~high & (rest[:, 2] > HALF - 1e-9), high & (rest[:, 2] < rest[high, 2].min() + 1e-9)
+    low, above = x[top][np.argsort(x[top, 0])], x[bottom][np.argsort(x[bottom, 1])]
+    place = np.array([0.045, 0.0])
+    for _ in range(20):  # the edges are nearly straight in the plane
+        place[1] = np.interp(place[0], low[:, 0], low[:, 1])
+        place[0] = np.interp(place[1], above[:, 1], above[:, 0])
+    return float(np.interp(place[1], above[:, 1], above[:, 2]) - np.interp(place[0], low[:, 0], low[:, 2]))
+
+
+def press(simulation: Simulation, *depths: float) -> float:
+    """Move the upper bar down to each depth [m]; return the last force on the lower bar [N]."""
+    for depth in depths:
+        result = simulation.step(down(depth))
+        assert result.converged, result.message
+    return float(-result.reactions["ends"][2])
+
+
+@pytest.mark.parametrize("mesh", [GRID, divided(bar([0.1, 0.01, 0.01], [5, 1, 1]))], ids=["hexahedra", "tetrahedra"])
+def test_they_touch_when_their_edges_meet(mesh: Any) -> None:
+    """There is no force up to the gap; beyond it, the force rises with the depth, and the bars' reactions cancel."""
+    simulation = crossing(mesh)
+    assert press(simulation, 0.9 * GAP) == pytest.approx(0.0, abs=1e-12)
+    first, second = press(simulation, 2.0 * GAP), press(simulation, 3.0 * GAP)
+    assert 0.008 < first < 0.011
+    assert second == pytest.approx(2.0 * first, rel=0.03)
+    reactions = simulation.state.summary.reactions
+    assert reactions["base"][:3] == pytest.approx(-reactions["ends"][:3], abs=1e-3 * second)
+
+
+def test_neither_enters_the_other() -> None:
+    """Where the edges cross, the upper one stays above the lower one, within the tolerance."""
+    simulation = crossing()
+    press(simulation, *(0.001 * k for k in range(1, 9)))
+    assert clearance(simulation) > -1e-4 * simulation.mesh.size
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_friction_drags_along_the_edge(friction: float) -> None:
+    """An edge that slides over the nodes of another one drags it by at most the friction, and each step converges."""
+    simulation = crossing(self_contact={"friction": friction})
+    press(simulation, 0.001, 0.002, 0.003, 0.004)
+    for k in range(1, 13):
+        result = simulation.step(down(0.004, 0.001 * k))
+        assert result.converged, result.message
+        touch = result.contacts["(self)"]
+        assert touch.slips.all()
+        assert np.linalg.norm(touch.shears, axis=1) == pytest.approx(friction * touch.presses, rel=1e-3)
+    assert result.reactions["ends"][0] > 0.9 * friction * -result.reactions["ends"][2]
+
+
+def test_rims_of_flat_bars_that_cross_touch() -> None:
+    """Two flat bars of one cell across cross without a vertex between them: the rims of their faces touch."""
+    simulation = crossing(bar([0.1, 0.01, 0.01], [5, 1, 1]), turn=[0, 0, 0], height=0.01 + GAP)
+    assert press(simulation, 0.9 * GAP) == pytest.approx(0.0, abs=1e-12)
+    assert press(simulation, 2.0 * GAP) > 0.01
+
+
+def test_almost_parallel_edges_are_left_to_vertices_and_faces() -> None:
+    """Two edges that make a smaller angle than the limit have no common normal, and find no partner."""
+    simulation = crossing()
+    edges, rest = simulation.stepper.actuation.contacts[-1].pairs.edges, simulation.state.positions
+    none = np.full(SEATS * len(edges.topology.ends), -1)
+    assert (edges.look(rest, rest, 2.0 * GAP, none).face >= 0).sum() == 1
+    beside, high = rest.copy(), upper(simulation)
+    middle, turn = np.array([0.045, 0.0]), np.pi / 2 - 0.5 * np.arcsin(PARALLEL)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    beside[high, :2] = (rest[high, :2] - middle) @ rotation.T + middle
+    assert (edges.look(beside, beside, 2.0 * GAP, none).face < 0).all()
+
+
+def test_the_gradient_is_that_of_the_energy_and_sums_to_nothing() -> None:
+    """Forces of crossing edges equal central differences of the energy, and sum to zero to rounding."""
+    simulation = crossing(self_contact={"friction": 0.3})
+    press(simulation, 0.002, 0.004)
+    simulation.step(down(0.004, 0.001))
+    term, x = simulation.stepper.actuation.contacts[-1], simulation.state.positions
+    force = np.zeros_like(x)
+    pair_law.pair_energy(x, term.reals, term.integers, force, np.zeros(1))
+    touched = np.argwhere(force != 0.0)
+    assert len(np.unique(touched[:, 0])) == 4
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-13 * np.abs(force).sum())
+    for vertex, axis in touched:
+        beside = np.zeros_like(x)
+        beside[vertex, axis] = 1e-7
+        energies = [
+            pair_law.pair_energy(x + sign * beside, term.reals, term.integers, np.zeros_like(x), np.zeros(1))
+            for sign in (1, -1)
+        ]
+        assert (energies[0] - energies[1]) / 2e-7 == pytest.approx(force[vertex, axis], abs=2e-5 * np.abs(force).max())
+
+
+def test_a_bar_falls_on_another_one() -> None:
+    """A bar that falls on the middle of a clamped one bends it and stays above it; every step converges."""
+    handles = {"base": {"where": {"any": [{"mesh": "low", "face": face} for face in ("x-", "x+")]}, "fixed": True}}
+    dynamics = {"scheme": "bdf2", "step": 0.002, "damping": {"viscosity": 5.0}}
+    loads = {"weight": {"gravity": [0, 0, -9.81]}}
+    simulation = crossing(handles=handles, dynamics=dynamics, loads=loads, self_contact={"friction": 0.5})
+    for _ in range(60):
+        result = simulation.step(Command(loads={"weight": 1.0}))
+        assert result.converged, result.message
+        assert clearance(simulation) > -1e-3 * HALF
+    assert result.contacts["(self)"].presses.sum() > 0.0
