@@ -11,8 +11,8 @@ from gdfe_ros.solver.contact.closest import among
 PARALLEL = 0.1
 """Least sine of the angle between two edges that touch. Vertices and faces carry the contact of parallel edges."""
 BESIDE = 0.1
-"""Least share of the normal of either face of an edge in the direction of contact, where only edges can touch. A
-direction with shares between this number and its negative may be that of flat faces whose rims cross.
+"""Least component of the normal of either face of an edge in the direction of contact, where only edges can touch. A
+direction with components between this number and its negative may be that of flat faces whose rims cross.
 """
 ENDS = 1e-3
 """Fraction of an edge' length. Edges touch up to this far beyond their ends: nothing passes between edges in a row."""
@@ -59,11 +59,11 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge
             if dot(n, areas, surface.sides[j, 0]) + dot(n, areas, surface.sides[j, 1]) < 0.0:
                 n = -n[0], -n[1], -n[2]
             back = -n[0], -n[1], -n[2]
-            share = min(between(n, areas, surface.sides[j]), between(back, areas, surface.sides[i]))
+            least = min(between(n, areas, surface.sides[j]), between(back, areas, surface.sides[i]))
             inside = clear(x, a, b, s, surface.rim) * clear(x, c, d, t, surface.rim)
-            carried = inside + (1.0 - inside) * min(1.0, max(0.0, share / BESIDE))
+            carried = inside + (1.0 - inside) * min(1.0, max(0.0, least / BESIDE))
             height = apart(x, a, b, c, d, s, t, n)
-            if share < -BESIDE or carried < LEAST or abs(height) > reach:
+            if least < -BESIDE or carried < LEAST or abs(height) > reach:
                 continue
             if height < -surface.depth and not apart(last, a, b, c, d, s, t, n) > 0.0:
                 continue
@@ -151,7 +151,7 @@ def dot(n, areas, face):
 
 @inlined
 def between(n, areas, sides):
-    """Return the smaller share of the unit normals of an edge's two faces in a direction ``n`` normal to the edge.
+    """Return the smaller component of the unit normals of an edge's two faces in a direction ``n`` normal to the edge.
 
     It is positive between both normals, and -1 for a face without area.
     """
