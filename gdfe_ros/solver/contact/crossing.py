@@ -60,9 +60,10 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge
                 n = -n[0], -n[1], -n[2]
             back = -n[0], -n[1], -n[2]
             least = min(between(n, areas, surface.sides[j]), between(back, areas, surface.sides[i]))
-            inside = clear(x, a, b, s, surface.rim) * clear(x, c, d, t, surface.rim)
-            carried = inside + (1.0 - inside) * min(1.0, max(0.0, least / BESIDE))
             height = apart(x, a, b, c, d, s, t, n)
+            inside = min(to_end(x, a, b, s), to_end(x, c, d, t))
+            rims = 0.0 if height < -inside else min(1.0, max(0.0, inside) / surface.rim) ** 2
+            carried = rims + (1.0 - rims) * min(1.0, max(0.0, least / BESIDE))
             if least < -BESIDE or carried < LEAST or abs(height) > reach:
                 continue
             if height < -surface.depth and not apart(last, a, b, c, d, s, t, n) > 0.0:
@@ -122,14 +123,10 @@ def closest_between(x, a, b, c, d):
 
 
 @inlined
-def clear(x, a, b, s, rim):
-    """Return a fraction that is 1 farther than the ``rim`` [m] from each end of an edge ab, and 0 at its ends.
-
-    ``s`` is the position between the ends.
-    """
+def to_end(x, a, b, s):
+    """Return the distance [m] from the position ``s`` to the nearer end of the edge ab; negative beyond the ends."""
     u0, u1, u2 = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    inside = min(s, 1.0 - s) * math.sqrt(u0 * u0 + u1 * u1 + u2 * u2) / rim
-    return min(1.0, max(0.0, inside)) ** 2
+    return min(s, 1.0 - s) * math.sqrt(u0 * u0 + u1 * u1 + u2 * u2)
 
 
 @inlined

@@ -70,11 +70,19 @@ class Inside:
         deepest = int(depths.argmax())
         if not depths[deepest] > 0.0:
             return 0.0, ""
-        vertex, meant = self._skin[0][deepest], self._meant
-        own, other = meant.owner(vertex), meant.owner(self._cells[0][cells[deepest], 0])
-        place = ", ".join(f"{value:.4g}" for value in x[vertex] + meant.origin)
-        where = f"{depths[deepest]:.3g} m inside of {'itself' if own == other else other}"
-        return float(depths[deepest]), f"{own} lies {where}, deepest at [{place}] m; {SEPARATE}"
+        vertex, depth = self._skin[0][deepest], float(depths[deepest])
+        return depth, self._sentence(vertex, self._cells[0][cells[deepest], 0], x[vertex], depth)
+
+    def told_of(self, x: NDArray[np.float64], ends: NDArray[np.int32], depth: float) -> str:
+        """Return the sentence of `told` for two edges with the vertices ``ends`` (2, 2) that have passed each other."""
+        return self._sentence(ends[0, 0], ends[1, 0], x[ends].mean(axis=(0, 1)), depth)
+
+    def _sentence(self, vertex: int, within: int, place: NDArray[np.float64], depth: float) -> str:
+        """Return a sentence about a vertex that lies inside of the part of another vertex, deepest at ``place`` [m]."""
+        own, other = self._meant.owner(vertex), self._meant.owner(within)
+        where = ", ".join(f"{value:.4g}" for value in place + self._meant.origin)
+        inside = f"{depth:.3g} m inside of {'itself' if own == other else other}"
+        return f"{own} lies {inside}, deepest at [{where}] m; {SEPARATE}"
 
 
 @inlined

@@ -13,6 +13,7 @@ from gdfe_ros.constraints.self_contact import NAME, SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
 from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
+from gdfe_ros.solver.contact.crossing import SEATS
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import OwnPairs
 from gdfe_ros.solver.contact.own_surface import Nearest
@@ -238,9 +239,16 @@ class OwnContact(ContactTerm):
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a sentence about the deepest penetration, or an empty string if its depth is within `DEEPEST`.
 
-        Every surface vertex is checked, also a vertex without a pair in the solve. The attribute ``buried`` is set.
+        Every surface vertex is checked, also a vertex without a pair in the solve, and every crossing of edges, also of
+        two edges that have passed each other since the last state. The attribute ``buried`` is set.
         """
-        depth, text = self.penetration.told(positions, DEEPEST * self._body.size)
+        bound = DEEPEST * self._body.size
+        depth, text = self.penetration.told(positions, bound)
+        crossed = self.pairs.edges.look(positions, self._from, self._reach, self._partners[len(self._sunk) :])
+        deepest = int(crossed.gap.argmin()) if len(crossed.gap) else -1
+        if deepest >= 0 and -crossed.gap[deepest] > max(depth, bound):
+            depth, other = -float(crossed.gap[deepest]), crossed.face[deepest]
+            text = self.penetration.told_of(positions, self.pairs.edges.topology.ends[[deepest // SEATS, other]], depth)
         self.buried = depth > BURIED * self._body.size
         return text
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.solver.contact.closest import face_areas
 from gdfe_ros.solver.contact.crossing import crossing_edges
-from gdfe_ros.solver.contact.own_surface import CREASE, Nearest, Topology
+from gdfe_ros.solver.contact.own_surface import CREASE, DEPTH, Nearest, Topology
 
 
 class EdgeTopology(NamedTuple):
@@ -20,7 +20,9 @@ class EdgeTopology(NamedTuple):
     Attributes:
         ends: (e, 2) int32 vertices at the ends of each edge.
         sides: (e, 2) int64 the two faces of each edge.
-        near_starts, near, depth, rim: as in `Topology`.
+        near_starts, near, rim: as in `Topology`.
+        depth: [m] shortest edge. Two edges that passed each other by less touch even if they never were apart: sound
+            bodies are thicker.
     """
 
     ends: NDArray[np.int32]
@@ -54,7 +56,7 @@ class OwnEdges:
         sharp = (np.einsum("ij,ij->i", one, other) <= CREASE) & (np.einsum("ij,ij->i", one, beyond) < 0.0)
         self._quads = surface.quads
         given = np.ascontiguousarray(ends[sharp]), np.ascontiguousarray(sides[sharp])
-        self.topology = EdgeTopology(*given, surface.near_starts, surface.near, surface.depth, surface.rim)
+        self.topology = EdgeTopology(*given, surface.near_starts, surface.near, surface.depth / DEPTH, surface.rim)
 
     def look(
         self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, before: NDArray[np.int64]
