@@ -66,6 +66,29 @@ class InternalStep:
     first: bool = False
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Trial:
+    """A solved internal step, and what follows from it.
+
+    Attributes:
+        flight: the flight, with the iterations of the trial.
+        solution: the last solution.
+        h: length of the internal step [s].
+        integrator: the integrator of the last solution.
+        interrupted: whether an interruption ended the solve.
+        halves: whether a shorter internal step has to be tried.
+        accepted: the state after the internal step; None if it is not accepted.
+    """
+
+    flight: Flight
+    solution: Solution
+    h: float
+    integrator: Integrator
+    interrupted: bool = False
+    halves: bool = False
+    accepted: State | None = None
+
+
 class MotionStepper:
     """Steps a body with mass in time. It stores no state, only factors for the step lengths in use.
 
@@ -156,36 +179,45 @@ class MotionStepper:
         if failure is not None and flight.repeats(failure):
             march = changed(flight, flaw=failure.reason).march({Skip.SOLVE.value: 1})
             return _told(march, state.ledger.owed)
-        interruption, integrator = deadline.interruption if deadline else None, self._integrator
         while not flight.arrived:
-            h = flight.length
-            solution = integrator.solve(flight, h, interruption)
-            flight, excess = flight.tried(solution), 0.0
-            if solution.cut and past(interruption):
+            tried = self._tried(flight, self._integrator, deadline)
+            flight, solution = tried.flight, tried.solution
+            if tried.interrupted:
                 flight = changed(flight, flaw=solution.message)
                 break
-            halves = _failed(solution) and flight.can_halve and not past(deadline)
-            taken = _sound(solution) or flight.endures(solution)
-            if not halves and taken:
-                accepted, excess = self._accepted(integrator, flight.state, solution, h)
-                if excess and integrator is self._integrator:
-                    integrator = self._euler
-                    continue
-                halves = bool(excess) and flight.can_halve and not past(deadline)
-            made, integrator = integrator, self._integrator
-            if halves:
+            if tried.halves:
                 flight = flight.halved()
                 continue
-            if not taken:
+            if tried.accepted is None:
                 skipped = self.equilibrium.skipped(solution)
                 return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
-            before, flight = flight.state, flight.went(told(accepted, excess, h) if excess else accepted)
+            before, flight = flight.state, flight.went(tried.accepted)
             if observer is not None:
-                observer(_stage(made, before, flight, h))
+                observer(_stage(tried, before, flight))
             if not flight.arrived and past(deadline):
                 flight = changed(flight, flaw=flight.flaw or deadline.reason)
                 break
         return _told(flight.march(self.equilibrium.skipped(solution)), state.ledger.owed)
+
+    def _tried(self, flight: Flight, integrator: Integrator, deadline: Deadline | None) -> _Trial:
+        """Solve the next internal step; repeat it with the Euler scheme if it created energy."""
+        interruption, h = deadline.interruption if deadline else None, flight.length
+        solution = integrator.solve(flight, h, interruption)
+        flight = flight.tried(solution)
+        given = {"flight": flight, "solution": solution, "h": h, "integrator": integrator}
+        if solution.cut and past(interruption):
+            return _Trial(**given, interrupted=True)
+        halves = _failed(solution) and flight.can_halve and not past(deadline)
+        if halves or not (_sound(solution) or flight.endures(solution)):
+            return _Trial(**given, halves=halves)
+        accepted, excess = self._accepted(integrator, flight.state, solution, h)
+        if not excess:
+            return _Trial(**given, accepted=accepted)
+        if integrator is self._integrator:
+            return self._tried(flight, self._euler, deadline)
+        if flight.can_halve and not past(deadline):
+            return _Trial(**given, halves=True)
+        return _Trial(**given, accepted=told(accepted, excess, h))
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""
@@ -287,11 +319,12 @@ class MotionStepper:
         return now - then
 
 
-def _stage(integrator: Integrator, before: State, flight: Flight, h: float) -> InternalStep:
-    """Return the last internal step of a flight, of length ``h`` [s], for observers."""
+def _stage(tried: _Trial, before: State, flight: Flight) -> InternalStep:
+    """Return an accepted internal step, from ``before`` to the state of ``flight``, for observers."""
     first = bool(before.terms[inertia.NAME]["first"][0])
     share = {"share": flight.done / flight.total, "first": first}
-    return InternalStep(before=integrator.begun(before), after=flight.state, h=h, integrator=integrator, **share)
+    began, h, integrator = tried.integrator.begun(before), tried.h, tried.integrator
+    return InternalStep(before=began, after=flight.state, h=h, integrator=integrator, **share)
 
 
 def _noted(state: State, duration: float) -> March:

@@ -92,8 +92,16 @@ class Stepper:
         goal = Goal(poses=dict(targets), commands=dict(commands), tolerance=tolerance, deadline=deadline)
         if unreachable := self._unreachable(state, goal):
             return _refused(state, unreachable)
-        march, suspect, tried = self._march(state, goal), state.suspect, state.tried
-        unfinished = march.state.unfinished
+        march, suspect, tried = self._rescued(self._march(state, goal), goal, state), state.suspect, state.tried
+        if (suspect or (march.inverted and self._displaced(state))) and not past(deadline):
+            march, suspect, tried = self._better_from_rest(march, goal), False, True
+        if march.inverted:
+            march = changed(march, converged=False, message=f"{march.message}; {UNFOLD}".lstrip("; "))
+        return _marked(march, suspect=suspect, tried=tried and not march.sound)
+
+    def _rescued(self, march: March, goal: Goal, state: State) -> March:
+        """Return ``march``, or the outcome of a better load path if this one from ``state`` gave up or is doubtful."""
+        unfinished, deadline = march.state.unfinished, goal.deadline
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
         doubtful = crumpled(state) or crumpled(march.state) or not march.sound
         if given_up and state.anchor is not None and doubtful and not past(deadline):
@@ -104,16 +112,7 @@ class Stepper:
             march = _after(again if again.sound and lower else march, march, again)
         if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
             march = self._let_go(march, goal, state)
-        if (suspect or (march.inverted and self._displaced(state))) and not past(deadline):
-            march, suspect, tried = self._better_from_rest(march, goal), False, True
-        if march.inverted:
-            march = changed(march, converged=False, message=f"{march.message}; {UNFOLD}".lstrip("; "))
-        end, tried = march.state, tried and not march.sound
-        if (end.summary.converged, end.summary.message) != (march.converged, march.message):
-            end = end.with_(summary=changed(end.summary, converged=march.converged, message=march.message))
-        if (end.suspect, end.tried) != (suspect, tried):
-            end = end.with_(suspect=suspect, tried=tried)
-        return march if end is march.state else changed(march, state=end)
+        return march
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay at their commanded poses.
@@ -288,6 +287,16 @@ def _refused(state: State, message: str) -> March:
     stays = state.with_(summary=changed(state.summary, converged=False, message=message))
     counts = {"iterations": 0, "increments": 0, "skipped": {}}
     return March(state=stays, reached=False, converged=False, message=message, **counts)
+
+
+def _marked(march: March, *, suspect: bool, tried: bool) -> March:
+    """Return an outcome whose state has the outcome's message and these marks (see `State`)."""
+    end = march.state
+    if (end.summary.converged, end.summary.message) != (march.converged, march.message):
+        end = end.with_(summary=changed(end.summary, converged=march.converged, message=march.message))
+    if (end.suspect, end.tried) != (suspect, tried):
+        end = end.with_(suspect=suspect, tried=tried)
+    return march if end is march.state else changed(march, state=end)
 
 
 def _withdrawn(state: State, attempt: Attempt) -> State:
