@@ -336,8 +336,10 @@ def test_viewers_come_and_go_without_a_trace(live: Callable[..., Any]) -> None:
         with Viewer(page.page.port) as viewer:
             viewer.wait(lambda viewer=viewer: viewer.frames, "a frame")
     first.wait(lambda: page.page.viewers == 1, "all others gone")
+    assert page.page.viewers == 1
     # What the operating system lists beyond those of viewers in this process, whose sockets have a thread each.
     first.wait(lambda: threading.active_count() <= threads, "their threads gone")
+    assert threading.active_count() <= threads
 
 
 def test_garbage_on_the_socket_is_told_in_a_line(live: Callable[..., Any], caplog: Any) -> None:
@@ -405,7 +407,7 @@ def test_a_frame_is_sent_at_once(live: Callable[..., Any]) -> None:
     rest, shown = viewer.surface().copy(), viewer.nodes["/body/0"]["visible"]
     viewer.move("lower, tension [N]", 1.5)
     viewer.wait(lambda: np.abs(viewer.surface() - rest).max() > 1e-4, "a bent bar", patience=60.0)
-    viewer.wait(lambda: viewer.nodes["/body/0"]["visible"] != shown, "its turn", patience=60.0)
+    assert viewer.wait(lambda: viewer.nodes["/body/0"]["visible"] != shown, "its turn", patience=60.0)
 
 
 def test_a_port_that_is_taken_is_passed_over() -> None:
