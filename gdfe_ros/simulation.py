@@ -208,7 +208,7 @@ class Simulation:
     @property
     def _rigid(self) -> list[str]:
         """Names of the rigid bodies."""
-        return [each.name for each in self.scene.handles if isinstance(each, RigidBody)]
+        return [body.name for body in self.scene.rigid_bodies]
 
     @property
     def _movable(self) -> list[str]:

@@ -24,7 +24,6 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.live.stage import first_view, scale_of
@@ -42,7 +41,7 @@ def test_the_first_view_shows_the_whole_program(name: str) -> None:
     scene = load_scene(name)
     target, eye = first_view(scene)
     moves = [key.pose.translation for keys in scene.program.keyframes.values() for key in keys]
-    places = [body.origin for body in scene.handles if isinstance(body, RigidBody)]
+    places = [body.origin for body in scene.rigid_bodies]
     seen = np.vstack([scene.mesh.vertices, *(scene.mesh.vertices + move for move in moves), *places])
     rays, axis = scale_of(scene.mesh) * seen - eye, (target - eye) / np.linalg.norm(target - eye)
     assert (rays @ axis / np.linalg.norm(rays, axis=1)).min() > np.cos(np.radians(30.0))
