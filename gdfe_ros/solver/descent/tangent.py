@@ -57,7 +57,7 @@ fraction of its average initial part along one mode.
 """
 
 
-class Damping:
+class TangentDamping:
     """Weight of the constant matrix in the tangents of one solve in motion; it grows while steps do not shrink.
 
     Args:
@@ -191,7 +191,7 @@ class TangentMinimiser(Minimiser):
         If ``last``, test whether a doubtful equilibrium is a saddle. The iterations continue beside a saddle.
         """
         used, course, status, self._known, self._since = 0, self._course, task.active.status, False, 0
-        damping = Damping(self._softness)
+        damping = TangentDamping(self._softness)
         while True:
             why, made = self._iterate_once(task, target, limit - used)
             used += made

@@ -17,7 +17,7 @@ ROUGH = 0.3
 """Lower bound of the tolerance that contact forces require, divided by the self-contact error at the last update."""
 
 
-class Schedule:
+class DescentSchedule:
     """Tolerances of the minimisations between which multipliers are updated: coarse at first, the solve's at the end.
 
     Args:

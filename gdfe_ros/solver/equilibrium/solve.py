@@ -17,7 +17,7 @@ from gdfe_ros.solver.elements.pressures import Pressures
 from gdfe_ros.solver.elements.watch import NEARLY_FOLDED, Watch, nearly_folded
 from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Prediction
-from gdfe_ros.solver.equilibrium.schedule import FIRST_TOLERANCE, Schedule
+from gdfe_ros.solver.equilibrium.schedule import FIRST_TOLERANCE, DescentSchedule
 from gdfe_ros.solver.matrix.coupling import Coupling
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.solution import Increment, Solution
@@ -175,7 +175,7 @@ class Solve:
             if self._cut:
                 break
 
-    def _scheduled(self, active: ActiveSet, *, updates: bool) -> Schedule:
+    def _scheduled(self, active: ActiveSet, *, updates: bool) -> DescentSchedule:
         """Return the tolerances of the minimisations; those of an unfinished solve go on where it ended."""
         tolerance, resumed = self.problem.tolerance, self._resumed
         first = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
@@ -183,7 +183,7 @@ class Solve:
             first = max(resumed.tolerance, tolerance)
             active.workspace.recent[...], active.status["seen"] = resumed.recent, resumed.seen
         given = {"share": self._aim, "certified": self._minimiser.certified}
-        return Schedule(self._actuation, tolerance, first=first, **given)
+        return DescentSchedule(self._actuation, tolerance, first=first, **given)
 
     def _least_iterations(self, active: ActiveSet) -> int:
         """Return the least number of iterations of this solve."""
