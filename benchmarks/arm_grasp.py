@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from benchmarks.markdown import markdown_table
 from benchmarks.report import options, write_report
 from gdfe_ros.arms.arm import Arm
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.result import StepResult
@@ -121,10 +120,9 @@ def _carried_mass(simulation: Simulation, result: StepResult) -> tuple[Vector, f
     volumes = simulation.stepper.body.shape.volume
     np.add.at(masses, scene.mesh.cells, (densities * volumes / 8.0)[:, None])
     moment, total = masses @ result.positions, float(masses.sum())
-    for each in scene.handles:
-        if isinstance(each, RigidBody):
-            place = np.add(each.origin, simulation.handle_pose(each.name).translation)
-            moment, total = moment + each.mass * place, total + each.mass
+    for each in scene.rigid_bodies:
+        place = np.add(each.origin, simulation.handle_pose(each.name).translation)
+        moment, total = moment + each.mass * place, total + each.mass
     return moment / total, total
 
 

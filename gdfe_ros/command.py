@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.quality import list_ids
@@ -136,7 +135,7 @@ class Orders:
             CommandError: a body is unknown, or its pose is not a `Pose` or is farther than `FARTHEST`.
         """
         places = dict(command.bodies if command else {})
-        known = [each.name for each in self._scene.handles if isinstance(each, RigidBody)]
+        known = [body.name for body in self._scene.rigid_bodies]
         for name, pose in places.items():
             if name not in known:
                 scene = f"scene {self._scene.name!r}"

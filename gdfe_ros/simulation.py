@@ -6,8 +6,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,8 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.coupling.joint_coupling import JointCoupling
-from gdfe_ros.errors import ENDED, CommandError, GdfeError, OverlapError
+from gdfe_ros.differentiator import Differentiator
+from gdfe_ros.errors import CommandError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
@@ -29,10 +30,10 @@ from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import ElementFields, element_fields
 from gdfe_ros.solver.motion.imu import ImuReading, later_readings
 from gdfe_ros.solver.motion.putting import require_free
-from gdfe_ros.solver.motion.stepper import InternalStep, MotionStepper
+from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
-from gdfe_ros.solver.state import Snapshot, State
+from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.outcome import step_result
 from gdfe_ros.solver.stepping.placing import moved_along
@@ -42,29 +43,10 @@ from gdfe_ros.step_time import require_countable, require_times
 from gdfe_ros.steppers import make_stepper, scene_body, usual_steps
 
 if TYPE_CHECKING:
-    from gdfe_ros.derivatives import Derivatives
-    from gdfe_ros.solver.sensitivity.motion import Trail
     from gdfe_ros.solver.sensitivity.result import Sensitivities
 
 WARM_UP = 1e-3
 """Displacement of the handles, divided by the body's size, in the step that compiles every kernel."""
-
-
-class _Step(NamedTuple):
-    """Inputs of a step with dynamics, and the states before and after it."""
-
-    start: State
-    found: State
-    targets: Mapping[str, Pose]
-    commands: Mapping[str, float]
-    duration: float
-
-    def again(
-        self, stepper: MotionStepper, observer: Callable[[InternalStep], None], deadline: Deadline | None
-    ) -> None:
-        """Repeat the step, and call ``observer`` in each of its internal steps."""
-        given = {"duration": self.duration, "deadline": deadline, "observer": observer}
-        stepper.step(self.start, self.targets, self.commands, **given)
 
 
 class Simulation:
@@ -114,7 +96,7 @@ class Simulation:
             tolerance=self.settings.tolerance,
             origin=self.origin,
         )
-        self._trail: Trail | None = None
+        self._differentiator = Differentiator(scene, self.stepper, self._orders)
         self.reset()
 
     @property
@@ -155,7 +137,7 @@ class Simulation:
         self.commands = dict(self.state.commands)
         self.commands.update({load.name: LOAD_FACTOR for load in self.scene.loads})
         self._neutral = dict(self.commands)
-        self._last: _Step | None = None
+        self._differentiator.forget()
         self.result: StepResult | None = None
 
     def reset_shape(self) -> None:
@@ -208,7 +190,7 @@ class Simulation:
     @property
     def _rigid(self) -> list[str]:
         """Names of the rigid bodies."""
-        return [each.name for each in self.scene.handles if isinstance(each, RigidBody)]
+        return [body.name for body in self.scene.rigid_bodies]
 
     @property
     def _movable(self) -> list[str]:
@@ -304,21 +286,10 @@ class Simulation:
         return outcome.march
 
     def _stepped(self, before: Motions, commands: Mapping[str, float], dt: float, limit: Deadline | None) -> March:
-        """Make a step to the targets; update the derivatives if `follow` requested them.
-
-        ``before`` are the motions of the arms' motors before the step.
-        """
+        """Make a step to the targets; ``before`` are the motions of the arms' motors before the step."""
         if self._coupling:
             return self._coupled(before, commands, dt, limit)
-        targets = self.targets
-        given: dict[str, Any] = {"duration": dt, "deadline": limit}
-        if self._trail is not None:
-            self._trail.begin(self.state)
-            given["observer"] = self._trail.observe
-        march = self.stepper.step(self.state, targets, commands, **given)
-        if isinstance(self.stepper, MotionStepper):
-            self._last = _Step(self.state, march.state, targets, commands, dt)
-        return march
+        return self._differentiator.step(self.state, self.targets, commands, duration=dt, deadline=limit)
 
     @property
     def settled(self) -> bool:
@@ -487,31 +458,8 @@ class Simulation:
             CommandError: there is no such output or parameter.
             GdfeError: there is no derivative, e.g. at a saddle or after a step that has not converged; or interrupted.
         """
-        self._require_rigid_joints()
-        derivatives, trail = self._derivatives, self._trail
-        if not isinstance(self.stepper, MotionStepper):
-            if self.result is None and self.commands != self.state.commands:
-                raise GdfeError(
-                    "no derivative: the first commands, as of loads, are not solved yet; remedy: step first"
-                )
-            return derivatives.found(self.state, outputs, parameters, interrupted=interrupted)
-        if trail is None or trail.state.positions is not self.state.positions:
-            trail = self._last_step_followed(parameters, interrupted)
-        return derivatives.along(trail, outputs, parameters)
-
-    def _last_step_followed(self, parameters: Sequence[str] | None, interrupted: Callable[[], bool] | None) -> Trail:
-        """Repeat the last step, and return the trail with its derivatives."""
-        if self._last is None or self._last.found.positions is not self.state.positions:
-            raise GdfeError("no derivative: no step in motion led here; remedy: step first")
-        trail = self._derivatives.trail(self._last.start, parameters)
-        trail.begin(self._last.start)
-        deadline = Deadline(interrupted=interrupted) if interrupted else None
-        self._last.again(self.stepper, trail.observe, deadline)
-        if deadline is not None and deadline.passed():
-            raise GdfeError(ENDED)
-        if not np.array_equal(trail.state.positions, self.state.positions):
-            raise GdfeError("no derivative: the last step was cut by a deadline; remedy: step without one")
-        return trail
+        given = {"solved": self.result is not None or self.commands == self.state.commands, "interrupted": interrupted}
+        return self._differentiator.sensitivities(self.state, outputs, parameters, **given)
 
     def follow(self, parameters: Sequence[str] | None = None) -> None:
         """Update derivatives in all further steps; `sensitivities` then returns those of the motion from now on.
@@ -527,30 +475,12 @@ class Simulation:
         Raises:
             CommandError: there is no such parameter, or none is named.
         """
-        self._require_rigid_joints()
-        derivatives = self._derivatives
-        if not derivatives.named(parameters):
-            raise CommandError(f"nothing to follow; parameters of this scene: {', '.join(self.parameter_names)}")
-        if isinstance(self.stepper, MotionStepper):
-            self._trail = derivatives.trail(self.state, parameters)
-
-    def _require_rigid_joints(self) -> None:
-        """Raise `GdfeError` if an arm has yielding joints: derivatives assume that its flange does not move."""
-        for arm in self.scene.arms:
-            if arm.springs is not None:
-                remedy = f"remedy: an arm {arm.name!r} without `compliance`"
-                raise GdfeError(f"no derivative: it would leave out the yielding joints of arm {arm.name!r}; {remedy}")
+        self._differentiator.follow(self.state, parameters)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters of `sensitivities`, e.g. ``materials.silicone.young`` or ``handles.tip.x``."""
-        return self._derivatives.parameters.names
-
-    @cached_property
-    def _derivatives(self) -> Derivatives:
-        from gdfe_ros.derivatives import Derivatives  # needed here only
-
-        return Derivatives(self.scene, self.stepper)
+        return self._differentiator.derivatives.parameters.names
 
     def jacobian(
         self,
@@ -574,23 +504,4 @@ class Simulation:
         Raises:
             GdfeError: there is no such probe or actuator, there is no derivative, or interrupted.
         """
-        self._require_rigid_joints()
-        points, names = self._orders.probes(probes), self.actuator_names if actuators is None else actuators
-        chosen = [self._orders.actuator(name) for name in names]
-        if not chosen:
-            return np.zeros((len(points), 3, 0))
-        if not isinstance(self.stepper, MotionStepper):
-            from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
-
-            return np.stack(jacobian(self.stepper, self.state, points, chosen, interrupted=interrupted), axis=2)
-        outputs = [f"probes.{name}" for name in (self.scene.probes if probes is None else probes)]
-        wanted = [f"actuators.{name}" for name in names]
-        followed = self._trail is not None
-        if followed:  # the derivative over the last step only, without the effects of earlier steps
-            trail, self._trail = self._trail, None
-        try:
-            found = self.sensitivities(outputs, wanted, interrupted=interrupted)
-        finally:
-            if followed:
-                self._trail = trail
-        return found.matrix.reshape(len(points), 3, len(chosen))
+        return self._differentiator.jacobian(self.state, probes, actuators, interrupted=interrupted)

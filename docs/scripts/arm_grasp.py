@@ -13,7 +13,6 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
 from gdfe_ros.analysis.obstacle_faces import obstacle_faces
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
@@ -54,10 +53,9 @@ def _frame(axes: Axes, simulation: Simulation, time: float) -> None:
         faces.append((visual.faces @ place.axes.T + place.origin, visual.colour or (0.7, 0.7, 0.7)))
     quads = simulation.mesh.surface()
     faces.append((simulation.positions[quads], (0.95, 0.55, 0.15)))
-    for body in simulation.scene.handles:
-        if isinstance(body, RigidBody):
-            shape = obstacle_faces(body, simulation.handle_pose(body.name), simulation.positions)
-            faces.append((shape, (0.3, 0.6, 0.3)))
+    for body in simulation.scene.rigid_bodies:
+        shape = obstacle_faces(body, simulation.handle_pose(body.name), simulation.positions)
+        faces.append((shape, (0.3, 0.6, 0.3)))
     _add(axes, faces)
     sheet = np.array([[[-0.45, -0.3, 0], [0.12, -0.3, 0], [0.12, 0.3, 0], [-0.45, 0.3, 0]]]) - [0, 0, 0.055]
     axes.computed_zorder = False  # by depth the whole table would be before the hand

@@ -46,8 +46,13 @@ class Handle:
     carrier: str = ""
 
     def __post_init__(self) -> None:
-        if self.fixed and (self.free or self.turning):
+        if self.fixed and self.loose:
             raise ValueError(f"handle {self.name!r} is fixed and has free axes; drop one of the two")
+
+    @property
+    def loose(self) -> bool:
+        """Whether the handle slides or rotates freely about an axis, so that the solver computes part of its pose."""
+        return bool(self.free or self.turning)
 
     def seen_from(self, origin: NDArray[np.float64]) -> Handle:
         """Return this handle for positions relative to ``origin`` (3,) [m]: handles do not depend on the origin."""

@@ -45,12 +45,7 @@ def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
         MatchError: the match file has defects; all are listed.
         GdfeError: a file does not exist, or two files have the same name.
     """
-    for path in data:
-        if not path.exists():
-            raise GdfeError(f"recording {path} does not exist; give CSV files and directories of bags")
-    names = [path.stem for path in data]
-    if twice := {name for name in names if names.count(name) > 1}:
-        raise GdfeError(f"two recordings are named {', '.join(sorted(twice))}; rename a file")
+    _require_distinct(data)
     shared, own = _read(match) if match else ({}, {})
     heading = f"match file {match}"
     files = {path.stem: path for path in data} | {path.name: path for path in data}
@@ -65,6 +60,16 @@ def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
         text = f"no recording takes {', '.join(path.name for path in rest)}; recordings: {', '.join(own)}"
         raise MatchError(heading, [f"recordings: {text}; remedy: name it, or `file: {rest[0].name}` in one of them"])
     return [*sources, *(Source(path.stem, path, _validated(shared, heading, "")) for path in rest)]
+
+
+def _require_distinct(data: Sequence[Path]) -> None:
+    """Raise `GdfeError` if a file does not exist, or if two files have the same name."""
+    for path in data:
+        if not path.exists():
+            raise GdfeError(f"recording {path} does not exist; give CSV files and directories of bags")
+    names = [path.stem for path in data]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise GdfeError(f"two recordings are named {', '.join(sorted(twice))}; rename a file")
 
 
 def _read(match: Path) -> tuple[dict[str, object], dict[str, dict[str, object]]]:

@@ -97,7 +97,7 @@ class Stage:
         }
         self._rests = {handle.name: handle.centre(scene.mesh.vertices) for handle in scene.handles}
         self._touched: dict[str, float] = {}
-        self._bodily = [handle.name for handle in scene.handles if isinstance(handle, RigidBody)]
+        self._bodily = [body.name for body in scene.rigid_bodies]
         self._controls = {handle.name: self._control(handle) for handle in scene.handles if _is_dragged(handle)}
         self._paths: dict[str, deque[NDArray[np.float64]]] = {name: deque(maxlen=_TRACE) for name in scene.probes}
         self._arrows = {
@@ -273,7 +273,7 @@ def first_view(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     frames = program.keyframes if program is not None else {}
     moves = [key.pose.translation for name, keys in frames.items() if name in bodily for key in keys]
     places = [frame.origin for arm in scene.arms for frame in arm.rest.values()]
-    places += [body.origin for body in scene.handles if isinstance(body, RigidBody)]
+    places += [body.origin for body in scene.rigid_bodies]
     corners = np.vstack([mesh.bounds, *(mesh.bounds + move for move in moves), *places])
     middle, extent = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), np.ptp(corners, axis=0).max()
     extent = max(extent, mesh.extent)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any
 
@@ -176,3 +176,13 @@ class Courier:
             finally:
                 self.spent += time.perf_counter() - started
                 self._steps.task_done()
+
+
+def any_wanted(channels: Iterable[Channel]) -> bool:
+    """Return whether a subscriber or a bag needs a message of one of the channels."""
+    return any(channel.wanted for channel in channels)
+
+
+def due(channels: Mapping[str, Channel], step: Step) -> Iterator[tuple[str, Channel]]:
+    """Yield those channels, with their names, that need a message of the step."""
+    return ((name, channel) for name, channel in channels.items() if channel.due(step))

@@ -124,40 +124,44 @@ class Diagnostics:
         return parts
 
     def _commands(self, session: SimulationSession | None) -> _Part:
-        """Return the status of the commands: counts, new refusals and exceptions, inputs that lockstep waits for."""
+        """Return the status of the commands: counts, new refusals and exceptions, else the status of the session's."""
         counts: dict[str, object] = dict(self._refusals.counts())
         refused, faults = int(counts["commands refused"]) - self._refused, self._node.faults.count - self._faults
         self._refused, self._faults = self._refused + refused, self._faults + faults
-        reason = "ok"
-        if session is not None:
-            counts |= {f"{name} follows": leader for name, leader in session.inputs.led().items()}
-        if session is not None and session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
-            counts["waits for"] = reason = f"waits for {session.waiting()}"
-        short = session is not None and session.stepper.slew.stopped
-        if session is not None and session.stepper.slew.goals:
-            counts["on their way"] = _on_their_way(session)
-        limited = _limited(session)
-        if limited:
-            counts["joints"] = "; ".join(f"{name}: {told}" for name, told in limited.items())
-        unheard = "; ".join(session.inputs.unheard()) if session is not None else ""
-        if unheard:
-            counts["unheard"] = unheard
+        obeyed = _Part({}) if session is None else _obeyed(session)
+        counts |= obeyed.values
         if faults > 0:
             return _Part(counts, _ERROR, f"a callback failed: {self._node.faults.last}")
         if refused > 0:
             return _Part(counts, _WARN, f"{refused} commands refused since the last report; the log says why")
-        if unheard:
-            return _Part(counts, _WARN, f"commands are not heard of {unheard}")
-        if short:
-            return _Part(counts, _WARN, f"commands stay short of their goals: {counts['on their way']}")
-        if any("effort" in told for told in limited.values()):
-            return _Part(counts, _WARN, f"an arm is at its limits: {counts['joints']}")
-        return _Part(counts, _OK, reason)
+        return _Part(counts, obeyed.level, obeyed.reason)
 
 
-def _limited(session: SimulationSession | None) -> dict[str, str]:
+def _obeyed(session: SimulationSession) -> _Part:
+    """Return the status of the accepted commands: whether they are heard, and whether the simulation reaches them."""
+    values: dict[str, object] = {f"{name} follows": leader for name, leader in session.inputs.led().items()}
+    reason = "ok"
+    if session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
+        values["waits for"] = reason = f"waits for {session.waiting()}"
+    if session.stepper.slew.goals:
+        values["on their way"] = _on_their_way(session)
+    limited = _limited(session)
+    if limited:
+        values["joints"] = "; ".join(f"{name}: {told}" for name, told in limited.items())
+    unheard = "; ".join(session.inputs.unheard())
+    if unheard:
+        values["unheard"] = unheard
+        return _Part(values, _WARN, f"commands are not heard of {unheard}")
+    if session.stepper.slew.stopped:
+        return _Part(values, _WARN, f"commands stay short of their goals: {values['on their way']}")
+    if any("effort" in told for told in limited.values()):
+        return _Part(values, _WARN, f"an arm is at its limits: {values['joints']}")
+    return _Part(values, _OK, reason)
+
+
+def _limited(session: SimulationSession) -> dict[str, str]:
     """Return a dict from joint name to a text, for joints whose motion or effort reached a limit in the last step."""
-    last = session.run.last if session is not None else None
+    last = session.run.last
     return {} if last is None else {name: joint.told for name, joint in last.joints.items() if joint.told}
 
 

@@ -194,8 +194,8 @@ class Entities:
 
         return later(session.stepper.post(put), response)
 
-    def _bodies(self) -> list[RigidBody]:
-        return [handle for handle in self._session().scene.handles if isinstance(handle, RigidBody)]
+    def _bodies(self) -> tuple[RigidBody, ...]:
+        return self._session().scene.rigid_bodies
 
     def _body(self, name: str) -> RigidBody:
         for body in self._bodies():

@@ -4,22 +4,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import cached_property, partial
 
 from rosgraph_msgs.msg import Clock
-from scipy.spatial.transform import Rotation
 from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.node import messages
-from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.channel import Channel, any_wanted, due
 from gdfe_ros.node.contact_outputs import ContactOutputs
+from gdfe_ros.node.handle_outputs import HandleOutputs
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.markers import SurfaceMarker
 from gdfe_ros.node.motion_outputs import MotionOutputs
-from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, TransformPacker, WrenchPacker
+from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, TransformPacker
 from gdfe_ros.node.run import Run
 from gdfe_ros.node.step import Demand, Step, to_nanoseconds
 from gdfe_ros.recording.recorder import Recorder
@@ -41,12 +40,7 @@ class TopicOutputs:
         self._mesh, self._strain = each_step(topics.MESH), each_step(topics.STRAIN)
         self._record, self._markers = each_step(topics.STEP_RECORD), each_step(topics.MARKERS)
         self._topology, self._scene_text = Channel(node, topics.TOPOLOGY), Channel(node, topics.SCENE)
-        names = [handle.name for handle in scene.handles]
-        braces = {handle.name: (topics.MOVED[handle.section], {handle.noun: handle.name}) for handle in scene.handles}
-        self._poses = {name: each_step(moved.pose, **brace) for name, (moved, brace) in braces.items()}
-        self._wrenches = {name: each_step(moved.wrench, **brace) for name, (moved, brace) in braces.items()}
-        held = [handle.name for handle in scene.handles if handle.section == "handles"]
-        self._sensors = {name: each_step(topics.HANDLE_SENSOR, handle=name) for name in held}
+        self._handles = HandleOutputs(run, each_step)
         self._probes = {name: each_step(topics.PROBE, probe=name) for name in scene.probes}
         self._motion = MotionOutputs(run, each_step) if scene.dynamics else None
         self._contacts = ContactOutputs(run, each_step)
@@ -56,17 +50,9 @@ class TopicOutputs:
         self._clock = each_step(topics.CLOCK) if run.parameters["publish_clock"] else None
         self._tf = each_step(topics.TF, own=1) if publish_tf else None
         self._tf_static = Channel(node, topics.TF_STATIC) if publish_tf else None
-        self._turning = (*self._poses.values(), *self._sensors.values())
         clock = () if self._clock is None else (self._clock,)
-        self._plain = (self._mesh, self._record, *clock, *self._wrenches.values(), *self._probes.values())
+        self._plain = (self._mesh, self._record, *clock, *self._probes.values())
         self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
-        links = {handle.name for handle in scene.handles if isinstance(handle, ArmLink)}
-        # Pieces of links have no frames of their own: the frames of links are on TF.
-        rests = {name: self._frame_id if name in links else frames.rest(name) for name in names}
-        centres = {name: self._frame_id if name in links else frames.centre(name) for name in names}
-        self._pose_packers = {name: PosePacker(rests[name]) for name in names}
-        self._wrench_packers = {name: WrenchPacker(centres[name]) for name in names}
-        self._sensor_packers = {name: WrenchPacker(frames.handle(name)) for name in held}
         self._probe_packer = PosePacker(self._frame_id)
         self._transform_packer = TransformPacker(frames.moving, self._frame_id) if publish_tf else None
         self._strain_packer: StrainPacker | None = None
@@ -77,8 +63,7 @@ class TopicOutputs:
     def channels(self) -> Iterator[Channel]:
         """Channels of all output topics, in no particular order."""
         yield from (self._mesh, self._strain, self._record, self._topology, self._scene_text, self._markers)
-        for group in (self._poses, self._wrenches, self._sensors, self._probes, self._robots):
-            yield from group.values()
+        yield from (*self._handles.channels, *self._probes.values(), *self._robots.values())
         yield from self._contacts.channels
         if self._motion is not None:
             yield from self._motion.channels
@@ -91,12 +76,12 @@ class TopicOutputs:
         # Read ``wanted`` of each channel at most once, because counting subscribers is a call into the middleware.
         fields = self._strain.wanted or self._marker_due()
         frames = self._tf is not None and self._tf.wanted
-        poses = frames or _any_wanted(self._turning)
+        poses = frames or self._handles.poses_wanted
         actuators = self._joints is not None and self._joints.wanted
         imus = frames or (self._motion is not None and self._motion.imus_wanted)
-        told = fields or poses or actuators or imus or _any_wanted(self._plain) or self._contacts.wanted
+        told = fields or poses or actuators or imus or self._handles.wrenches_wanted or any_wanted(self._plain)
         return Demand(
-            messages=told or (self._motion is not None and self._motion.velocity_wanted),
+            messages=told or self._contacts.wanted or (self._motion is not None and self._motion.velocity_wanted),
             fields=fields,
             poses=poses,
             actuators=actuators,
@@ -138,11 +123,11 @@ class TopicOutputs:
             self._mesh.send_step(step, self._mesh_packer.pack(stamp, step.result.positions))
         if self._record.due(step):
             self._record.send_step(step, String(data=step.record.to_json()))
-        for name, channel in _due(self._wrenches, step):
-            channel.send_step(step, self._wrench_packers[name].pack(stamp, step.result.reactions[name]))
+        self._handles.publish_wrenches(step)
         if step.poses:
-            self._publish_handles(step)
-        for name, channel in _due(self._probes, step):
+            self._handles.publish_poses(step)
+            self._publish_transforms(step)
+        for name, channel in due(self._probes, step):
             channel.send_step(step, self._probe_packer.pack(stamp, self._probe(name, step)))
         if (step.actuators or not self._run.scene.actuators) and self._joints is not None and self._joints.due(step):
             message = self._actuator_states.message(messages.header(stamp, self._frame_id), step)
@@ -158,20 +143,13 @@ class TopicOutputs:
         for channel in self.channels:
             channel.destroy()
 
-    def _publish_handles(self, step: Step) -> None:
-        """Publish outputs that depend on the present poses of handles and obstacles."""
-        stamp = step.record.stamp
-        for name, channel in _due(self._poses, step):
-            channel.send_step(step, self._pose_packers[name].pack(stamp, step.poses[name]))
-        for name, channel in _due(self._sensors, step):
-            back = Rotation.from_rotvec(step.poses[name].rotation).inv()
-            felt = -back.apply(step.result.reactions[name].reshape(2, 3))
-            channel.send_step(step, self._sensor_packers[name].pack(stamp, felt.ravel()))
+    def _publish_transforms(self, step: Step) -> None:
+        """Publish the frames of handles, obstacles, probes and links."""
         if self._tf is not None and self._tf.due(step):
             probes = {name: self._probe(name, step) for name in self._run.scene.probes}
             units = step.imus() if step.imus else {}
             places = self._frames.places(step.poses, probes, units, step.result.positions, step.links)
-            self._tf.send_step(step, self._transform_packer.pack(stamp, places))
+            self._tf.send_step(step, self._transform_packer.pack(step.record.stamp, places))
 
     def _probe(self, name: str, step: Step) -> Pose:
         return messages.material_pose(
@@ -198,11 +176,3 @@ class TopicOutputs:
             self._next_marker = time.monotonic() + 1.0 / choice["marker_rate"]
             values = getattr(fields, choice["marker_field"])
             self._markers.send_step(step, self._surface.pack(step.record.stamp, step.result.positions, values))
-
-
-def _any_wanted(channels: Iterable[Channel]) -> bool:
-    return any(channel.wanted for channel in channels)
-
-
-def _due(channels: Mapping[str, Channel], step: Step) -> Iterator[tuple[str, Channel]]:
-    return ((name, channel) for name, channel in channels.items() if channel.due(step))

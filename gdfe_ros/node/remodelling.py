@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.node.interface.parameters import MODULUS
@@ -73,7 +72,7 @@ def take_over(old: Simulation, new: Simulation) -> None:
     fresh = new.snapshot()
     new.restore(with_bodies_of(old.snapshot(), fresh, old.scene.handles, new.scene.handles))
     known = {handle.name for handle in old.scene.handles}
-    added = [each.name for each in new.scene.handles if isinstance(each, RigidBody) and each.name not in known]
+    added = [each.name for each in new.scene.rigid_bodies if each.name not in known]
     try:
         if added:
             new.state = new.stepper.put(new.state, dict.fromkeys(added, Pose()))

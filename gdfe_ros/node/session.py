@@ -13,7 +13,6 @@ from rclpy.clock import JumpHandle
 
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.bag import Bags
 from gdfe_ros.node.channel import Courier
@@ -165,7 +164,7 @@ class SimulationSession:
 
     @property
     def _bodies(self) -> set[str]:
-        return {handle.name for handle in self.scene.handles if isinstance(handle, RigidBody)}
+        return {body.name for body in self.scene.rigid_bodies}
 
     def stop(self) -> None:
         """End the threads after the step in progress, publish queued steps, and finish the bag."""
@@ -270,7 +269,7 @@ class SimulationSession:
         Raises:
             GdfeError: the scene has no rigid bodies.
         """
-        names = [handle.name for handle in self.scene.handles if isinstance(handle, RigidBody)]
+        names = [body.name for body in self.scene.rigid_bodies]
         if not names:
             raise GdfeError(f"scene {self.scene.name!r} has no rigid bodies; ~/reset goes back to rest as a whole")
         self.stepper.place(dict.fromkeys(names, Pose()))

@@ -165,7 +165,7 @@ class _Builder:
         if handle is None:
             if self._model.handle not in known:
                 self._report.add(path, f"there is no such handle{suggest(self._model.handle, known)}")
-        elif handle.fixed or handle.free or handle.turning:
+        elif handle.fixed or handle.loose:
             text = "this handle is fixed or has free axes, but an arm prescribes its whole pose"
             self._report.add(path, f"{text}; remedy: remove `fixed` and `free` from it", value=NO_VALUE)
 

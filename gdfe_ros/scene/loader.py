@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from gdfe_ros.actuators import Actuator, Load
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.arm_link import ArmLink
@@ -24,6 +25,7 @@ from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_doc
 from gdfe_ros.scene.fibres import build_fibres
 from gdfe_ros.scene.meshes import Carried, build_mesh, require_body
 from gdfe_ros.scene.override import apply_override
+from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import Draft, SceneModel
@@ -128,10 +130,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     if draft.program is not None:
         start = neutral_commands(mesh, actuators, loads) if mesh is not None else {}
         start |= joint_starts(arms)
-        complete = len(arms) == len(_names(document, "arms")) + ("arm" in document.data)
-        driven = {"actuators": actuators, "loads": loads, "start": start, "arms": arms if complete else None}
-        movers = {section: _names(document, section) for section in ("handles", "obstacles")}
-        program = build_program(draft.program, draft, movers, report, **driven)
+        program = _program(document, draft, report, actuators=actuators, loads=loads, arms=arms, start=start)
     solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
     sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
     parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
@@ -163,6 +162,23 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         fibres=fibres,
         arms=arms,
     )
+
+
+def _program(
+    document: Document,
+    draft: Draft,
+    report: Defects,
+    *,
+    actuators: Sequence[Actuator],
+    loads: Sequence[Load],
+    arms: Sequence[Arm],
+    start: Mapping[str, float],
+) -> Program:
+    """Return the program of a draft; ``start`` are the commands before it. Joints are checked if no arm has defects."""
+    complete = len(arms) == len(_names(document, "arms")) + ("arm" in document.data)
+    driven = {"actuators": actuators, "loads": loads, "start": start, "arms": arms if complete else None}
+    movers = {section: _names(document, section) for section in ("handles", "obstacles")}
+    return build_program(draft.program, draft, movers, report, **driven)
 
 
 def _on_arms(handles: Sequence[Handle], arms: Sequence[Arm]) -> tuple[Handle, ...]:

@@ -104,15 +104,18 @@ class Quantity:
             raise self._error("finite")
         if self.whole and number != int(number):
             raise self._error()
-        inside = (
+        if not self._allows(number):
+            raise self._error(self.remedy)
+        return int(number) if self.whole else number
+
+    def _allows(self, number: float) -> bool:
+        """Return whether a number is within the bounds."""
+        return (
             (self.least is None or number >= self.least)
             and (self.most is None or number <= self.most)
             and (self.above is None or number > self.above)
             and (self.below is None or number < self.below)
         )
-        if not inside:
-            raise self._error(self.remedy)
-        return int(number) if self.whole else number
 
     def _error(self, remedy: str = "") -> PydanticCustomError:
         text = f"allowed is {self.allowed}" + (f"; {remedy}" if remedy else "")

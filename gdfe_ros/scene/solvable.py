@@ -65,7 +65,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     if policy is Policy.RELATIVE:
         used = [item for item in scene.materials.values() if item.omega is None]
         notes += calibration_remarks(np.array([item.young0 for item in used])) if used else []
-    rigid = [handle.name for handle in scene.handles if isinstance(handle, RigidBody)]
+    rigid = [body.name for body in scene.rigid_bodies]
     if len(rigid) > 1 and scene.dynamics is not None and scene.dynamics.scheme is not Scheme.BDF2:
         text = f"{', '.join(rigid)} may not come to rest on each other with {scene.dynamics.scheme.value}"
         notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
@@ -298,7 +298,7 @@ def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:
         vertices = actuator.vertices
     else:
         return ""
-    stiff = [handle for handle in handles if not (handle.free or handle.turning)]
+    stiff = [handle for handle in handles if not handle.loose]
     held = np.concatenate([np.zeros(0, np.int32), *(handle.vertices for handle in stiff)])
     if not np.isin(vertices, held).all():
         return ""

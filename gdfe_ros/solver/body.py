@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.materials.material import Material
 from gdfe_ros.materials.table import MaterialTable, pack
@@ -103,6 +104,11 @@ class Body:
     def count(self) -> int:
         """Number of vertices of the mesh; the vertices of rigid bodies follow them in all arrays."""
         return int(self.cells.max()) + 1
+
+    @property
+    def rigid_bodies(self) -> tuple[RigidBody, ...]:
+        """The rigid bodies among the handles, in their order."""
+        return tuple(each for each in self.handles if isinstance(each, RigidBody))
 
     @property
     def cell_type(self) -> CellType:

@@ -106,6 +106,11 @@ def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
         return tuple(from_tree(item, arrays) for item in tree["tuple"])
     if tree.get("class") not in _CLASSES:
         raise TreeError(f"{str(tree)[:60]!r} is not part of a state")
+    return _instance(tree, arrays)
+
+
+def _instance(tree: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Any:
+    """Return the dataclass of a tree with the keys ``class`` and ``fields``."""
     kind = _CLASSES[tree["class"]]
     present = _RENAMED.get(kind, {})
     given = {present.get(name, name): from_tree(item, arrays) for name, item in tree["fields"].items()}

@@ -24,7 +24,6 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.live.stage import first_view, scale_of
@@ -42,7 +41,7 @@ def test_the_first_view_shows_the_whole_program(name: str) -> None:
     scene = load_scene(name)
     target, eye = first_view(scene)
     moves = [key.pose.translation for keys in scene.program.keyframes.values() for key in keys]
-    places = [body.origin for body in scene.handles if isinstance(body, RigidBody)]
+    places = [body.origin for body in scene.rigid_bodies]
     seen = np.vstack([scene.mesh.vertices, *(scene.mesh.vertices + move for move in moves), *places])
     rays, axis = scale_of(scene.mesh) * seen - eye, (target - eye) / np.linalg.norm(target - eye)
     assert (rays @ axis / np.linalg.norm(rays, axis=1)).min() > np.cos(np.radians(30.0))
@@ -336,8 +335,10 @@ def test_viewers_come_and_go_without_a_trace(live: Callable[..., Any]) -> None:
         with Viewer(page.page.port) as viewer:
             viewer.wait(lambda viewer=viewer: viewer.frames, "a frame")
     first.wait(lambda: page.page.viewers == 1, "all others gone")
+    assert page.page.viewers == 1
     # What the operating system lists beyond those of viewers in this process, whose sockets have a thread each.
     first.wait(lambda: threading.active_count() <= threads, "their threads gone")
+    assert threading.active_count() <= threads
 
 
 def test_garbage_on_the_socket_is_told_in_a_line(live: Callable[..., Any], caplog: Any) -> None:
@@ -405,7 +406,7 @@ def test_a_frame_is_sent_at_once(live: Callable[..., Any]) -> None:
     rest, shown = viewer.surface().copy(), viewer.nodes["/body/0"]["visible"]
     viewer.move("lower, tension [N]", 1.5)
     viewer.wait(lambda: np.abs(viewer.surface() - rest).max() > 1e-4, "a bent bar", patience=60.0)
-    viewer.wait(lambda: viewer.nodes["/body/0"]["visible"] != shown, "its turn", patience=60.0)
+    assert viewer.wait(lambda: viewer.nodes["/body/0"]["visible"] != shown, "its turn", patience=60.0)
 
 
 def test_a_port_that_is_taken_is_passed_over() -> None:

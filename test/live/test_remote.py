@@ -101,7 +101,7 @@ def test_a_body_in_motion_is_seen(shown: Callable[..., Shown], bar: str, tmp_pat
     viewer.wait(lambda: "speed [m/s]" in viewer.text(), "the legend")
     viewer.drag("cube", [2.0, 1.0, 3.0])
     viewer.wait(lambda: viewer.nodes["/obstacles/cube"]["position"][1] > 0.99, "the cube where it was put")
-    viewer.wait(lambda: viewer.nodes["/obstacles/cube"]["position"][2] < 2.9, "its fall from there")
+    assert viewer.wait(lambda: viewer.nodes["/obstacles/cube"]["position"][2] < 2.9, "its fall from there")
 
 
 def test_a_page_that_nobody_looks_at_hears_no_meshes(shown: Callable[..., Shown]) -> None:
@@ -117,6 +117,7 @@ def test_a_page_that_nobody_looks_at_hears_no_meshes(shown: Callable[..., Shown]
     uuid = viewer.wait(lambda: viewer.controls.get("lower, tension [N]"), "the page")["uuid"]
     viewer.wait(lambda: viewer.values[uuid] == before + 1.0, "the slider")
     viewer.wait(lambda: np.abs(viewer.surface() - rest).max() > 1e-4, "a bent bar")
+    assert viewer.values[uuid] == before + 1.0
 
 
 def test_what_others_command_is_shown(shown: Callable[..., Shown]) -> None:
@@ -269,6 +270,8 @@ def test_a_node_that_is_killed_is_told_in_a_note(shown: Callable[..., Shown]) ->
     viewer.wait(lambda: any("nothing is heard of /gdfe_sim any more" in note for note in viewer.notes), "a note")
     with NodeProcess(page.parameters):
         viewer.wait(lambda: any("/gdfe_sim is heard again" in note for note in viewer.notes), "another note")
+    texts = ("nothing is heard of /gdfe_sim any more", "/gdfe_sim is heard again")
+    assert [text for note in viewer.notes for text in texts if text in note] == list(texts)
 
 
 def test_what_the_node_refuses_is_told(shown: Callable[..., Shown]) -> None:
@@ -338,6 +341,7 @@ def test_a_node_that_is_not_active_is_shown_at_rest() -> None:
                 viewer.wait(lambda: "inactive" in viewer.text() and "/handles/tip" in viewer.nodes, "the page")
                 link.transition("activate")
                 viewer.wait(lambda: "converged" in viewer.text() and "inactive" not in viewer.text(), "its steps")
+                assert "inactive" not in viewer.text()
             page.close()
 
 

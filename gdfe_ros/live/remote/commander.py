@@ -15,7 +15,6 @@ from rclpy.parameter_client import AsyncParameterClient
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability
 from gdfe_ros.live.orders import require_order
@@ -56,8 +55,7 @@ class Commander:
             if is_commanded(handle)
         } | {
             body.name: node.create_publisher(PoseStamped, f"{name}/{put_key(body)}", profile)
-            for body in scene.handles
-            if isinstance(body, RigidBody)
+            for body in scene.rigid_bodies
         }
         self._parameters = AsyncParameterClient(node, name)
         self._clients = {

@@ -183,6 +183,20 @@ def sorted_into_bins(x, vertices, low, edge, n0, n1, n2):
     return starts, order
 
 
+@internal
+def boxes_of(x, cells):
+    """Return the bounds (m, 2, 3) [m] of the cells, and the longest edge [m] of these boxes."""
+    boxes, edge = np.empty((len(cells), 2, 3)), 0.0
+    for e in range(len(cells)):
+        for axis in range(3):
+            least, most = np.inf, -np.inf
+            for a in range(8):
+                least, most = min(least, x[cells[e, a], axis]), max(most, x[cells[e, a], axis])
+            boxes[e, 0, axis], boxes[e, 1, axis] = least, most
+            edge = max(edge, most - least)
+    return boxes, edge
+
+
 @kernel
 def find_inside(x, vertices, quads, touchable, quad_starts, cells, pieces, near_starts, near, bound, depth, cell):
     """Find the surface vertices inside cells, and their depth below the faces of the cell's connected piece.
@@ -205,14 +219,7 @@ def find_inside(x, vertices, quads, touchable, quad_starts, cells, pieces, near_
     for v in vertices:
         for axis in range(3):
             low[axis], high[axis] = min(low[axis], x[v, axis]), max(high[axis], x[v, axis])
-    boxes, edge = np.empty((len(cells), 2, 3)), 0.0
-    for e in range(len(cells)):
-        for axis in range(3):
-            least, most = np.inf, -np.inf
-            for a in range(8):
-                least, most = min(least, x[cells[e, a], axis]), max(most, x[cells[e, a], axis])
-            boxes[e, 0, axis], boxes[e, 1, axis] = least, most
-            edge = max(edge, most - least)
+    boxes, edge = boxes_of(x, cells)
     if not edge > 0.0:
         return
     s0, s1, s2 = (high[0] - low[0]) / edge, (high[1] - low[1]) / edge, (high[2] - low[2]) / edge

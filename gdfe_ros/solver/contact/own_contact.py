@@ -80,7 +80,7 @@ class OwnContact(ContactTerm):
         """Set the vertices' compliances from the constant matrix' diagonal; vertices that handles drive have none."""
         self._yielding = 1.0 / matrix.assembled.diagonal()
         for handle in self._body.handles:
-            if not (handle.free or handle.turning):
+            if not handle.loose:
                 self._yielding[handle.vertices] = 0.0
 
     def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:

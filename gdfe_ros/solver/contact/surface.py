@@ -103,7 +103,7 @@ def driven_vertices(body: Body) -> NDArray[np.bool_]:
     """Return whether a handle drives each vertex (n,) in all directions."""
     driven = np.zeros(len(body.rest), dtype=bool)
     for handle in body.handles:
-        driven[handle.vertices] = not (handle.free or handle.turning)
+        driven[handle.vertices] = not handle.loose
     return driven
 
 

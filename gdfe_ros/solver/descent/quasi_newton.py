@@ -112,17 +112,12 @@ def search(problem, work, first):
             break
         if cut == 0:
             status.blocked = status.blocked + 1 if found == math.inf else 0
-        enough = found <= energy + ARMIJO * length * slope
-        if not enough and found <= energy + flat:
-            enough = inner(work.gradient, work.direction) <= (2.0 * ARMIJO - 1.0) * slope
-        if enough:
+        if falls_enough(work, found, energy, length, flat):
             if energy - found > flat:
                 status.plateau = 0
             status.energy = found
             break
-        curvature = found - energy - length * slope
-        shorter = -0.5 * slope * length * length / curvature if math.isfinite(curvature) else 0.1 * length
-        length = min(max(shorter, 0.1 * length), 0.5 * length)
+        length = shortened(found, energy, length, slope)
         if cut == MAX_CUTS - 1 or status.blocked > MOST_BLOCKED:
             length = 0.0
     status.absolute, problem.watch.room[0] = absolute_sum(work.energies), problem.watch.room[1]
@@ -130,6 +125,27 @@ def search(problem, work, first):
         work.u[n] = work.trial[n]
         work.direction[n] *= length
         work.trial[n] = work.step[n]
+
+
+@internal
+def falls_enough(work, found, energy, length, flat):
+    """Return whether the energy ``found`` [J] at a trial length satisfies Armijo's condition or its approximate form.
+
+    ``energy`` [J] is the one before the step; differences up to ``flat`` [J] are rounding.
+    """
+    slope = work.status[0].slope
+    enough = found <= energy + ARMIJO * length * slope
+    if not enough and found <= energy + flat:
+        enough = inner(work.gradient, work.direction) <= (2.0 * ARMIJO - 1.0) * slope
+    return enough
+
+
+@internal
+def shortened(found, energy, length, slope):
+    """Return the next trial length: the minimum of a parabola, between a tenth and half of the last length."""
+    curvature = found - energy - length * slope
+    shorter = -0.5 * slope * length * length / curvature if math.isfinite(curvature) else 0.1 * length
+    return min(max(shorter, 0.1 * length), 0.5 * length)
 
 
 @internal

@@ -57,6 +57,26 @@ fraction of its average initial part along one mode.
 """
 
 
+class TangentDamping:
+    """Weight of the constant matrix in the tangents of one solve in motion; it grows while steps do not shrink.
+
+    Args:
+        least: the first weight that is not 0: the body's softness.
+
+    Attributes:
+        weight: the present weight.
+    """
+
+    def __init__(self, least: float) -> None:
+        self._least, self._before, self.weight = least, np.inf, 0.0
+
+    def adapt(self, step: float, *, astray: bool) -> None:
+        """Increase the weight if the minimisation went ``astray``, or if the last ``step`` [m] did not halve."""
+        if astray or step > 0.5 * self._before:
+            self.weight = max(self._least, DAMPING * self.weight)
+        self._before = step
+
+
 class TangentMinimiser(Minimiser):
     """Minimises the potential of a body that has much softer modes than its constant matrix.
 
@@ -171,7 +191,7 @@ class TangentMinimiser(Minimiser):
         If ``last``, test whether a doubtful equilibrium is a saddle. The iterations continue beside a saddle.
         """
         used, course, status, self._known, self._since = 0, self._course, task.active.status, False, 0
-        damping, before = 0.0, np.inf
+        damping = TangentDamping(self._softness)
         while True:
             why, made = self._iterate_once(task, target, limit - used)
             used += made
@@ -188,11 +208,10 @@ class TangentMinimiser(Minimiser):
             if used >= limit or (used > 0 and past(task.deadline)):
                 return Descended(used, cut=True)
             if why in (Why.STALE, Why.HARD, Why.ASTRAY):
-                if not self.certified and (why is Why.ASTRAY or status["distance"] > 0.5 * before):
-                    damping = max(self._softness, DAMPING * damping)
-                before = float(status["distance"])
+                if not self.certified:
+                    damping.adapt(float(status["distance"]), astray=why is Why.ASTRAY)
                 # A prediction may be strained along stiff directions, which stiffens the soft ones, too.
-                self._take(task, self._last if why is Why.STALE and not used else None, damping=damping)
+                self._take(task, self._last if why is Why.STALE and not used else None, damping=damping.weight)
                 task.precondition(task.active.workspace.gradient, task.active.workspace.step)
                 self._learning = why is Why.HARD or not self.certified
 

@@ -17,19 +17,12 @@ from gdfe_ros.solver.elements.pressures import Pressures
 from gdfe_ros.solver.elements.watch import NEARLY_FOLDED, Watch, nearly_folded
 from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Prediction
+from gdfe_ros.solver.equilibrium.schedule import FIRST_TOLERANCE, DescentSchedule
 from gdfe_ros.solver.matrix.coupling import Coupling
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 
-FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
-"""If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
-COARSER = (30.0, 3.0)
-"""Tolerances of the first two minimisations, divided by the tolerance that contact forces require
-(`Actuation.resolution`). Later minimisations use the required tolerance.
-"""
-ROUGH = 0.3
-"""Lower bound of the tolerance that contact forces require, divided by the self-contact error at the last update."""
 SCALE_SLACK = 10.0
 """Allowed change of an hourglass scale in the last update, divided by the tolerance. Positions then stay within the
 tolerance.
@@ -156,59 +149,75 @@ class Solve:
 
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
         """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
-        status, tolerance = active.status, self.problem.tolerance
         self._minimiser.begin(active, self.start, warm=self.warm)
         task = self._placed(active, coupling, threads)
         accumulates = bool(len(active.carried) or self._actuation.updates)
         updates = accumulates or self._softens(active)
         if self._softens(active) and self._minimiser.certified and not self.anew:
             self._update_scales(active)  # a predicted start is closer to the end than the last state
-        inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
-        least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
-        if self._actuation.drives and status["count"] < LONG_MEMORY and not self._prediction.sure:
-            least = LEARNING_ITERATIONS
-        if self._resumed is not None:
-            inner, least = max(self._resumed.tolerance, tolerance), max(0, least - self._resumed.iterations)
-            active.workspace.recent[...], status["seen"] = self._resumed.recent, self._resumed.seen
-        self._settled, self.iterations, self._cut, self._inner = not updates, 0, False, inner
+        self._schedule, least = self._scheduled(active, updates=updates), self._least_iterations(active)
+        self._settled, self.iterations, self._cut = not updates, 0, False
         if self._actuation.hopeless:
             task.evaluate()
             return
-        finest = tolerance
-        for count in range(MOST_UPDATES):
-            coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
-            if count == 0 and self._minimiser.certified:  # ignore the resolution of the last step's forces
-                coarser = np.inf
-            fine, left = coarser * self._actuation.resolution, limit - self.iterations
-            fine, rough = max(fine, ROUGH * self._actuation.missed), ROUGH * self._actuation.missed > fine
-            aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(finest, fine)}
+        for _ in range(MOST_UPDATES):
+            aims, left = self._schedule.aims(), limit - self.iterations
             went = self._minimiser.descend(task, **aims, least=max(0, least - self.iterations), limit=left)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
-            ended = active.ended
-            runaway = ended is End.RUNAWAY or (ended is not End.NONE and bool(status["blocked"]))
-            failed = went.cut or runaway or self._minimiser.lost
+            failed = went.cut or self._failed(active)
             updates |= not failed and self._actuation.reached(active.workspace.x)
             if failed or not updates or self._actuation.hopeless:
                 break
-            # Even if no further descent is possible, new pressures and scales may make one possible.
-            coarse = aims["tolerance"] > self._aim * min(inner, self._actuation.resolution)
-            last = (inner <= tolerance and not rough and not coarse) or ended is not End.NONE
-            # Scales follow the positions alone: where these have not moved, another update changes nothing.
-            quiet = went.iterations == 0 and (self._settled or not accumulates)
-            moved = self._update(active, still=went.iterations == 0)
-            self._settled = last and moved <= 1.0
-            if last and went.iterations == 0 and not self._settled:
-                finest *= TIGHTEN  # multipliers still change, but by too little for another iteration
-            sure = moved <= SURE and not self._actuation.contacts
-            if self._settled and (quiet or sure or not self._minimiser.certified):
+            if self._balanced(active, still=went.iterations == 0, accumulates=accumulates):
                 break
-            if not self._settled and self._level is None:  # slender bodies need few updates
-                self._actuation.hasten(tolerance)
-            inner = max(finest, TIGHTEN * inner)
+            self._schedule.tighten()
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:
                 break
-        self._inner = inner
+
+    def _scheduled(self, active: ActiveSet, *, updates: bool) -> DescentSchedule:
+        """Return the tolerances of the minimisations; those of an unfinished solve go on where it ended."""
+        tolerance, resumed = self.problem.tolerance, self._resumed
+        first = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
+        if resumed is not None:
+            first = max(resumed.tolerance, tolerance)
+            active.workspace.recent[...], active.status["seen"] = resumed.recent, resumed.seen
+        given = {"share": self._aim, "certified": self._minimiser.certified}
+        return DescentSchedule(self._actuation, tolerance, first=first, **given)
+
+    def _least_iterations(self, active: ActiveSet) -> int:
+        """Return the least number of iterations of this solve."""
+        least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
+        if self._actuation.drives and active.status["count"] < LONG_MEMORY and not self._prediction.sure:
+            least = LEARNING_ITERATIONS
+        return least if self._resumed is None else max(0, least - self._resumed.iterations)
+
+    def _failed(self, active: ActiveSet) -> bool:
+        """Return whether the last minimisation ran away or was given up, so that updates are useless."""
+        ended = active.ended
+        runaway = ended is End.RUNAWAY or (ended is not End.NONE and bool(active.status["blocked"]))
+        return runaway or self._minimiser.lost
+
+    def _balanced(self, active: ActiveSet, *, still: bool, accumulates: bool) -> bool:
+        """Update pressures, multipliers and scales; return whether the solve ends with this update.
+
+        Args:
+            active: the moving elements.
+            still: whether the last minimisation made no iteration.
+            accumulates: whether there are pressures or multipliers.
+        """
+        # Even if no further descent is possible, new pressures and scales may make one possible.
+        last = self._schedule.exact or active.ended is not End.NONE
+        # Scales follow the positions alone: where these have not moved, another update changes nothing.
+        quiet = still and (self._settled or not accumulates)
+        moved = self._update(active, still=still)
+        self._settled = last and moved <= 1.0
+        if last and still and not self._settled:
+            self._schedule.refine()
+        sure = moved <= SURE and not self._actuation.contacts
+        if not self._settled and self._level is None:  # slender bodies need few updates
+            self._actuation.hasten(self.problem.tolerance)
+        return self._settled and (quiet or sure or not self._minimiser.certified)
 
     def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
         """Write energies [J] and least volume ratios of the active elements to ``stored`` and ``least`` (m,)."""
@@ -334,7 +343,7 @@ class Solve:
         done = self._resumed.iterations if self._resumed else 0
         work = active.workspace
         return Unfinished(
-            tolerance=self._inner,
+            tolerance=self._schedule.present,
             iterations=done + self.iterations,
             recent=work.recent.copy(),
             seen=int(active.status["seen"]),

@@ -94,7 +94,7 @@ def _rows(old: Sequence[Handle], new: Sequence[Handle], count: int) -> NDArray[n
 
 
 def _loose(handles: Sequence[Handle]) -> list[Handle]:
-    return [handle for handle in handles if handle.free or handle.turning]
+    return [handle for handle in handles if handle.loose]
 
 
 def _matches(old: Sequence[str], new: Sequence[str]) -> NDArray[np.intp]:

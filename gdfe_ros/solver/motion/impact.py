@@ -15,7 +15,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
@@ -36,7 +35,7 @@ class Impacts:
     """
 
     def __init__(self, body: Body, dynamics: Dynamics, scheme: Scheme) -> None:
-        rigid = [handle for handle in body.handles if isinstance(handle, RigidBody)]
+        rigid = body.rigid_bodies
         self._dynamics = dynamics
         self._vertices = np.array([handle.vertices for handle in rigid], dtype=np.int32).reshape(-1, 4)
         self._masses = np.array([0.25 * handle.mass for handle in rigid])[:, None, None]

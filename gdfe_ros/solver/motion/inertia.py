@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.compiled import kernel
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.rigid_part import rigid_part
@@ -77,7 +76,7 @@ class Inertia(Term):
         for handle in body.handles:
             if not handle.turning:
                 self._driven[np.ix_(handle.vertices, [axis for axis in range(3) if axis not in handle.free])] = True
-        rigid = [handle.vertices for handle in body.handles if isinstance(handle, RigidBody)]
+        rigid = [each.vertices for each in body.rigid_bodies]
         self._rigid = np.array(rigid, dtype=np.int32).reshape(-1, 4)
         self._rule: Rule | None = None
         numbers = np.concatenate([np.zeros(1 + 3 * len(body.rest)), mass.data])

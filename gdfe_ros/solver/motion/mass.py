@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import SuperLU, splu
 
 from gdfe_ros.actuators.load import AttachedMass, gauss_points
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.solver.body import Body
 
@@ -54,7 +53,7 @@ class FreeMass:
     """
 
     def __init__(self, body: Body, mass: sparse.csr_matrix) -> None:
-        rigid = [handle.vertices for handle in body.handles if isinstance(handle, RigidBody)]
+        rigid = [each.vertices for each in body.rigid_bodies]
         self._free, self._mass = np.concatenate([body.unknowns.free, *rigid]), mass
         self._factor: SuperLU | None = None
 

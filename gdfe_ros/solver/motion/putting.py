@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import OverlapError
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
@@ -78,8 +77,7 @@ def pulled(state: State, places: Mapping[str, Pose], acceleration: NDArray[np.fl
 
 
 def _vertices(body: Body, places: Mapping[str, Pose]) -> NDArray[np.int32]:
-    rigid = [handle for handle in body.handles if isinstance(handle, RigidBody)]
-    return np.concatenate([handle.vertices for handle in rigid if handle.name in places])
+    return np.concatenate([each.vertices for each in body.rigid_bodies if each.name in places])
 
 
 def _stopped(saved: Saved, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> Saved:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.flight import Flight
 from gdfe_ros.solver.motion.inertia import kinematics_of, saved_of
 from gdfe_ros.solver.motion.integrator import Integrator, largest
+from gdfe_ros.solver.motion.internal_step import InternalStep, Trial, failed, unfolded
 from gdfe_ros.solver.motion.ledger import Accounts
 from gdfe_ros.solver.motion.mass import FreeMass
 from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free
@@ -43,27 +43,6 @@ SHORTEST = 1e-2
 """Durations below this fraction of the longest internal step are only added up: differences over so short a time give
 only noise as acceleration.
 """
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class InternalStep:
-    """An accepted internal step, for observers of a motion.
-
-    Attributes:
-        before, after: states before and after the internal step.
-        h: its length [s].
-        share: fraction of the whole step's change of commands that is completed after the internal step.
-        integrator: the integrator that made it; None for the start of a motion, which only computes the accelerations
-            of ``after``.
-        first: whether it is the first internal step of a motion.
-    """
-
-    before: State
-    after: State
-    h: float
-    share: float = 0.0
-    integrator: Integrator | None = None
-    first: bool = False
 
 
 class MotionStepper:
@@ -156,36 +135,45 @@ class MotionStepper:
         if failure is not None and flight.repeats(failure):
             march = changed(flight, flaw=failure.reason).march({Skip.SOLVE.value: 1})
             return _told(march, state.ledger.owed)
-        interruption, integrator = deadline.interruption if deadline else None, self._integrator
         while not flight.arrived:
-            h = flight.length
-            solution = integrator.solve(flight, h, interruption)
-            flight, excess = flight.tried(solution), 0.0
-            if solution.cut and past(interruption):
+            tried = self._tried(flight, self._integrator, deadline)
+            flight, solution = tried.flight, tried.solution
+            if tried.interrupted:
                 flight = changed(flight, flaw=solution.message)
                 break
-            halves = _failed(solution) and flight.can_halve and not past(deadline)
-            taken = _sound(solution) or flight.endures(solution)
-            if not halves and taken:
-                accepted, excess = self._accepted(integrator, flight.state, solution, h)
-                if excess and integrator is self._integrator:
-                    integrator = self._euler
-                    continue
-                halves = bool(excess) and flight.can_halve and not past(deadline)
-            made, integrator = integrator, self._integrator
-            if halves:
+            if tried.halves:
                 flight = flight.halved()
                 continue
-            if not taken:
+            if tried.accepted is None:
                 skipped = self.equilibrium.skipped(solution)
                 return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
-            before, flight = flight.state, flight.went(told(accepted, excess, h) if excess else accepted)
+            before, flight = flight.state, flight.went(tried.accepted)
             if observer is not None:
-                observer(_stage(made, before, flight, h))
+                observer(tried.observed(before, flight.state, flight.done / flight.total))
             if not flight.arrived and past(deadline):
                 flight = changed(flight, flaw=flight.flaw or deadline.reason)
                 break
         return _told(flight.march(self.equilibrium.skipped(solution)), state.ledger.owed)
+
+    def _tried(self, flight: Flight, integrator: Integrator, deadline: Deadline | None) -> Trial:
+        """Solve the next internal step; repeat it with the Euler scheme if it created energy."""
+        interruption, h = deadline.interruption if deadline else None, flight.length
+        solution = integrator.solve(flight, h, interruption)
+        flight = flight.tried(solution)
+        given = {"flight": flight, "solution": solution, "h": h, "integrator": integrator}
+        if solution.cut and past(interruption):
+            return Trial(**given, interrupted=True)
+        halves = failed(solution) and flight.can_halve and not past(deadline)
+        if halves or not (unfolded(solution) or flight.endures(solution)):
+            return Trial(**given, halves=halves)
+        accepted, excess = self._accepted(integrator, flight.state, solution, h)
+        if not excess:
+            return Trial(**given, accepted=accepted)
+        if integrator is self._integrator:
+            return self._tried(flight, self._euler, deadline)
+        if flight.can_halve and not past(deadline):
+            return Trial(**given, halves=True)
+        return Trial(**given, accepted=told(accepted, excess, h))
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""
@@ -287,13 +275,6 @@ class MotionStepper:
         return now - then
 
 
-def _stage(integrator: Integrator, before: State, flight: Flight, h: float) -> InternalStep:
-    """Return the last internal step of a flight, of length ``h`` [s], for observers."""
-    first = bool(before.terms[inertia.NAME]["first"][0])
-    share = {"share": flight.done / flight.total, "first": first}
-    return InternalStep(before=integrator.begun(before), after=flight.state, h=h, integrator=integrator, **share)
-
-
 def _noted(state: State, duration: float) -> March:
     """Return the outcome of a step in which only time passed."""
     summary, counts = state.summary, {"iterations": 0, "increments": 0, "skipped": {Skip.SOLVE.value: 1}}
@@ -305,14 +286,3 @@ def _told(march: March, owed: float) -> March:
     """Return an outcome whose simulated time excludes ``owed`` [s], which an earlier step has reported."""
     ledger = changed(march.state.ledger, owed=max(0.0, owed - march.simulated))
     return changed(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
-
-
-def _sound(solution: Solution) -> bool:
-    """Return whether no element is folded or inverted."""
-    return not solution.diverged and solution.min_det > 0.0
-
-
-def _failed(solution: Solution) -> bool:
-    """Return whether a solution failed and a shorter step may succeed."""
-    stuck = not (solution.converged or solution.exhausted)
-    return stuck or not _sound(solution)

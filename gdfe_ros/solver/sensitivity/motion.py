@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.stepper import InternalStep, MotionStepper
+from gdfe_ros.solver.motion.internal_step import InternalStep
+from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.sensitivity.columns import Tangents, own_side, pair_of
 from gdfe_ros.solver.sensitivity.parameter import Parameter, moved
 from gdfe_ros.solver.sensitivity.side import NEAR, Column, Pair, VariedInputs

@@ -57,19 +57,29 @@ class Attempt:
         return self.jumps or (self.way.jumped and not self.solution.converged)
 
     @property
+    def failed(self) -> bool:
+        """Whether the solve ended neither at a sound equilibrium nor as near to it as its precision allows."""
+        solution = self.solution
+        stuck = solution.error_estimate > STUCK and self.way.length > SHORTEST_STUCK
+        given_up = (solution.exhausted or solution.lost) and not stuck
+        return not (solution.converged or given_up) or not self.sound
+
+    @property
+    def folds(self) -> bool:
+        """Whether a body that was sound is not sound any more, and its solve was not just cut short."""
+        began = self.began
+        once_sound = began.sound or began.anchor is not None
+        passing = self.solution.cut and self.patient
+        return once_sound and not self.sound and not passing and (self.way.moves or began.anchor is not None)
+
+    @property
     def verdict(self) -> AttemptOutcome:
         """The verdict: accept, stop, halve, leap or withdraw."""
-        way, began, solution = self.way, self.began, self.solution
-        stuck = solution.error_estimate > STUCK and way.length > SHORTEST_STUCK
-        given_up = (solution.exhausted or solution.lost) and not stuck
-        failed = not (solution.converged or given_up) or not self.sound
+        way = self.way
         avoidable = self.jumps and way.length > SHORTEST_JUMP and not way.leaping
-        if ((failed and not way.shortest) or avoidable) and not self.spent:
+        if ((self.failed and not way.shortest) or avoidable) and not self.spent:
             return AttemptOutcome.HALVE
-        once_sound = began.sound or began.anchor is not None
-        passing = solution.cut and self.patient
-        folds = once_sound and not self.sound and not passing and (way.moves or began.anchor is not None)
-        if solution.diverged or self.unstable or folds:
+        if self.solution.diverged or self.unstable or self.folds:
             return AttemptOutcome.LEAP if way.leap and not (way.leaping or self.spent) else AttemptOutcome.WITHDRAW
         return AttemptOutcome.STOP if self.snapped or self.spent or way.next == 1.0 else AttemptOutcome.ACCEPT
 

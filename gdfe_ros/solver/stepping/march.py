@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.value import changed
 
 SAME = 1e-6
 """Two energies count as equal if their relative difference is at most this."""
@@ -42,6 +43,13 @@ class March:
     snapped: bool = False
     restarts: int = 0
     simulated: float | None = None
+
+    @classmethod
+    def refused(cls, state: State, message: str) -> March:
+        """Return the outcome of a step that is refused because a command is impossible."""
+        stays = state.with_(summary=changed(state.summary, converged=False, message=message))
+        counts = {"iterations": 0, "increments": 0, "skipped": {}}
+        return cls(state=stays, reached=False, converged=False, message=message, **counts)
 
     @property
     def sound(self) -> bool:
@@ -81,6 +89,20 @@ class March:
         if not self.sound:
             return other.inverted and not self.inverted
         return self.differs(other, reach) and gain >= -SAME * other.state.summary.energy
+
+    def counting(self, first: March, second: March) -> March:
+        """Return this outcome with the iterations and increments of two outcomes, of which it is one."""
+        iterations, increments = first.iterations + second.iterations, first.increments + second.increments
+        return changed(self, iterations=iterations, increments=increments)
+
+    def marked(self, *, suspect: bool, tried: bool) -> March:
+        """Return this outcome with these marks (see `State`) and its message in its state."""
+        end = self.state
+        if (end.summary.converged, end.summary.message) != (self.converged, self.message):
+            end = end.with_(summary=changed(end.summary, converged=self.converged, message=self.message))
+        if (end.suspect, end.tried) != (suspect, tried):
+            end = end.with_(suspect=suspect, tried=tried)
+        return self if end is self.state else changed(self, state=end)
 
 
 def crumpled(state: State) -> bool:

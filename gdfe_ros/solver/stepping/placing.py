@@ -34,7 +34,7 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
     moved = positions.copy()
     slides, turns = handles.fit(moved, state.base)
     for handle in body.handles:
-        if not (handle.free or handle.turning):
+        if not handle.loose:
             moved[handle.vertices] = state.base[handle.vertices]
     least = float(least_volume_ratio(moved, state.operators.shape))
     return afresh.with_(

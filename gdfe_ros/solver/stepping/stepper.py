@@ -91,9 +91,17 @@ class Stepper:
         tolerance = tolerance or self._settings.tolerance * (FINER if self.equilibrium.handles.turn else 1.0)
         goal = Goal(poses=dict(targets), commands=dict(commands), tolerance=tolerance, deadline=deadline)
         if unreachable := self._unreachable(state, goal):
-            return _refused(state, unreachable)
-        march, suspect, tried = self._march(state, goal), state.suspect, state.tried
-        unfinished = march.state.unfinished
+            return March.refused(state, unreachable)
+        march, suspect, tried = self._rescued(self._march(state, goal), goal, state), state.suspect, state.tried
+        if (suspect or (march.inverted and self._displaced(state))) and not past(deadline):
+            march, suspect, tried = self._better_from_rest(march, goal), False, True
+        if march.inverted:
+            march = changed(march, converged=False, message=f"{march.message}; {UNFOLD}".lstrip("; "))
+        return march.marked(suspect=suspect, tried=tried and not march.sound)
+
+    def _rescued(self, march: March, goal: Goal, state: State) -> March:
+        """Return ``march``, or the outcome of a better load path if this one from ``state`` gave up or is doubtful."""
+        unfinished, deadline = march.state.unfinished, goal.deadline
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
         doubtful = crumpled(state) or crumpled(march.state) or not march.sound
         if given_up and state.anchor is not None and doubtful and not past(deadline):
@@ -101,19 +109,10 @@ class Stepper:
             # Try again from the last equilibrium.
             again = self._march(state.anchor, goal)
             lower = not march.sound or self._energy(again.state) < self._energy(march.state)
-            march = _after(again if again.sound and lower else march, march, again)
+            march = (again if again.sound and lower else march).counting(march, again)
         if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
             march = self._let_go(march, goal, state)
-        if (suspect or (march.inverted and self._displaced(state))) and not past(deadline):
-            march, suspect, tried = self._better_from_rest(march, goal), False, True
-        if march.inverted:
-            march = changed(march, converged=False, message=f"{march.message}; {UNFOLD}".lstrip("; "))
-        end, tried = march.state, tried and not march.sound
-        if (end.summary.converged, end.summary.message) != (march.converged, march.message):
-            end = end.with_(summary=changed(end.summary, converged=march.converged, message=march.message))
-        if (end.suspect, end.tried) != (suspect, tried):
-            end = end.with_(suspect=suspect, tried=tried)
-        return march if end is march.state else changed(march, state=end)
+        return march
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay at their commanded poses.
@@ -256,7 +255,7 @@ class Stepper:
         for begin in (march.state, self.at_rest()) if names else ():
             found = self._march(self._untouched(begin, march.state, names, goal), goal)
             free = found.sound and not any(found.state.terms[name]["press"].any() for name in names)
-            march = _after(found if free else march, march, found)
+            march = (found if free else march).counting(march, found)
             if free:
                 return changed(march, message=LET_GO.format(", ".join(names), flaw), restarts=1)
         return march
@@ -274,20 +273,13 @@ class Stepper:
         again = self._march(self.at_rest(), goal)
         gain = self._energy(march.state) - self._energy(again.state)
         if not again.is_better(march, NEAR * goal.tolerance * self.body.size, gain=gain):
-            return _after(march, march, again)
+            return march.counting(march, again)
         message = f"restarted from rest: the first load path ended in {march.flaw}; {again.message}".rstrip("; ")
-        return changed(_after(again, march, again), message=message, restarts=1)
+        return changed(again.counting(march, again), message=message, restarts=1)
 
     def _energy(self, state: State) -> float:
         """Return the energy of the body plus the potential of the terms [J], which an equilibrium minimises."""
         return state.summary.energy + self.actuation.balance(state.positions, state.commands).potential
-
-
-def _refused(state: State, message: str) -> March:
-    """Return the outcome of a step that is refused because a command is impossible."""
-    stays = state.with_(summary=changed(state.summary, converged=False, message=message))
-    counts = {"iterations": 0, "increments": 0, "skipped": {}}
-    return March(state=stays, reached=False, converged=False, message=message, **counts)
 
 
 def _withdrawn(state: State, attempt: Attempt) -> State:
@@ -295,9 +287,3 @@ def _withdrawn(state: State, attempt: Attempt) -> State:
     sound = state.anchor or state
     summary = changed(sound.summary, converged=False, message=attempt.reason_to_withdraw)
     return sound.with_(summary=summary)
-
-
-def _after(chosen: March, first: March, second: March) -> March:
-    """Return ``chosen`` with the iterations and increments of both outcomes."""
-    iterations, increments = first.iterations + second.iterations, first.increments + second.increments
-    return changed(chosen, iterations=iterations, increments=increments)

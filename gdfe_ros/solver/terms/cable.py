@@ -132,7 +132,7 @@ class CableTerm(Term):
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
         self.neutral_command = self._rest_length if cable.mode is Mode.LENGTH else 0.0
         self._body, self._command, self._lifted = body, self.neutral_command, 0.0
-        stiff = [handle.vertices for handle in body.handles if not (handle.free or handle.turning)]
+        stiff = [handle.vertices for handle in body.handles if not handle.loose]
         held = np.isin(cable.points.corners, np.concatenate([np.zeros(0, np.int32), *stiff]))
         self._anchored = (held | (np.abs(cable.points.weights) < NO_WEIGHT)).all(axis=1)
 

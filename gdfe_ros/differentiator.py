@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Derivatives of a running simulation: its last step, and the parameters that it follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.command import Orders
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import ENDED, CommandError, GdfeError
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.motion.internal_step import InternalStep
+from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.stepping.stepper import Stepper
+
+if TYPE_CHECKING:
+    from gdfe_ros.derivatives import Derivatives
+    from gdfe_ros.solver.sensitivity.motion import Trail
+    from gdfe_ros.solver.sensitivity.result import Sensitivities
+
+Interruption = Callable[[], bool] | None
+"""Function that is called repeatedly; if it returns True, an error is raised."""
+
+
+class _Step(NamedTuple):
+    """Inputs of a step with dynamics, and the states before and after it."""
+
+    start: State
+    found: State
+    targets: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    duration: float
+
+    def again(
+        self, stepper: MotionStepper, observer: Callable[[InternalStep], None], deadline: Deadline | None
+    ) -> None:
+        """Repeat the step, and call ``observer`` in each of its internal steps."""
+        given = {"duration": self.duration, "deadline": deadline, "observer": observer}
+        stepper.step(self.start, self.targets, self.commands, **given)
+
+
+class Differentiator:
+    """Makes the steps of a simulation, and computes derivatives of its state.
+
+    The derivatives of a motion are those of the last step, which is repeated for them, or of all steps since `follow`.
+
+    Args:
+        scene: the scene.
+        stepper: the stepper of the scene's body.
+        orders: names of the scene's probes and actuators.
+    """
+
+    def __init__(self, scene: Scene, stepper: Stepper | MotionStepper, orders: Orders) -> None:
+        self._scene, self._stepper, self._orders = scene, stepper, orders
+        self._trail: Trail | None = None
+        self._last: _Step | None = None
+
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """Derivatives by name."""
+        from gdfe_ros.derivatives import Derivatives  # needed here only
+
+        return Derivatives(self._scene, self._stepper)
+
+    def forget(self) -> None:
+        """Forget the last step."""
+        self._last = None
+
+    def step(
+        self,
+        state: State,
+        targets: Mapping[str, Pose],
+        commands: Mapping[str, float],
+        *,
+        duration: float,
+        deadline: Deadline | None,
+    ) -> March:
+        """Make a step with the arguments of the stepper; update the derivatives if `follow` requested them."""
+        given: dict[str, Any] = {"duration": duration, "deadline": deadline}
+        if self._trail is not None:
+            self._trail.begin(state)
+            given["observer"] = self._trail.observe
+        march = self._stepper.step(state, targets, commands, **given)
+        if isinstance(self._stepper, MotionStepper):
+            self._last = _Step(state, march.state, targets, commands, duration)
+        return march
+
+    def follow(self, state: State, parameters: Sequence[str] | None) -> None:
+        """Update derivatives with respect to ``parameters`` in all further steps from ``state``."""
+        self._require_rigid_joints()
+        if not self.derivatives.named(parameters):
+            known = ", ".join(self.derivatives.parameters.names)
+            raise CommandError(f"nothing to follow; parameters of this scene: {known}")
+        if isinstance(self._stepper, MotionStepper):
+            self._trail = self.derivatives.trail(state, parameters)
+
+    def sensitivities(
+        self,
+        state: State,
+        outputs: Sequence[str] | None,
+        parameters: Sequence[str] | None,
+        *,
+        solved: bool,
+        interrupted: Interruption,
+    ) -> Sensitivities:
+        """Return d(output)/d(parameter) at ``state``; ``solved`` is False before the first commands are solved."""
+        self._require_rigid_joints()
+        derivatives, trail = self.derivatives, self._trail
+        if not isinstance(self._stepper, MotionStepper):
+            if not solved:
+                raise GdfeError(
+                    "no derivative: the first commands, as of loads, are not solved yet; remedy: step first"
+                )
+            return derivatives.found(state, outputs, parameters, interrupted=interrupted)
+        if trail is None or trail.state.positions is not state.positions:
+            trail = self._last_step_followed(state, parameters, interrupted)
+        return derivatives.along(trail, outputs, parameters)
+
+    def jacobian(
+        self,
+        state: State,
+        probes: Sequence[str] | None,
+        actuators: Sequence[str] | None,
+        *,
+        interrupted: Interruption,
+    ) -> NDArray[np.float64]:
+        """Return d(probe position)/d(command) (probes, 3, actuators) at ``state``, of a motion over the last step."""
+        self._require_rigid_joints()
+        points = self._orders.probes(probes)
+        names = [each.name for each in self._scene.actuators] if actuators is None else actuators
+        chosen = [self._orders.actuator(name) for name in names]
+        if not chosen:
+            return np.zeros((len(points), 3, 0))
+        if not isinstance(self._stepper, MotionStepper):
+            from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
+
+            return np.stack(jacobian(self._stepper, state, points, chosen, interrupted=interrupted), axis=2)
+        outputs = [f"probes.{name}" for name in (self._scene.probes if probes is None else probes)]
+        wanted = [f"actuators.{name}" for name in names]
+        derivatives = self.derivatives
+        # A new trail over the last step only, without the effects of earlier steps.
+        found = derivatives.along(self._last_step_followed(state, wanted, interrupted), outputs, wanted)
+        return found.matrix.reshape(len(points), 3, len(chosen))
+
+    def _last_step_followed(self, state: State, parameters: Sequence[str] | None, interrupted: Interruption) -> Trail:
+        """Repeat the last step, which led to ``state``, and return the trail with its derivatives."""
+        if self._last is None or self._last.found.positions is not state.positions:
+            raise GdfeError("no derivative: no step in motion led here; remedy: step first")
+        trail = self.derivatives.trail(self._last.start, parameters)
+        trail.begin(self._last.start)
+        deadline = Deadline(interrupted=interrupted) if interrupted else None
+        self._last.again(self._stepper, trail.observe, deadline)
+        if deadline is not None and deadline.passed():
+            raise GdfeError(ENDED)
+        if not np.array_equal(trail.state.positions, state.positions):
+            raise GdfeError("no derivative: the last step was cut by a deadline; remedy: step without one")
+        return trail
+
+    def _require_rigid_joints(self) -> None:
+        """Raise `GdfeError` if an arm has yielding joints: derivatives assume that its flange does not move."""
+        for arm in self._scene.arms:
+            if arm.springs is not None:
+                remedy = f"remedy: an arm {arm.name!r} without `compliance`"
+                raise GdfeError(f"no derivative: it would leave out the yielding joints of arm {arm.name!r}; {remedy}")

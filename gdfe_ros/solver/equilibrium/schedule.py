@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tolerances of the successive minimisations of one solve."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gdfe_ros.solver.terms.actuation import Actuation
+
+FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
+"""If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
+COARSER = (30.0, 3.0)
+"""Tolerances of the first two minimisations, divided by the tolerance that contact forces require
+(`Actuation.resolution`). Later minimisations use the required tolerance.
+"""
+ROUGH = 0.3
+"""Lower bound of the tolerance that contact forces require, divided by the self-contact error at the last update."""
+
+
+class DescentSchedule:
+    """Tolerances of the minimisations between which multipliers are updated: coarse at first, the solve's at the end.
+
+    Args:
+        actuation: the terms; contact forces may require a finer tolerance.
+        tolerance: tolerance of the solve.
+        first: tolerance of the first minimisation, without contact forces.
+        share: factor of all tolerances.
+        certified: whether the first minimisation ignores the contact forces, which are those of the last step.
+
+    Attributes:
+        present: tolerance of the present minimisation, without contact forces and without ``share``.
+    """
+
+    def __init__(self, actuation: Actuation, tolerance: float, *, first: float, share: float, certified: bool) -> None:
+        self._actuation, self._tolerance, self._share, self._certified = actuation, tolerance, share, certified
+        self.present, self._finest, self._count = first, tolerance, 0
+        self._rough, self._aim = False, np.inf
+
+    def aims(self) -> dict[str, float]:
+        """Return the tolerance of the next minimisation, and that of the whole solve, as arguments of `descend`."""
+        coarser = COARSER[self._count] if self._count < len(COARSER) and self.present > self._tolerance else 1.0
+        if self._count == 0 and self._certified:
+            coarser = np.inf
+        self._count += 1
+        fine, least = coarser * self._actuation.resolution, ROUGH * self._actuation.missed
+        fine, self._rough = max(fine, least), least > fine
+        self._aim = self._share * min(self.present, fine)
+        return {"tolerance": self._aim, "final": self._share * min(self._finest, fine)}
+
+    @property
+    def exact(self) -> bool:
+        """Whether the last minimisation had the tolerance of the solve and that of the present contact forces."""
+        coarse = self._aim > self._share * min(self.present, self._actuation.resolution)
+        return self.present <= self._tolerance and not self._rough and not coarse
+
+    def refine(self) -> None:
+        """Decrease the tolerance of the solve: multipliers still change, but by too little for another iteration."""
+        self._finest *= TIGHTEN
+
+    def tighten(self) -> None:
+        """Decrease the tolerance for the next minimisation, at most to that of the solve."""
+        self.present = max(self._finest, TIGHTEN * self.present)
