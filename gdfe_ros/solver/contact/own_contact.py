@@ -92,15 +92,15 @@ class OwnContact(ContactTerm):
         """
         rows, chosen = self._rows(), self._chosen
         _, presses, _, slips, _ = self._forces(positions)
-        roots, normals = np.sqrt(rows[:, law.PENALTY]), rows[:, law.NORMAL : law.WEIGHTS]
+        penalty, normals = rows[:, law.PENALTY], rows[:, law.NORMAL : law.WEIGHTS]
         press, stick = presses > 0.0, (self.reals[law.FRICTION] * rows[:, law.PRESS] > 0.0) & ~slips
         corners, held = self.pairs.carriers(chosen, self._face), self.pairs.carriers(chosen, self._hold[chosen])
-        parts = [(press, corners, self._weights, normals)]
-        parts += [(stick, held, self._hold_weights[chosen], way) for way in across(normals)]
-        ends = [np.column_stack([self.pairs.first[chosen], quads])[on] for on, quads, _, _ in parts]
+        parts = [(press, corners, self._weights, normals, penalty * rows[:, law.SUPPORT])]
+        parts += [(stick, held, self._hold_weights[chosen], way, penalty) for way in across(normals)]
+        ends = [np.column_stack([self.pairs.first[chosen], quads])[on] for on, quads, *_ in parts]
         ways = [
-            (roots[:, None, None] * np.insert(-weights, 0, 1.0, axis=1)[:, :, None] * way[:, None, :])[on]
-            for on, _, weights, way in parts
+            (np.sqrt(stiffness)[:, None, None] * np.insert(-weights, 0, 1.0, axis=1)[:, :, None] * way[:, None, :])[on]
+            for on, _, weights, way, stiffness in parts
         ]
         return np.concatenate(ends).astype(np.int32), np.concatenate(ways)
 

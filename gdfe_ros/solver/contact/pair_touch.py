@@ -89,5 +89,5 @@ def frames(x: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float
     a, b, c, d = np.moveaxis(x[quads], 1, 0)
     along, normal = b + c - a - d, np.cross(c - a, d - b)
     along = along / np.linalg.norm(along, axis=1)[:, None]
-    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)[:, None]
     return np.stack([along, np.cross(normal, along), normal], axis=2)
