@@ -18,7 +18,7 @@ from docs.scripts.cad_finger import Finger
 from docs.scripts.drawing import IMAGES, SCENES, draw_scene, write_mesh
 from gdfe_ros import Command, Simulation, load_scene
 
-NAME, SIZE = "pneunet_finger", 0.008
+NAME, SIZE = "pneunet_finger", 0.006
 FINGER = Finger(base=2.0, channel=3.0)
 """A finger with a thin base, under which a sheet of paper is glued."""
 PRESSURES = (5e3, 10e3, 15e3, 20e3)
