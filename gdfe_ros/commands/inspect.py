@@ -9,9 +9,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from gdfe_ros.commands.number_option import require_number
+from gdfe_ros.commands.picture_file import require_picture
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.inspection import Inspection, inspect_file
 from gdfe_ros.mesh.quality import check_mesh
+from gdfe_ros.scene.mesh_schema import SIZE
+from gdfe_ros.scene.skin_schema import SCALE
 
 DEFECTIVE = 1
 
@@ -39,12 +44,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Inspect a file and print the result; return 0, or 1 if it has defects that prevent its use.
 
     Raises:
-        MeshError: there is no such file, or the size is not positive.
+        GdfeError: there is no such file, a number is out of range, or the picture cannot be written.
     """
-    if not arguments.file.is_file():
-        raise MeshError(f"file {arguments.file}", ["there is no such file"])
-    if arguments.size is not None and not arguments.size > 0.0:
-        raise MeshError(f"file {arguments.file}", [f"--size = {arguments.size:g} m; allowed: > 0"])
+    require_file(arguments.file, f"file {arguments.file}")
+    require_number("--size", arguments.size, SIZE)
+    require_number("--scale", arguments.scale, SCALE)
+    require_picture(arguments.picture)
     found = inspect_file(arguments.file, scale=arguments.scale, size=arguments.size)
     Console().print(_table(found))
     for defect in found.defects:

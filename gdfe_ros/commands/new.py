@@ -10,16 +10,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.errors import MeshError
+from gdfe_ros.commands.number_option import require_number
+from gdfe_ros.errors import GdfeError, MeshError
+from gdfe_ros.materials.presets import LIBRARY, PRESETS
 from gdfe_ros.mesh.cavities import find_cavities
+from gdfe_ros.mesh.cavity_places import misplaced_cavities
+from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mesh import Mesh
-from gdfe_ros.mesh.shells import shells
 from gdfe_ros.mesh.size_field import default_size
 from gdfe_ros.mesh.step_file import STEP_SUFFIXES, step_bounds
 from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 from gdfe_ros.scene.document import write_document
+from gdfe_ros.scene.mesh_schema import LEAST_SIZE, SIZE
+from gdfe_ros.scene.report import suggest
+from gdfe_ros.scene.skin_schema import SCALE
 
 PRESSURE = 5e3
 """Final pressure [Pa] of the program that is written for a scene with chambers."""
@@ -40,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--scale", type=float, help="metres per unit of the files, e.g. 0.001; STEP states its own")
     parser.add_argument(
-        "--material", default="dragon_skin_10", help="a preset, e.g. ecoflex_0030 (default: %(default)s)"
+        "--material", default="dragon_skin_10", help="a preset, e.g. ecoflex_00_30 (default: %(default)s)"
     )
 
 
@@ -48,16 +54,33 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the scene; return 0.
 
     Raises:
-        MeshError: a file cannot be used (all its defects are listed), or the scene already exists.
+        GdfeError: an option is wrong, a file cannot be used (all its defects are listed), or the scene already exists.
     """
-    if arguments.scene.exists():
-        raise MeshError(f"scene {arguments.scene}", ["there is such a file already; remedy: another name"])
+    _require_options(arguments)
     entry, mesh = _body(arguments)
     scene = _scene(arguments.scene.stem, arguments.material, entry, mesh)
     arguments.scene.write_text(write_document(scene))
     print(f"{arguments.scene}: {mesh.n_cells} {mesh.noun}, chambers: {len(scene.get('actuators', {}))}")
     print(f"next: gdfe solve {arguments.scene} --picture {arguments.scene.with_suffix('.png')}")
     return 0
+
+
+def _require_options(arguments: argparse.Namespace) -> None:
+    """Raise an error if an option is wrong, before any file is read."""
+    scene = arguments.scene
+    if scene.exists():
+        raise MeshError(f"scene {scene}", ["there is such a file already; remedy: another name"])
+    if not scene.parent.is_dir():
+        raise MeshError(f"scene {scene}", [f"there is no folder {scene.parent}; remedy: make it, or another path"])
+    require_number("--size", arguments.size, SIZE)
+    require_number("--least-size", arguments.least_size, LEAST_SIZE)
+    require_number("--scale", arguments.scale, SCALE)
+    name, usable = arguments.material, [name for name in PRESETS if LIBRARY[name].poisson is not None]
+    if name not in PRESETS:
+        raise GdfeError(f"--material {name}: there is no such preset{suggest(name, usable)}")
+    if name not in usable:
+        text = "this preset of a filament has no Poisson's ratio, and a scene with it needs the key `poisson`"
+        raise GdfeError(f"--material {name}: {text}; remedy: edit the scene later; allowed here: {', '.join(usable)}")
 
 
 def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
@@ -68,6 +91,7 @@ def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
             f"--cavity belongs to a body of {', '.join(SUFFIXES)}; remedy: draw the chambers as hollows of the body, "
         )
         raise MeshError(f"file {source}", [f"{text}and close blind holes by a second solid, e.g. a plate"])
+    require_file(source, f"file {source}")
     scale = {} if arguments.scale is None else {"scale": arguments.scale}
     if source.suffix.lower() in STEP_SUFFIXES:
         sizes = _sizes(arguments, step_bounds(source) if arguments.size is None else None)
@@ -91,17 +115,15 @@ def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
 def _joined(arguments: argparse.Namespace) -> Path:
     """Write the body and its cavities as one surface in metres beside the scene; return its path."""
     trimesh = import_module("trimesh")
-    parts, defects = [], []
-    for path in (arguments.source, *arguments.cavity):
+    paths, surfaces, defects = [arguments.source, *arguments.cavity], [], []
+    for path in paths:
         vertices, triangles, found = examine_surface(path, scale=arguments.scale)
-        parts.append(trimesh.Trimesh(vertices, triangles, process=False))
+        surfaces.append((vertices, triangles))
         defects += [f"{path}: {text}" for text in found]
-    whole = trimesh.util.concatenate(parts)
     if not defects:
-        inside = shells(np.asarray(whole.vertices), np.asarray(whole.faces)).n_cavities
-        if inside < len(arguments.cavity):
-            text = f"{inside} of {len(arguments.cavity)} cavities lie inside of the body"
-            defects.append(f"{text}; remedy: export all surfaces in the same frame and unit")
+        texts = misplaced_cavities(*surfaces[0], surfaces[1:])
+        defects = [f"{paths[1 + number]}: {text}" for number, text in texts.items()]
+    whole = trimesh.util.concatenate([trimesh.Trimesh(*surface, process=False) for surface in surfaces])
     if defects:
         raise MeshError(f"surface {arguments.source}", defects)
     path = arguments.scene.with_name(f"{arguments.scene.stem}_body.stl")
@@ -110,15 +132,8 @@ def _joined(arguments: argparse.Namespace) -> Path:
 
 
 def _sizes(arguments: argparse.Namespace, points: NDArray[np.float64] | None) -> dict[str, float]:
-    """Return the entries `size` and `least_size` [m]; without ``--size``, that of a body with these points (n, 3).
-
-    Raises:
-        MeshError: a size is not positive.
-    """
+    """Return the entries `size` and `least_size` [m]; without ``--size``, that of a body with these points (n, 3)."""
     given = {"size": arguments.size, "least_size": arguments.least_size}
-    wrong = [f"{name} = {value:g} m; allowed: > 0" for name, value in given.items() if value is not None and value <= 0]
-    if wrong:
-        raise MeshError(f"file {arguments.source}", wrong)
     if arguments.size is None:
         given["size"] = default_size(points)
     return {name: value for name, value in given.items() if value is not None}

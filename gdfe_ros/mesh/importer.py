@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.file_sets import named_sets
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.mesh import Mesh
@@ -99,8 +100,7 @@ def _read(path: Path, heading: str) -> meshio.Mesh:
         library = import_module("meshio")
     except ImportError as error:
         raise MeshError(heading, ["meshio is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
-    if not path.is_file():
-        raise MeshError(heading, ["there is no such file; paths in a scene are relative to the folder of the scene"])
+    require_file(path, heading)
     if path.suffix.lower() not in library.extension_to_filetypes:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
     said = StringIO()

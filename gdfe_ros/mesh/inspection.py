@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -130,7 +131,7 @@ def _solids(path: Path, size: float | None) -> Inspection:
 
 def _extent(vertices: NDArray[np.float64]) -> list[tuple[str, str]]:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    size = float(np.linalg.norm(high - low))
+    size = math.hypot(*(high - low))
     spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
     unit = guess_unit(size) if np.isfinite(size) and size > 0 else "unknown"
     return [("bounds", spans), ("unit, a guess from the size", unit)]

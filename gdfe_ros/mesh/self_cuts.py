@@ -24,7 +24,7 @@ class SelfCuts:
     Attributes:
         pairs: number of pairs of triangles that cut each other, or overlap in one plane.
         cut: (t,) bool, whether another triangle cuts the triangle.
-        places: (k, 3) [m], a place of an intersection for each of the k triangles that are cut.
+        places: (k, 3) [m], a place of an intersection for each of the k triangles that are cut, in ascending order.
     """
 
     pairs: int
@@ -63,9 +63,9 @@ def find_self_cuts(vertices: NDArray[np.float64], triangles: NDArray[np.integer]
     tree = BoxTree.of(vertices, triangles, flat=tolerance)
     counts, places = np.empty(len(triangles), dtype=np.int64), np.zeros((len(triangles), 3))
     count_cuts(tree.corners, tree.normals, tree.boxes, tolerance, counts, places)
-    cut = np.zeros(len(triangles), dtype=bool)
-    cut[tree.order] = counts > 0
-    return SelfCuts(int(counts.sum()) // 2, cut, places[counts > 0])
+    numbers = np.argsort(tree.order)
+    cut = counts[numbers] > 0
+    return SelfCuts(int(counts.sum()) // 2, cut, places[numbers[cut]])
 
 
 def _far_apart(points: NDArray[np.float64], count: int) -> list[int]:

@@ -86,7 +86,13 @@ def wall_sizes(walls: Walls, *, size: float, least_size: float, bounds: NDArray[
         tree = cKDTree(walls.places[(level == number) & (target < size)])
         away, _ = tree.query(points, distance_upper_bound=(size - small) / GROWTH)
         sizes = np.minimum(sizes, small + GROWTH * away)
+    cells = cells_at_walls(walls, size=size, least_size=least_size)
+    return SizeField(start, spacing, sizes.reshape(counts), cells)
+
+
+def cells_at_walls(walls: Walls, *, size: float, least_size: float) -> float:
+    """Return the expected number of tetrahedra at walls that get cells smaller than ``size``, as in `wall_sizes`."""
+    target = np.clip(EDGES_ALONG * walls.thickness, least_size, size)
     thin = target < size
     volumes = 0.5 * walls.areas[thin] * np.maximum(walls.thickness, target)[thin]
-    cells = float(np.sum(expected_cells(volumes, target[thin])))
-    return SizeField(start, spacing, sizes.reshape(counts), cells)
+    return float(np.sum(expected_cells(volumes, target[thin])))

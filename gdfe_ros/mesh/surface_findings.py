@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
+from gdfe_ros.mesh.mesher_process import MOST_CELLS
 from gdfe_ros.mesh.self_cuts import SelfCuts, find_self_cuts
 from gdfe_ros.mesh.shells import shell_numbers
+from gdfe_ros.mesh.size_field import cells_at_walls
 from gdfe_ros.mesh.wall_cells import FLATTEST, LEAST_FRACTION, measured
 from gdfe_ros.mesh.walls import Walls, find_walls
 from gdfe_ros.mesh.winding import disagreeing_edges, open_edges_of, winding_defects
@@ -63,8 +65,19 @@ class SurfaceFindings:
 
     @property
     def defects(self) -> list[str]:
-        """Texts of the defects: self-intersections, and neighbours that are wound in opposite directions."""
-        return winding_defects(self.vertices, self.triangles) + self.cuts.defects
+        """Texts of the defects: neighbours that are wound in opposite directions, self-intersections, thin walls.
+
+        Thin walls are a defect if cells of their thickness would be too many for a mesh.
+        """
+        found = winding_defects(self.vertices, self.triangles) + self.cuts.defects
+        if self._has_thin_walls and self._cells > MOST_CELLS:
+            x, y, z = self.walls.places[self.walls.thinnest]
+            found.append(
+                f"walls are too thin for cells of any size, the thinnest {self._thinnest:.3g} m near ({x:.4g}, "
+                f"{y:.4g}, {z:.4g}) m. Cells as small as that would be about {self._cells:.2g} tetrahedra; allowed: up "
+                f"to {MOST_CELLS:g}; remedy: thicker walls, or check the unit"
+            )
+        return found
 
     @property
     def remarks(self) -> list[str]:
@@ -75,18 +88,33 @@ class SurfaceFindings:
                 "the normals point into the material. A body is filled all the same, but `obstacles` and `bodies` "
                 "refuse this surface; remedy: turn it (MeshLab: Invert Faces Orientation, Blender: Recalculate Outside)"
             )
-        if self.walls is not None:
-            ratio = self.size / self.walls.thickness
-            fraction = self.walls.fraction(ratio > FLATTEST)
-            if fraction >= LEAST_FRACTION:
-                thinnest = float(self.walls.thickness.min())
-                found.append(
-                    f"{fraction:.0%} of the surface is at walls that are thin for cells of {self.size:.3g} m. "
-                    f"{measured(float(ratio.max()))}; remedy: for tetrahedra `least_size: {thinnest:.2g}` beside "
-                    "`size`, which makes small cells only at thin walls; for voxels a `cell` of at most "
-                    f"{0.5 * thinnest:.2g} m"
-                )
+        if self._has_thin_walls and self._cells <= MOST_CELLS:
+            found.append(
+                f"{self._thin_fraction:.0%} of the surface is at walls that are thin for cells of {self.size:.3g} m. "
+                f"{measured(self.size / self._thinnest)}; remedy: for tetrahedra `least_size: {self._thinnest:.2g}` "
+                "beside `size`, which makes small cells only at thin walls; for voxels a `cell` of at most "
+                f"{0.5 * self._thinnest:.2g} m"
+            )
         return found
+
+    @property
+    def _thin_fraction(self) -> float:
+        """Fraction of the surface at walls that are thin for the size."""
+        return self.walls.fraction(self.size / self.walls.thickness > FLATTEST)
+
+    @property
+    def _has_thin_walls(self) -> bool:
+        return self.walls is not None and self._thin_fraction >= LEAST_FRACTION
+
+    @property
+    def _thinnest(self) -> float:
+        """Least thickness of a wall [m]."""
+        return float(self.walls.thickness.min())
+
+    @property
+    def _cells(self) -> float:
+        """Expected number of tetrahedra with a ``least_size`` of the thinnest wall."""
+        return cells_at_walls(self.walls, size=self.size, least_size=self._thinnest)
 
 
 def surface_findings(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, size: float) -> SurfaceFindings:

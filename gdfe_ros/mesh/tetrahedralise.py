@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
+from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.mesher import run_mesher
 from gdfe_ros.mesh.mesher_process import too_many
@@ -53,8 +54,7 @@ def from_step(path: str | Path, *, size: float, least_size: float | None = None)
         MeshError: the file cannot be meshed; the error names the reason.
     """
     path, heading = Path(path), f"step {path}"
-    if not path.is_file():
-        raise MeshError(heading, ["there is no such file; paths in a scene are relative to the folder of the scene"])
+    require_file(path, heading)
     if path.suffix.lower() not in STEP_SUFFIXES:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(STEP_SUFFIXES)}"])
     key = key_of(b"step", path.read_bytes(), *_sizes_key(size, least_size))
@@ -116,10 +116,26 @@ def from_surface(
         request |= _refined(walls, bounds, size, least_size, heading)
     raw = run_mesher("surface", request, heading)
     if len(raw["cells"]) == 0:
-        text = "no tetrahedron is inside: the surface encloses nothing; remedy: close it, see `gdfe inspect`"
-        raise MeshError(heading, [text])
+        raise MeshError(heading, [_nothing_inside(vertices, triangles, request["epsilon"] * diagonal, closed)])
     mesh = raised(raw["vertices"], raw["cells"])
     return _kept(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
+
+
+def _nothing_inside(vertices: NDArray[np.float64], triangles: NDArray[np.int64], envelope: float, closed: bool) -> str:
+    """Return the reason why there is no tetrahedron inside a surface that the mesher moved by up to ``envelope`` [m].
+
+    The thickness of a sheet is 2 V / A, with the volume V inside its surface and the area A of the surface.
+    """
+    if not closed:
+        return "no tetrahedron is inside: the surface encloses nothing; remedy: close it, see `gdfe inspect`"
+    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    thickness = 2.0 * shells(vertices, triangles).volume / area
+    return (
+        f"no tetrahedron is inside: the surface is closed, but its walls are too thin for the size. They are about "
+        f"{thickness:.2g} m thick, and the mesher may move the surface by {envelope:.2g} m; remedy: "
+        "thicker walls, or a least_size, see `gdfe inspect`"
+    )
 
 
 def _outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, apart: bool) -> NDArray[np.int64]:

@@ -33,7 +33,8 @@ def unit_defects(size: float, scale: float | None) -> list[str]:
     if scale is not None or not math.isfinite(size) or size == 0.0 or SHORTEST <= size <= LONGEST:
         return []
     unit = guess_unit(size)
-    advice = f"it seems to be in {unit}: give `scale: {UNITS[unit]:g}`" if unit != "m" else "check its unit"
+    plausible = unit != "m" and SHORTEST <= size * UNITS[unit] <= LONGEST
+    advice = f"it seems to be in {unit}: give `scale: {UNITS[unit]:g}`" if plausible else "check its unit"
     return [
         f"the body's diagonal is {size:g}, which is not in metres for a soft robot (allowed without `scale`: "
         f"{SHORTEST:g} to {LONGEST:g} m); remedy: {advice}, or `scale: 1.0` if it is in metres"

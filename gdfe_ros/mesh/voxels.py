@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from enum import Enum
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.cut_cells import cube_moments, gather_slivers
+from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.generators import grid
 from gdfe_ros.mesh.hexmesh import HexMesh
@@ -30,6 +32,11 @@ SUFFIXES = (".stl", ".obj", ".ply", ".off")
 MOST_CUBES = 50_000_000
 #: Relative difference of the cubes' and the surface's volumes above which the grid counts as too coarse.
 VOLUME_ERROR = 0.3
+#: Vertices of a surface are merged if they agree in this number of digits of the body's longest side. Single precision
+#: has seven digits.
+MERGED_DIGITS = 8
+#: Limits of a body's longest side in the file's unit, whatever the unit is.
+SMALLEST, LARGEST = 1e-12, 1e12
 
 
 class CutCubes(str, Enum):
@@ -77,8 +84,8 @@ def examine_surface(
     """
     path = Path(surface)
     vertices, triangles = _read(path, f"surface {path}")
-    defects = _open_edges(vertices, triangles) if closed else []
-    defects += unit_defects(float(np.linalg.norm(np.ptp(vertices, axis=0))), scale)
+    defects = unit_defects(math.hypot(*np.ptp(vertices, axis=0)), scale)
+    defects += _open_edges(vertices, triangles) if closed else []
     return vertices * (scale or 1.0), triangles, defects
 
 
@@ -131,22 +138,42 @@ def _read(path: Path, heading: str) -> tuple[NDArray[np.float64], NDArray[np.int
         library = import_module("trimesh")
     except ImportError as error:
         raise MeshError(heading, ["trimesh is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
-    if not path.is_file():
-        raise MeshError(heading, ["there is no such file; paths in a scene are relative to the folder of the scene"])
+    require_file(path, heading)
     if path.suffix.lower() not in SUFFIXES:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
     try:
-        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
-            surface = library.load(path, force="mesh")
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()), np.errstate(all="ignore"):
+            surface = library.load(path, force="mesh", process=False)
     except Exception as error:  # trimesh's parsers raise anything on a broken file
         reason = f"{type(error).__name__}: {error}"
         raise MeshError(heading, [f"cannot be read as {path.suffix}: {reason}; remedy: export it again"]) from error
-    vertices, triangles = np.asarray(surface.vertices, dtype=np.float64), np.asarray(surface.faces)
-    if len(triangles) == 0:
+    if len(surface.faces) == 0:
         raise MeshError(heading, ["there are no triangles; remedy: export the body's surface"])
-    if not np.isfinite(vertices).all():
-        raise MeshError(heading, ["a coordinate is not finite; remedy: export it again"])
-    return vertices, triangles
+    if defects := _not_finite(np.asarray(surface.vertices), np.asarray(surface.faces)):
+        raise MeshError(heading, defects)
+    longest = float(surface.extents.max())
+    if not SMALLEST <= longest <= LARGEST:
+        text = f"the body's longest side is {longest:g} in the file's unit; allowed in any unit: {SMALLEST:g} to"
+        raise MeshError(heading, [f"{text} {LARGEST:g}; remedy: export it in a usual unit, e.g. in millimetres"])
+    digits = MERGED_DIGITS - math.ceil(math.log10(longest))
+    surface.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=digits)
+    triangles = np.asarray(surface.faces)
+    whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return np.asarray(surface.vertices, dtype=np.float64), triangles[whole]
+
+
+def _not_finite(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> list[str]:
+    """Return a list with a defect that names the first coordinate that is NaN or infinite; empty if there is none."""
+    wrong = np.argwhere(~np.isfinite(vertices))
+    if len(wrong) == 0:
+        return []
+    vertex, axis = wrong[0]
+    users = np.flatnonzero((triangles == vertex).any(axis=1))
+    place = f"vertex {vertex}" + (f" (in triangle {users[0]})" if len(users) else "")
+    return [
+        f"{len(wrong)} coordinates are not finite, the first: {'xyz'[axis]} = {vertices[vertex, axis]:g} of {place}, "
+        "counted from 0; allowed: finite numbers; remedy: export it again"
+    ]
 
 
 def _open_edges(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> list[str]:

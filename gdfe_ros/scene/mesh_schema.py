@@ -24,8 +24,8 @@ from gdfe_ros.scene.rotation import RotationQuantity
 from gdfe_ros.scene.skin_schema import SCALE, SkinModel
 
 _CELL = Quantity("edge of the cubes", "m", above=0.0, most=1.0)
-_SIZE = Quantity("largest edge of the tetrahedra", "m", above=0.0, most=1.0)
-_LEAST = Quantity("smallest edge of the tetrahedra, at thin walls", "m", above=0.0, most=1.0)
+SIZE = Quantity("largest edge of the tetrahedra", "m", above=0.0, most=1.0)
+LEAST_SIZE = Quantity("smallest edge of the tetrahedra, at thin walls", "m", above=0.0, most=1.0)
 _AT = Quantity("position of the origin of its own frame [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _ROTATION = RotationQuantity(
     "rotation vector of its own frame [x, y, z], or several in turn about fixed axes",
@@ -62,8 +62,8 @@ class TetsModel(Choice):
 
     surface: FilePath | None = Field(None, description="path of an STL, OBJ, PLY or OFF file; holes are closed")
     step: FilePath | None = Field(None, description="path of a STEP file with one or more solids, in its own unit")
-    size: Annotated[float, _SIZE]
-    least_size: Annotated[float, _LEAST] | None = None
+    size: Annotated[float, SIZE]
+    least_size: Annotated[float, LEAST_SIZE] | None = None
     scale: Annotated[float, SCALE] | None = None
 
     @model_validator(mode="after")

@@ -36,9 +36,29 @@ def test_self_intersections_are_a_defect_that_is_drawn(tmp_path: Path, capsys: p
     assert picture.stat().st_size > 5000
 
 
-@pytest.mark.parametrize("size", ["0", "-0.1", "nan"])
-def test_a_size_that_is_not_positive_is_refused(size: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A size that is not positive is refused with the allowed range."""
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("option", ["--size", "--scale"])
+@pytest.mark.parametrize("value", ["0", "-0.1", "nan", "inf"])
+def test_a_number_out_of_range_is_refused(
+    option: str, value: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A size or scale that is not positive or not finite is refused in one line with the allowed range."""
     trimesh.creation.box((0.1, 0.06, 0.04)).export(tmp_path / "box.stl")
-    assert main(["inspect", str(tmp_path / "box.stl"), "--size", size]) == BAD_INPUT
-    assert "allowed: > 0" in capsys.readouterr().err
+    assert main(["inspect", str(tmp_path / "box.stl"), option, value]) == BAD_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{option} = {value}; allowed is a number: 0 < " in line
+
+
+def test_a_folder_is_called_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder is refused as a folder."""
+    assert main(["inspect", str(tmp_path)]) == BAD_INPUT
+    assert "this is a folder; remedy: the path of a file in it" in capsys.readouterr().err
+
+
+def test_a_picture_that_cannot_be_written_is_refused_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An unfit picture is refused before the file is inspected."""
+    trimesh.creation.box((0.1, 0.06, 0.04)).export(tmp_path / "box.stl")
+    assert main(["inspect", str(tmp_path / "box.stl"), "--picture", str(tmp_path / "no" / "x.png")]) == BAD_INPUT
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "there is no folder" in said.err

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import meshio
@@ -11,6 +12,8 @@ import pytest
 import trimesh
 
 from gdfe_ros.cli import BAD_INPUT, main
+from gdfe_ros.commands import new as command
+from gdfe_ros.materials import PRESETS
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import load_scene
@@ -56,7 +59,9 @@ def test_what_does_not_fit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     assert main(["new", str(tmp_path / "there.yaml"), *source]) == BAD_INPUT
     assert "such a file already" in capsys.readouterr().err
     assert main(["new", str(tmp_path / "new.yaml"), *source, "--cavity", str(tmp_path / "far.stl")]) == BAD_INPUT
-    assert "0 of 1 cavities lie inside of the body" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "far.stl: the air is outside of the body's material at (0.995, " in said
+    assert "m; allowed: wholly inside of the body's material; remedy: " in said
     assert not (tmp_path / "new.yaml").exists()
 
 
@@ -77,11 +82,17 @@ def test_a_least_size_is_written_into_the_scene(tmp_path: Path) -> None:
     assert load_scene(tmp_path / "plate.yaml").mesh.noun == "tetrahedra"
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("suffix", "sizes", "told"),
     [
-        ("stl", ["--size", "0"], "size = 0 m; allowed: > 0"),
-        ("stl", ["--least-size", "-1"], "least_size = -1 m; allowed: > 0"),
+        ("stl", ["--size", "0"], "--size = 0; allowed is a number: 0 < largest edge of the tetrahedra [m] <= 1"),
+        ("stl", ["--least-size", "-1"], "--least-size = -1; allowed is a number: 0 < smallest edge"),
+        ("stl", ["--size", "nan"], "--size = nan; allowed is a number: 0 < "),
+        ("stl", ["--least-size", "nan"], "--least-size = nan; allowed is a number: 0 < "),
+        ("stl", ["--scale", "nan"], "--scale = nan; allowed is a number: 0 < metres per unit of the file <= 1000"),
+        ("stl", ["--scale", "inf"], "--scale = inf; allowed is a number: 0 < "),
+        ("stl", ["--scale", "0"], "--scale = 0; allowed is a number: 0 < "),
         ("stl", ["--size", "0.01", "--least-size", "0.02"], "least_size = 0.02 m; allowed: up to size = 0.01 m"),
         ("vtu", ["--least-size", "0.01"], "this file has cells already"),
     ],
@@ -94,3 +105,60 @@ def test_sizes_that_do_not_fit_are_refused(
     trimesh.creation.box((0.04, 0.04, 0.04)).export(path) if suffix == "stl" else path.write_text("")
     assert main(["new", str(tmp_path / "new.yaml"), "--from", str(path), *sizes]) == BAD_INPUT
     assert told in " ".join(capsys.readouterr().err.split())
+
+
+def _must_not_mesh(*given: object, **options: object) -> None:
+    raise AssertionError("a mesher was started")
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("nothing", "there is no such preset; allowed: ecoflex_00_30, "),
+        ("ecoflex_0030", "there is no such preset; did you mean 'ecoflex_00_30'? allowed: "),
+        ("ninjaflex", "has no Poisson's ratio, and a scene with it needs the key `poisson`; remedy: "),
+    ],
+)
+def test_a_material_that_does_not_load_is_refused_before_meshing(
+    name: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An unknown preset, or one without Poisson's ratio, is refused with the allowed names."""
+    monkeypatch.setattr(command, "from_surface", _must_not_mesh)
+    trimesh.creation.box((0.1, 0.06, 0.04)).export(tmp_path / "box.stl")
+    given = ["new", str(tmp_path / "new.yaml"), "--from", str(tmp_path / "box.stl"), "--material", name]
+    assert main(given) == BAD_INPUT
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "new.yaml").exists()
+
+
+def test_a_preset_in_the_help_is_allowed(capsys: pytest.CaptureFixture[str]) -> None:
+    """The example in the help of ``--material`` is the name of a preset."""
+    with pytest.raises(SystemExit):
+        main(["new", "--help"])
+    (example,) = re.findall(r"e\.g\. (\w+) \(default", " ".join(capsys.readouterr().out.split()))
+    assert example in PRESETS
+
+
+def test_air_that_is_partly_outside_is_refused_before_meshing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A cavity whose first vertex is inside, but which leaves the body, is refused with a place."""
+    monkeypatch.setattr(command, "from_surface", _must_not_mesh)
+    trimesh.creation.box((0.02, 0.02, 0.02)).export(tmp_path / "box.stl")
+    trimesh.creation.box((0.018, 0.018, 0.018)).apply_translation((0.015, 0, 0)).export(tmp_path / "air.stl")
+    given = ["new", str(tmp_path / "new.yaml"), "--from", str(tmp_path / "box.stl"), "--cavity"]
+    assert main([*given, str(tmp_path / "air.stl")]) == BAD_INPUT
+    assert "air.stl: the air is partly outside" in capsys.readouterr().err
+    assert not (tmp_path / "new_body.stl").exists()
+
+
+def test_paths_that_do_not_fit_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder as the source, and a scene in a missing folder, are refused before meshing."""
+    monkeypatch.setattr(command, "from_surface", _must_not_mesh)
+    trimesh.creation.box((0.02, 0.02, 0.02)).export(tmp_path / "box.stl")
+    assert main(["new", str(tmp_path / "new.yaml"), "--from", str(tmp_path)]) == BAD_INPUT
+    assert "this is a folder" in capsys.readouterr().err
+    assert main(["new", str(tmp_path / "no" / "new.yaml"), "--from", str(tmp_path / "box.stl")]) == BAD_INPUT
+    assert "there is no folder" in capsys.readouterr().err

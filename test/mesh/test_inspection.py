@@ -67,6 +67,13 @@ def test_a_stated_scale_silences_the_guess() -> None:
     assert not unit_defects(0.08, None)
 
 
+def test_no_scale_is_suggested_that_is_implausible_too() -> None:
+    """A body of 35 m in micrometres is not suggested to be in micrometres."""
+    (defect,) = unit_defects(3.5e7, None)
+    assert "remedy: check its unit" in defect
+    assert "seems to be in" not in defect
+
+
 def test_thin_walls_of_a_surface_are_compared_with_a_size(tmp_path: Path) -> None:
     """Walls of a surface in millimetres are compared with the size in metres; the default is that of ``gdfe new``."""
     trimesh.creation.box((90.0, 60.0, 1.0)).export(tmp_path / "plate.stl")
@@ -106,3 +113,11 @@ def test_a_mesh_with_flat_cells_is_remarked(tmp_path: Path) -> None:
     found = inspect_file(tmp_path / "plate.vtu")
     assert found.defects == []
     assert "14 times as long as the wall is thick" in found.remarks[0]
+
+
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_a_vertex_that_is_not_finite_is_a_defect(value: str, tmp_path: Path) -> None:
+    """A surface with a NaN or infinite coordinate has a defect that names the vertex and the coordinate."""
+    (tmp_path / "a.obj").write_text(f"v 0 0 0\nv 1 {value} 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n")
+    (defect,) = inspect_file(tmp_path / "a.obj").defects
+    assert f"the first: y = {value} of vertex 1 (in triangle 0)" in defect

@@ -110,3 +110,14 @@ def test_a_hundred_thousand_triangles_take_seconds() -> None:
     middle = np.array([0.35, 0.05, 0.025])
     away = np.linalg.norm(found.places - middle, axis=1)
     np.testing.assert_allclose(away, np.sqrt(radius), rtol=1e-3)
+
+
+def test_places_are_in_the_order_of_the_triangles() -> None:
+    """The place of each triangle that is cut is within the triangle's bounding box."""
+    box = trimesh.creation.box((1.0, 1.0, 1.0)).subdivide()
+    both = trimesh.util.concatenate([box, box.copy().apply_translation((0.55, 0.35, 0.15))])
+    found = find_self_cuts(np.asarray(both.vertices), np.asarray(both.faces))
+    corners = both.triangles[found.cut]
+    assert len(corners) == len(found.places) > 4
+    assert (found.places >= corners.min(axis=1) - 1e-9).all()
+    assert (found.places <= corners.max(axis=1) + 1e-9).all()

@@ -60,3 +60,12 @@ def test_wrong_edges_are_found() -> None:
     found = surface_findings(np.asarray(PLATE.vertices), faces[1:], size=0.01)
     assert found.wrong_edges.shape == (6, 2, 3)
     assert "wound in opposite directions" in found.defects[0]
+
+
+def test_walls_too_thin_for_any_size_are_a_defect() -> None:
+    """A foil of 0.1 um is a defect with its place, and no advice to use cells of 0.1 um."""
+    found = findings_of(trimesh.creation.box((0.04, 0.04, 1e-7)), size=0.0027)
+    (defect,) = found.defects
+    assert "too thin for cells of any size, the thinnest 1e-07 m near (" in defect
+    assert "allowed: up to 2e+06; remedy: thicker walls" in defect
+    assert found.remarks == []

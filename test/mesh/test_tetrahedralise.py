@@ -209,3 +209,14 @@ def test_without_a_least_size_meshers_get_no_sizes(
             fill(path, size=0.02)
     assert asked["step"].keys() == {"path", "size"}
     assert asked["surface"].keys() == {"vertices", "triangles", "size", "epsilon"}
+
+
+def test_a_closed_foil_is_not_called_open(tmp_path: Path) -> None:
+    """A closed surface that is thinner than the mesher's envelope is refused for its thickness."""
+    trimesh.creation.box((0.04, 0.04, 1e-7)).export(tmp_path / "foil.stl")
+    with pytest.raises(MeshError) as caught:
+        from_surface(tmp_path / "foil.stl", size=0.01)
+    (defect,) = caught.value.defects
+    assert "the surface is closed, but its walls are too thin for the size" in defect
+    assert "about 1e-07 m thick, and the mesher may move the surface by 5.7e-05 m; remedy: thicker walls" in defect
+    assert "encloses nothing" not in defect

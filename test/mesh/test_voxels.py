@@ -14,7 +14,8 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import check_mesh
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.shells import inside, points_inside, shells
-from gdfe_ros.mesh.voxels import fill_surface, read_voxels
+from gdfe_ros.mesh.voxels import examine_surface, fill_surface, read_voxels
+from gdfe_ros.mesh.winding import winding_defects
 
 BOX = trimesh.creation.box((0.1, 0.06, 0.04))
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.012)
@@ -92,6 +93,13 @@ def write(mesh: trimesh.Trimesh, scale: float = 1.0) -> object:
     return lambda path: mesh.copy().apply_scale(scale).export(path)
 
 
+def with_coordinate(value: float) -> object:
+    """Write the box with one vertex that is not finite."""
+    vertices = BOX.vertices.copy()
+    vertices[0] = value
+    return lambda path: trimesh.Trimesh(vertices, BOX.faces, process=False).export(path)
+
+
 SHELL = trimesh.util.concatenate([BOX, BOX.copy().apply_scale(0.9)])
 OPEN = BOX.copy()
 OPEN.update_faces(np.arange(12) != 3)
@@ -112,6 +120,12 @@ BROKEN = [
         r"unknown kind of file '.step'; allowed: .stl, .obj",
     ),
     ("none.stl", lambda path: None, 0.01, r"there is no such file"),
+    ("folder.stl", lambda path: path.mkdir(), 0.01, r"this is a folder; remedy: the path of a file in it"),
+    ("nan.stl", with_coordinate(np.nan), 0.01, r"12 coord.* first: x = nan of vertex 2 \(in triangle 0\).*remedy:"),
+    ("inf.ply", with_coordinate(-np.inf), 0.01, r"3 coord.* first: x = -inf of vertex 0 \(in triangle 0\).*allowed:"),
+    ("tinier.stl", write(BOX, 1e-30), 0.01, r"longest side is 1e-31 in the file's unit; allowed .* 1e-12 to 1e\+12"),
+    ("huger.stl", write(BOX, 1e30), 0.01, r"longest side is 1e\+29 in the file's unit; allowed .* 1e-12 to 1e\+12"),
+    ("point.obj", write(BOX, 0.0), 0.01, r"longest side is 0 in the file's unit"),
 ]
 
 
@@ -130,3 +144,31 @@ def test_a_surface_in_millimetres_is_scaled(tmp_path: Path) -> None:
     write(BOX, 1000)(tmp_path / "mm.stl")
     mesh = read_voxels(tmp_path / "mm.stl", cell=0.01, scale=0.001)
     np.testing.assert_allclose(mesh.bounds, BOX.bounds, atol=1e-9)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("suffix", ["stl", "ply"])
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_vertices_are_merged_relative_to_the_size(tmp_path: Path, suffix: str, scale: float) -> None:
+    """A box in an absurd unit keeps its eight vertices; the only defect is its unit."""
+    write(BOX, scale)(tmp_path / f"box.{suffix}")
+    vertices, triangles, defects = examine_surface(tmp_path / f"box.{suffix}")
+    assert (len(vertices), len(triangles)) == (8, 12)
+    assert winding_defects(vertices, triangles) == []
+    (defect,) = defects
+    assert "check its unit" in defect
+
+
+def test_the_unit_is_told_first(tmp_path: Path) -> None:
+    """An open box in millimetres has a defect for the unit, then one for the hole."""
+    write(OPEN, 1000)(tmp_path / "open.stl")
+    unit, hole = examine_surface(tmp_path / "open.stl")[2]
+    assert "not in metres" in unit
+    assert "the surface is open" in hole
+
+
+def test_collapsed_triangles_are_left_out(tmp_path: Path) -> None:
+    """A foil much thinner than single precision has no edges that are open or wound wrongly."""
+    trimesh.creation.box((0.04, 0.04, 1e-11)).export(tmp_path / "foil.stl")
+    vertices, triangles, defects = examine_surface(tmp_path / "foil.stl")
+    assert defects + winding_defects(vertices, triangles) == []
