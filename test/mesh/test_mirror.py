@@ -94,7 +94,7 @@ def test_a_flange_of_two_parts_turns_as_one(hand: Path) -> None:
     rest = simulation.scene.mesh.vertices
     middle = rest[simulation.scene.handles[0].vertices].mean(axis=0)
     wanted = middle + (rest - middle) @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
-    np.testing.assert_allclose(result.positions, wanted, atol=1e-5)
+    np.testing.assert_allclose(result.positions, wanted, atol=3e-4 * simulation.mesh.size)
 
 
 def test_a_bag_keeps_the_reflection(hand: Path) -> None:
