@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.rigid_body import rigid_among
 from gdfe_ros.materials import cell_densities
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
@@ -59,7 +59,7 @@ def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Tor
     The vertices of the mesh come first, then those of rigid bodies.
     """
     handles = [handle.seen_from(origin) for handle in scene.handles]
-    rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
+    rigid = [body.places for body in rigid_among(handles)]
     rest = np.concatenate([scene.mesh.vertices - origin, *rigid])
     mesh, touching = scene.mesh, scene.self_contact
     return Body.build(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.actuators.load import AttachedMass
 from gdfe_ros.constraints.form import Sphere
-from gdfe_ros.constraints.handle import Axis
+from gdfe_ros.constraints.handle import Axis, Handle
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.pose import Pose
 
@@ -85,6 +85,11 @@ class RigidBody(Obstacle):
         origin, axes = self.found(positions)
         turned = Rotation.from_matrix(axes) * Rotation.from_rotvec(self.turn).inv()
         return Pose(tuple(origin - self.origin), tuple(turned.as_rotvec()))
+
+
+def rigid_among(handles: Iterable[Handle]) -> tuple[RigidBody, ...]:
+    """Return the rigid bodies among handles, in their order."""
+    return tuple(each for each in handles if isinstance(each, RigidBody))
 
 
 def rigid_pairs(touched: Sequence[Obstacle]) -> Iterator[tuple[RigidBody, Obstacle]]:

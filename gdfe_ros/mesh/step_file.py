@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.mesher import run_mesher
 from gdfe_ros.mesh.walls import Walls, find_walls
 
@@ -19,12 +21,12 @@ FACETS_ALONG = 30.0
 
 def step_bounds(path: str | Path) -> NDArray[np.float64]:
     """Return the lowest and the highest corner (2, 3) [m] of the bounding box of a STEP file's solids."""
-    return run_mesher("facts", {"path": str(Path(path).resolve())}, f"step {path}")["bounds"]
+    return _facts(path)["bounds"]
 
 
 def step_facts(path: str | Path) -> list[tuple[str, str]]:
     """Return pairs (name, value) of texts about a STEP file: kind, solids, surfaces, bounds in metres, volume."""
-    raw = run_mesher("facts", {"path": str(Path(path).resolve())}, f"step {path}")
+    raw = _facts(path)
     low, high = raw["bounds"]
     spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
     return [
@@ -33,6 +35,19 @@ def step_facts(path: str | Path) -> list[tuple[str, str]]:
         ("bounds in metres", spans),
         ("volume", f"{float(raw['volume']):.6g} m^3"),
     ]
+
+
+def _facts(path: str | Path) -> dict[str, NDArray]:
+    """Return solids, surfaces, bounds and volume of a STEP file."""
+    path, heading = Path(path), f"step {path}"
+    require_file(path, heading)
+    return _read(path.resolve(), heading, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, heading: str, changed: int) -> dict[str, NDArray]:
+    """Read the facts of a STEP file that was last ``changed`` [ns]; each read starts a process with gmsh."""
+    return run_mesher("facts", {"path": str(path)}, heading)
 
 
 def step_surface(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:

@@ -22,6 +22,16 @@ def height(normal, origin, point, tolerance):
     return d if abs(d) > tolerance else 0.0
 
 
+@inlined
+def heights(normal, origin, corners, tolerance):
+    """Return the distances (3,) [m] of a triangle's corners from a plane, as in `height`."""
+    return (
+        height(normal, origin, corner(corners, 0), tolerance),
+        height(normal, origin, corner(corners, 1), tolerance),
+        height(normal, origin, corner(corners, 2), tolerance),
+    )
+
+
 @internal
 def section(corners, d):
     """Return the two ends [m] of the section of a triangle with a plane from which its corners are ``d`` away."""
@@ -78,19 +88,11 @@ def cut_along_a_line(a, b, da, db, line, tolerance):
 def cut(a, b, na, nb, tolerance):
     """Return whether two triangles overlap in a plane or cut each other along a line, and a place of it."""
     origin = corner(a, 0)
-    db = (
-        height(na, origin, corner(b, 0), tolerance),
-        height(na, origin, corner(b, 1), tolerance),
-        height(na, origin, corner(b, 2), tolerance),
-    )
+    db = heights(na, origin, b, tolerance)
     if min(db) > 0.0 or max(db) < 0.0:
         return False, origin
     origin = corner(b, 0)
-    da = (
-        height(nb, origin, corner(a, 0), tolerance),
-        height(nb, origin, corner(a, 1), tolerance),
-        height(nb, origin, corner(a, 2), tolerance),
-    )
+    da = heights(nb, origin, a, tolerance)
     if min(da) > 0.0 or max(da) < 0.0:
         return False, origin
     if min(da) == max(da) or min(db) == max(db):

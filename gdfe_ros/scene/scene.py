@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Actuator, AttachedMass, Embedding, Load
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
-from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.materials import Material
@@ -74,4 +74,4 @@ class Scene:
     @property
     def rigid_bodies(self) -> tuple[RigidBody, ...]:
         """The rigid bodies among the handles, in their order."""
-        return tuple(each for each in self.handles if isinstance(each, RigidBody))
+        return rigid_among(self.handles)

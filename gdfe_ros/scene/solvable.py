@@ -12,7 +12,7 @@ from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load, Mode
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
@@ -220,7 +220,7 @@ def _inertia(materials: Mapping[str, Material], policy: Policy) -> str:
 
 def _still(handles: Sequence[Handle]) -> str:
     """Return a message about rigid bodies, which cannot move without dynamics; empty if there are none."""
-    names = ", ".join(repr(handle.name) for handle in handles if isinstance(handle, RigidBody))
+    names = ", ".join(repr(body.name) for body in rigid_among(handles))
     if not names:
         return ""
     return f"{names} cannot move without dynamics; remedy: add `dynamics: {{}}`, or make it one of the `obstacles`"
@@ -231,7 +231,7 @@ def _inside(handles: Sequence[Handle], mesh: Mesh | None) -> str:
 
     It is empty if there are none.
     """
-    if not any(isinstance(handle, RigidBody) for handle in handles):
+    if not rigid_among(handles):
         return ""
     from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_at_rest  # loads numba
 

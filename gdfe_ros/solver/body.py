@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
-from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.materials.material import Material
 from gdfe_ros.materials.table import MaterialTable, pack
@@ -108,7 +108,7 @@ class Body:
     @property
     def rigid_bodies(self) -> tuple[RigidBody, ...]:
         """The rigid bodies among the handles, in their order."""
-        return tuple(each for each in self.handles if isinstance(each, RigidBody))
+        return rigid_among(self.handles)
 
     @property
     def cell_type(self) -> CellType:

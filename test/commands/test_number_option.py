@@ -22,5 +22,5 @@ def test_a_number_out_of_range_is_refused(value: float) -> None:
 
 def test_a_number_in_range_or_none_is_accepted() -> None:
     """A number within the range, and an option that is not given, are accepted."""
-    require_number("--edge", 1.0, EDGE)
-    require_number("--edge", None, EDGE)
+    assert require_number("--edge", 1.0, EDGE) is None
+    assert require_number("--edge", None, EDGE) is None

@@ -29,5 +29,5 @@ def test_an_unfit_path_is_refused(name: str, told: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["x.png", "x.SVG", "x"])
 def test_a_fit_path_is_accepted(name: str, tmp_path: Path) -> None:
     """Known formats in either case, a path without a suffix, and no picture are accepted."""
-    require_picture(tmp_path / name)
-    require_picture(None)
+    assert require_picture(tmp_path / name) is None
+    assert require_picture(None) is None

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.mesh.triples import corner, cross, dot, minus
 from gdfe_ros.solver.contact.closest import among
 
 PARALLEL = 0.1
@@ -47,7 +48,8 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge
     for known in (True, False):
         for pair in range(len(pairs)):
             i, j = pairs[pair, 0], pairs[pair, 1]
-            if neighbours(surface, i, j):
+            k = seat(before, edge, distance, i, j, known)
+            if k < 0 or neighbours(surface, i, j):
                 continue
             a, b, c, d = surface.ends[i, 0], surface.ends[i, 1], surface.ends[j, 0], surface.ends[j, 1]
             n, length = across(x, a, b, c, d)
@@ -56,7 +58,7 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge
             s, t = closest_between(x, a, b, c, d)
             if not (-ENDS < s < 1.0 + ENDS and -ENDS < t < 1.0 + ENDS):
                 continue
-            if dot(n, areas, surface.sides[j, 0]) + dot(n, areas, surface.sides[j, 1]) < 0.0:
+            if facing(n, areas, surface.sides[j, 0]) + facing(n, areas, surface.sides[j, 1]) < 0.0:
                 n = -n[0], -n[1], -n[2]
             back = -n[0], -n[1], -n[2]
             least = min(between(n, areas, surface.sides[j]), between(back, areas, surface.sides[i]))
@@ -68,8 +70,7 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge
                 continue
             if height < -surface.depth and not apart(last, a, b, c, d, s, t, n) > 0.0:
                 continue
-            k = seat(before, edge, distance, i, j, known)
-            if k < 0 or not abs(height) < distance[k]:
+            if not abs(height) < distance[k]:
                 continue
             distance[k], edge[k], gap[k], support[k] = abs(height), j, height, carried
             weights[k, 0], weights[k, 1], weights[k, 2], weights[k, 3] = s, 1.0 - t, -s, t
@@ -102,22 +103,20 @@ def neighbours(surface, i, j):
 @inlined
 def across(x, a, b, c, d):
     """Return the unit normal (3,) of the edges ab and cd, and the length of their product; 0 if they are parallel."""
-    u0, u1, u2 = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    v0, v1, v2 = x[d, 0] - x[c, 0], x[d, 1] - x[c, 1], x[d, 2] - x[c, 2]
-    n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
-    length = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-    if not length > PARALLEL * math.sqrt((u0 * u0 + u1 * u1 + u2 * u2) * (v0 * v0 + v1 * v1 + v2 * v2)):
+    u, v = minus(corner(x, b), corner(x, a)), minus(corner(x, d), corner(x, c))
+    n = cross(u, v)
+    length = math.sqrt(dot(n, n))
+    if not length > PARALLEL * math.sqrt(dot(u, u) * dot(v, v)):
         return (0.0, 0.0, 0.0), 0.0
-    return (n0 / length, n1 / length, n2 / length), length
+    return (n[0] / length, n[1] / length, n[2] / length), length
 
 
 @inlined
 def closest_between(x, a, b, c, d):
     """Return the positions s and t, from 0 to 1 between the ends, of the closest points of the lines ab and cd."""
-    uu, uv, vv, ur, vr = 0.0, 0.0, 0.0, 0.0, 0.0
-    for axis in range(3):
-        u, v, r = x[b, axis] - x[a, axis], x[d, axis] - x[c, axis], x[c, axis] - x[a, axis]
-        uu, uv, vv, ur, vr = uu + u * u, uv + u * v, vv + v * v, ur + u * r, vr + v * r
+    u, v = minus(corner(x, b), corner(x, a)), minus(corner(x, d), corner(x, c))
+    r = minus(corner(x, c), corner(x, a))
+    uu, uv, vv, ur, vr = dot(u, u), dot(u, v), dot(v, v), dot(u, r), dot(v, r)
     det = uu * vv - uv * uv
     return (vv * ur - uv * vr) / det, (uv * ur - uu * vr) / det
 
@@ -125,8 +124,8 @@ def closest_between(x, a, b, c, d):
 @inlined
 def to_end(x, a, b, s):
     """Return the distance [m] from the position ``s`` to the nearer end of the edge ab; negative beyond the ends."""
-    u0, u1, u2 = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-    return min(s, 1.0 - s) * math.sqrt(u0 * u0 + u1 * u1 + u2 * u2)
+    u = minus(corner(x, b), corner(x, a))
+    return min(s, 1.0 - s) * math.sqrt(dot(u, u))
 
 
 @inlined
@@ -139,11 +138,11 @@ def apart(x, a, b, c, d, s, t, n):
 
 
 @inlined
-def dot(n, areas, face):
+def facing(n, areas, face):
     """Return the inner product of a direction and the unit normal of a face; 0 for a face without area."""
-    m0, m1, m2 = areas[face, 0], areas[face, 1], areas[face, 2]
-    size = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
-    return (n[0] * m0 + n[1] * m1 + n[2] * m2) / size if size > 0.0 else 0.0
+    m = corner(areas, face)
+    size = math.sqrt(dot(m, m))
+    return dot(n, m) / size if size > 0.0 else 0.0
 
 
 @inlined
@@ -152,11 +151,11 @@ def between(n, areas, sides):
 
     It is positive between both normals, and -1 for a face without area.
     """
-    m0, m1, m2 = areas[sides[0], 0], areas[sides[0], 1], areas[sides[0], 2]
-    size = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
+    m = corner(areas, sides[0])
+    size = math.sqrt(dot(m, m))
     if not size > 0.0:
         return -1.0
-    own, other = dot(n, areas, sides[0]), dot(n, areas, sides[1])
-    both = dot((m0 / size, m1 / size, m2 / size), areas, sides[1])
+    own, other = facing(n, areas, sides[0]), facing(n, areas, sides[1])
+    both = facing((m[0] / size, m[1] / size, m[2] / size), areas, sides[1])
     rest = 1.0 - both * both
     return min(own - both * other, other - both * own) / rest if rest > 0.0 else -1.0

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
-from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.rigid_body import rigid_among
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.state import Saved, Snapshot
 from gdfe_ros.solver.value import changed
@@ -86,9 +86,9 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, old: Sequence[Handle], new
 
 def _rows(old: Sequence[Handle], new: Sequence[Handle], count: int) -> NDArray[np.intp]:
     """Return the old index of each of ``count`` vertices, or -1 for those of a new rigid body."""
-    known = {each.name: each.vertices for each in old if isinstance(each, RigidBody)}
+    known = {body.name: body.vertices for body in rigid_among(old)}
     rows = np.arange(count)
-    for body in (each for each in new if isinstance(each, RigidBody)):
+    for body in rigid_among(new):
         rows[body.vertices] = known.get(body.name, -1)
     return rows
 
