@@ -22,6 +22,7 @@ from gdfe_ros.solver.contact.settling import Settling, parted
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
+from gdfe_ros.solver.tangent.springs import Springs
 
 REACH, FARTHEST = 0.02, 0.25
 """The search distance for faces is the first number times the body's size, plus twice the step's largest displacement
@@ -83,13 +84,8 @@ class OwnContact(ContactTerm):
             if not handle.loose:
                 self._yielding[handle.vertices] = 0.0
 
-    def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """Return the penalties as springs: one normal to each pressing pair, two tangential to each sticking pair.
-
-        Returns:
-            Vertices (m, 5) of each spring, and (m, 5, 3) [(N/m)^(1/2)] the root of the penalty times d(length of the
-            spring)/d(position of each vertex).
-        """
+    def springs(self, positions: NDArray[np.float64]) -> Springs:
+        """Return the penalties as springs: one normal to each pressing pair, two tangential to each sticking pair."""
         rows, chosen = self._rows(), self._chosen
         _, presses, _, slips, _ = self._forces(positions)
         penalty, normals = rows[:, law.PENALTY], rows[:, law.NORMAL : law.WEIGHTS]
@@ -102,7 +98,7 @@ class OwnContact(ContactTerm):
             (np.sqrt(stiffness)[:, None, None] * np.insert(-weights, 0, 1.0, axis=1)[:, :, None] * way[:, None, :])[on]
             for on, _, weights, way, stiffness in parts
         ]
-        return np.concatenate(ends).astype(np.int32), np.concatenate(ways)
+        return Springs.between(np.concatenate(ends), np.concatenate(ways))
 
     def neutral(self) -> Saved:
         """Return the stored state without contact: no forces, no faces, no dissipated energy."""

@@ -150,11 +150,10 @@ class TangentMinimiser(Minimiser):
             self._krylov.motion.reshape(-1, 3)[: len(free)] = work.x[free] - self._last[free]
         if self.tangent is None or (not self.certified and self._course["spent"] >= 2 * self._patient):
             self._take(task, self._last)
-        elif self._level.touched(work.x):
-            self._take(task)
         if not self._turned:
             self._level.turn(work.x)
             self._turned = True
+        self.tangent = self._level.reconnected(self.tangent, work.x)
         task.precondition(work.gradient, work.step)
         left = largest(work.step) / float(self._course["least"])
         last = tolerance <= final

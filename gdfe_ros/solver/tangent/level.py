@@ -7,6 +7,7 @@ Handles with a free axis are eliminated by their Schur complement, as with the c
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -19,7 +20,7 @@ from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
 from gdfe_ros.solver.tangent.assembly import Assembly
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness, without_negative
 from gdfe_ros.solver.tangent.frames import unrotated, vertex_rotations
-from gdfe_ros.solver.tangent.fronts import Fronts, solutions
+from gdfe_ros.solver.tangent.fronts import Fronts, unturned_solutions
 from gdfe_ros.solver.tangent.springs import Springs, spring_rows
 from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
 from gdfe_ros.solver.tangent.tangent import Tangent
@@ -121,15 +122,27 @@ class TangentLevel:
         """Factor a tangent that `take` returned, in this run or in another run, unless it is already loaded."""
         if self._loaded is None or self._loaded.blocks is not tangent.blocks:
             self._load(tangent)
+        elif self._loaded.ways is not tangent.ways:
+            self._connect(tangent)
 
     @property
     def kept(self) -> Kept:
         """The loaded factor for the kernels."""
         return self._kept
 
-    def touched(self, x: NDArray[np.float64]) -> bool:
-        """Return whether the contact springs at ``x`` (n, 3) [m] connect other vertices than in the loaded tangent."""
-        return self._loaded is None or not np.array_equal(self._springs(x).ends, self._loaded.ends)
+    def reconnected(self, tangent: Tangent, x: NDArray[np.float64]) -> Tangent:
+        """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if they connect other vertices.
+
+        The other parts keep the values and the factor of the tangent, and the rotations of the last call of `turn`.
+        """
+        springs = self._springs(x)
+        if springs.alike(tangent.springs):
+            return tangent
+        frames = np.tile(np.eye(3), (len(x), 1, 1))
+        frames[self._unknowns.free] = self._kept.frames.reshape(-1, 3, 3)
+        ways = np.einsum("eij,ei->ej", frames[springs.ends], springs.ways)
+        self._connect(replace(tangent, **springs._replace(ways=ways)._asdict()))
+        return self._loaded
 
     def turn(self, x: NDArray[np.float64]) -> None:
         """Rotate the loaded tangent with each vertex, from the tangent's positions to ``x`` (n, 3) [m]."""
@@ -143,20 +156,20 @@ class TangentLevel:
         solve_kept(self._kept, gradient, out)
 
     def _springs(self, x: NDArray[np.float64]) -> Springs:
-        return Springs.joined([Springs(*term.springs(x)) for term in self._terms])
+        return Springs.joined([term.springs(x) for term in self._terms])
 
     def assembled(self, tangent: Tangent) -> sparse.csr_matrix:
         """Return the matrix (3 r, 3 r) of a tangent in the unknowns."""
         matrix, count = self._assembly.matrix(tangent.blocks), self._free
         follow = sparse.block_diag([sparse.identity(count), sparse.csr_matrix(tangent.motion)]).tocsr()
         apart = (follow.T @ matrix @ follow).tocsr()
-        if not len(tangent.ends):
+        if not tangent.springs.count:
             return apart
         rows = sparse.csr_matrix(self._rows(tangent))
         return (apart + rows.T @ rows).tocsr()
 
     def _rows(self, tangent: Tangent) -> NDArray[np.float64]:
-        return spring_rows(Springs(tangent.ends, tangent.ways), self._unknowns, tangent.motion)
+        return spring_rows(tangent.springs, self._unknowns, tangent.motion)
 
     def _load(self, tangent: Tangent) -> bool:
         """Factor a tangent; return whether it is positive definite."""
@@ -177,13 +190,17 @@ class TangentLevel:
             inverse = spectral_inverse(values, vectors, rounding)
             rigid = {"harmonic": np.ascontiguousarray(harmonic), "schur": inverse}
             self._kept = self._kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
-        if len(tangent.ends):
-            rows = self._rows(tangent)
-            reach = solutions(self._kept, rows.T)
+        self._connect(tangent)
+        return True
+
+    def _connect(self, tangent: Tangent) -> None:
+        """Include the springs of a tangent whose other parts are factored."""
+        none, rows, self._loaded = np.zeros((0, 0)), self._rows(tangent), tangent
+        self._kept = self._kept._replace(springs=none, reach=none, inner=none)
+        if len(rows):
+            reach = unturned_solutions(self._kept, rows.T)
             inner = np.linalg.inv(np.eye(len(rows)) + rows @ reach)
             self._kept = self._kept._replace(springs=rows, reach=np.ascontiguousarray(reach.T), inner=inner)
-        self._loaded = tangent
-        return True
 
     def _motion(self, u: NDArray[np.float64], frame: HandlePositions) -> NDArray[np.float64]:
         """Return d(positions of the members)/d(rigid rows) (3 b, 3 q) by central differences."""

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Springs between touching parts of a body in a kept tangent: there are few, and they may connect any vertices.
+"""Springs in a kept tangent: stiffnesses that couple vertices which no element couples.
 
-The length of a spring is linear in the positions: d = a . x. A spring of stiffness k adds k a a^T to the tangent. These
-entries may couple any vertices, and would fill the factor. The rows sqrt(k) a of all springs therefore form a separate
-matrix G, with which `substitution` corrects the solutions of the factor without springs.
+Touching parts, a commanded cable length and a commanded chamber volume act like springs. The length of a spring is
+linear in small displacements: d = a . x. A spring of stiffness k adds k a a^T to the tangent. These entries may couple
+any vertices, and would fill the factor. The rows sqrt(k) a of all springs therefore form a separate matrix G, with
+which `substitution` corrects the solutions of the factor without springs.
 """
 
 from __future__ import annotations
@@ -18,26 +19,46 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns
 
 
 class Springs(NamedTuple):
-    """Springs between vertices.
+    """Springs, each between any number of vertices; one entry for each vertex of a spring.
 
     Attributes:
-        ends: (m, c) int32 vertices that each spring connects.
-        ways: (m, c, 3) [(N/m)^(1/2)] square root of each spring's stiffness times d(length)/d(position of each end).
+        row: (e,) int32 index of each entry's spring, ascending from 0.
+        ends: (e,) int32 vertex of each entry.
+        ways: (e, 3) [(N/m)^(1/2)] square root of the spring's stiffness times d(length)/d(position of the vertex).
     """
 
+    row: NDArray[np.int32]
     ends: NDArray[np.int32]
     ways: NDArray[np.float64]
 
     @classmethod
     def none(cls) -> Springs:
         """Return an empty set of springs."""
-        return cls(np.zeros((0, 1), dtype=np.int32), np.zeros((0, 1, 3)))
+        return cls(*np.zeros((2, 0), dtype=np.int32), np.zeros((0, 3)))
+
+    @classmethod
+    def between(cls, ends: NDArray[np.int32], ways: NDArray[np.float64]) -> Springs:
+        """Return springs between equal numbers of vertices ``ends`` (m, c), with ``ways`` (m, c, 3)."""
+        row = np.repeat(np.arange(len(ends), dtype=np.int32), ends.shape[1])
+        return cls(row, ends.ravel().astype(np.int32), ways.reshape(-1, 3))
+
+    @property
+    def count(self) -> int:
+        """Number m of springs."""
+        return int(self.row[-1]) + 1 if len(self.row) else 0
+
+    def alike(self, other: Springs) -> bool:
+        """Return whether two sets of springs connect the same vertices."""
+        return np.array_equal(self.row, other.row) and np.array_equal(self.ends, other.ends)
 
     @classmethod
     def joined(cls, parts: Sequence[Springs]) -> Springs:
-        """Return the springs of several terms, which must have equal numbers of ends."""
-        some = [part for part in parts if len(part.ends)]
-        return cls(*(np.concatenate(arrays) for arrays in zip(*some, strict=True))) if some else cls.none()
+        """Return the springs of several terms."""
+        first, parts = 0, list(parts)
+        for place, part in enumerate(parts):
+            parts[place] = part._replace(row=part.row + np.int32(first))
+            first += part.count
+        return cls(*(np.concatenate(arrays) for arrays in zip(cls.none(), *parts, strict=True)))
 
 
 def spring_rows(springs: Springs, unknowns: Unknowns, motion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -48,13 +69,12 @@ def spring_rows(springs: Springs, unknowns: Unknowns, motion: NDArray[np.float64
         unknowns: the numbering of the unknowns.
         motion: (3 b, 3 q) d(vertices of handles with a free axis)/d(rigid rows).
     """
-    count, free, members = len(springs.ends), len(unknowns.free), len(unknowns.members)
-    row = np.full(max(int(part.max(initial=0)) for part in (springs.ends, unknowns.free, unknowns.members)) + 1, -1)
-    row[unknowns.free], row[unknowns.members] = np.arange(free), free + np.arange(members)
-    rows = np.zeros((count, free + members, 3))
-    places, ends = row[springs.ends], np.arange(count)[:, None]
+    free, members = len(unknowns.free), len(unknowns.members)
+    place = np.full(max(int(part.max(initial=0)) for part in (springs.ends, unknowns.free, unknowns.members)) + 1, -1)
+    place[unknowns.free], place[unknowns.members] = np.arange(free), free + np.arange(members)
+    rows, places = np.zeros((springs.count, free + members, 3)), place[springs.ends]
     moves = places >= 0
-    np.add.at(rows, (np.broadcast_to(ends, places.shape)[moves], places[moves]), springs.ways[moves])
-    flat = rows.reshape(count, -1)
+    np.add.at(rows, (springs.row[moves], places[moves]), springs.ways[moves])
+    flat = rows.reshape(len(rows), 3 * (free + members))
     own = flat[:, : 3 * free]
     return np.hstack([own, flat[:, 3 * free :] @ motion]) if motion.size else np.ascontiguousarray(own)

@@ -23,7 +23,7 @@ class Tangent:
         shift: multiple of the constant matrix that was added for definiteness.
         softest: upper bound of the least ratio, over all modes, of a mode's true stiffness to its stiffness in this
             tangent. It is 1 if nothing was added and no softer mode was found yet, and 0 if it is unknown.
-        ends, ways: arrays of the springs between touching parts, as in `Springs`.
+        row, ends, ways: arrays of the springs, as in `Springs`; older archives have (m, c) ``ends`` and no ``row``.
         spent: number of iterations and products since the tangent was evaluated, without the `newton.FREE` products of
             each Newton step.
     """
@@ -32,7 +32,13 @@ class Tangent:
     motion: NDArray[np.float64]
     positions: NDArray[np.float64] | None = None
     shift: float = 0.0
+    row: NDArray[np.int32] = field(default_factory=lambda: Springs.none().row)
     ends: NDArray[np.int32] = field(default_factory=lambda: Springs.none().ends)
     ways: NDArray[np.float64] = field(default_factory=lambda: Springs.none().ways)
     spent: int = 0
     softest: float = 0.0
+
+    @property
+    def springs(self) -> Springs:
+        """The springs."""
+        return Springs.between(self.ends, self.ways) if self.ends.ndim > 1 else Springs(self.row, self.ends, self.ways)

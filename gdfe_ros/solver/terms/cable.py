@@ -20,6 +20,7 @@ from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
+from gdfe_ros.solver.tangent.springs import Springs
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
@@ -129,6 +130,7 @@ class CableTerm(Term):
         numbers = np.concatenate([np.zeros(WEIGHTS), cable.points.weights.ravel()])
         numbers[CARRIERS] = self._carriers
         super().__init__(cable.name, numbers, cable.points.corners.ravel().astype(np.int32))
+        self._carrying = np.unique(self.integers)[None]
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
         self.neutral_command = self._rest_length if cable.mode is Mode.LENGTH else 0.0
         self._body, self._command, self._lifted = body, self.neutral_command, 0.0
@@ -188,6 +190,15 @@ class CableTerm(Term):
         signed = np.concatenate([-weights[:-1], weights[1:]], axis=1)
         spread = (signed[:, :, None] * signed[:, None, :])[:, :, None, :, None] * bent[:, None, :, None, :]
         return spread.reshape(len(bent), 6 * self._carriers, -1)
+
+    def springs(self, positions: NDArray[np.float64]) -> Springs:
+        """Return a taut cable with a stiffness or a penalty k as a spring: k dL/dx dL/dx^T."""
+        numbers = self.reals
+        if not numbers[STIFFNESS] or not cable_tension(cable_length(positions, numbers, self.integers), numbers):
+            return Springs.none()
+        slope = np.zeros_like(positions)
+        pull(positions, numbers, self.integers, 1.0, slope)
+        return Springs.between(self._carrying, np.sqrt(numbers[STIFFNESS]) * slope[self._carrying])
 
     def neutral(self) -> Saved:
         """Return the stored state without tension."""

@@ -20,6 +20,7 @@ from gdfe_ros.mesh.tetrahedra import face_slopes, face_weights, triangle_rule
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
+from gdfe_ros.solver.tangent.springs import Springs
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
@@ -221,6 +222,7 @@ class ChamberTerm(Term):
             reals = np.concatenate([reals, points.weights.ravel()])
             integers = np.concatenate([[len(points.corners)], points.corners.ravel(), integers], dtype=np.int32)
         super().__init__(chamber.name, reals, integers)
+        self._around = np.unique(self._quads if points is None else points.corners)[None].astype(np.int32)
         self._rest_volume = self._volume(body.rest)
         self.updates = chamber.constrains
         self.neutral_command = self._rest_volume if self.updates else 0.0
@@ -229,13 +231,23 @@ class ChamberTerm(Term):
     def fit(self, matrix: ConstantMatrix) -> None:
         """For a commanded volume, set a penalty in proportion to the body's initial stiffness."""
         if self.updates:
-            places, points = self.actuator.at(self._body.rest), self.actuator.points
-            force = np.zeros_like(places)
-            (push_faces if self._six else push)(places, self._quads, 1.0, force)
-            if points is not None:
-                pulls, force = points.weights[..., None] * force[:, None], np.zeros_like(self._body.rest)
-                np.add.at(force, points.corners, pulls)
-            self.reals[STIFFNESS] = fitted_penalty(matrix, force, self.name)
+            self.reals[STIFFNESS] = fitted_penalty(matrix, self._pressed(self._body.rest), self.name)
+
+    def _pressed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return -dV/dx (n, 3) [m^2]."""
+        places, points = self.actuator.at(positions), self.actuator.points
+        force = np.zeros_like(places)
+        (push_faces if self._six else push)(places, self._quads, 1.0, force)
+        if points is not None:
+            pulls, force = points.weights[..., None] * force[:, None], np.zeros_like(positions)
+            np.add.at(force, points.corners, pulls)
+        return force
+
+    def springs(self, positions: NDArray[np.float64]) -> Springs:
+        """Return a commanded volume with its penalty k as a spring: k dV/dx dV/dx^T."""
+        if not self.updates:
+            return Springs.none()
+        return Springs.between(self._around, np.sqrt(self.reals[STIFFNESS]) * self._pressed(positions)[self._around])
 
     def _volume(self, positions: NDArray[np.float64]) -> float:
         volume = face_volume if self._six else chamber_volume

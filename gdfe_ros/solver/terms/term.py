@@ -24,6 +24,7 @@ from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
+from gdfe_ros.solver.tangent.springs import Springs
 
 _REALS, _INTEGERS = types.CPointer(types.float64), types.CPointer(types.int32)
 _ENTRY = types.float64(_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.intp, _REALS, _REALS)
@@ -109,16 +110,12 @@ class Term:
         """
         return np.zeros((0, 3, 3))
 
-    def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    def springs(self, positions: NDArray[np.float64]) -> Springs:
         """Return springs at ``positions`` (n, 3) [m] between vertices that nothing else couples.
 
-        Springs have the same purpose as `tangents`, but are few, and change from solve to solve.
-
-        Returns:
-            Vertices (m, c), and for each spring the root of its stiffness times d(length)/d(position of each end)
-            (m, c, 3) [(N/m)^(1/2)].
+        Springs have the same purpose as `tangents`, but are few, and may change from solve to solve.
         """
-        return np.zeros((0, 1), dtype=np.int32), np.zeros((0, 1, 3))
+        return Springs.none()
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set penalties in proportion to the body's stiffness, which the constant ``matrix`` gives."""
