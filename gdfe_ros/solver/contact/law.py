@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.solver.contact.coulomb import envelope, shortened
+from gdfe_ros.solver.contact.coulomb import add_friction_tangent, envelope, shortened
 from gdfe_ros.solver.contact.gap import (
     ANCHOR,
     BODY,
@@ -198,9 +198,6 @@ def contact_tangents(x, reals, integers, out):
                     out[i, a, b] = k * normal[a] * normal[b]
         limit = reals[FRICTION] * held
         if limit > 0.0:
-            _, _, _, trial = shear_at(reals, r, px, py, pz, limit)
-            share = k * limit / trial if trial > limit else k
-            for a in range(3):
-                out[i, a, a] += share
-                for b in range(3):
-                    out[i, a, b] -= share * reals[r + NORMAL + a] * reals[r + NORMAL + b]
+            t0, t1, t2, trial = shear_at(reals, r, px, py, pz, limit)
+            normal = (reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2])
+            add_friction_tangent(k, limit, (t0, t1, t2), trial, normal, out[i])

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.solver.contact.coulomb import envelope
+from gdfe_ros.solver.contact.coulomb import add_friction_tangent, envelope
 from gdfe_ros.solver.contact.gap import (
     ANCHOR,
     COUNT,
@@ -174,9 +174,6 @@ def friction_tangents(x, reals, integers, out):
         k, limit = reals[r + PENALTY], reals[FRICTION] * reals[r + PRESS]
         if limit > 0.0:
             qx, qy, qz = rub_at(x, reals, integers, i)
-            _, _, _, trial = shear_at(reals, r, qx, qy, qz, limit)
-            share = k * limit / trial if trial > limit else k
-            for a in range(3):
-                out[i, a, a] += share
-                for b in range(3):
-                    out[i, a, b] -= share * reals[r + NORMAL + a] * reals[r + NORMAL + b]
+            t0, t1, t2, trial = shear_at(reals, r, qx, qy, qz, limit)
+            normal = (reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2])
+            add_friction_tangent(k, limit, (t0, t1, t2), trial, normal, out[i])

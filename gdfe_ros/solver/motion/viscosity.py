@@ -16,169 +16,33 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.mesh.tet_operators import TetOperators, gradients
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.viscous_law import (
+    GREEN,
+    STRAINS,
+    WIDTH,
+    all_strains,
+    point_strains,
+    viscous_energy,
+    viscous_entry,
+    viscous_point_energy,
+    viscous_point_entry,
+    viscous_point_tangents,
+    viscous_tangents,
+)
 from gdfe_ros.solver.state import Saved
-from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.terms.term import Term
 
 NAME = "(viscosity)"
 """Name of the term; no actuator or load of a scene can have it."""
-STRAINS = 18
-"""Number of strains of an element: the six of E, and three of each hourglass vector."""
 BEND = 0.25
 """Hourglass stiffness of an element, divided by its modulus times the cube root of its volume. The value follows from
 the bending of a cube of incompressible material.
 """
-_WIDTH = 2 + STRAINS + 24 + 32
-"""Length of an element's data for the kernel: two stiffnesses, strains E_hat, gradient and hourglass operators."""
-_GREEN, _POINT_WIDTH = 6, 1 + 6 + 30
-"""Number of strains of an integration point, and length of its data for the kernel: stiffness, strains E_hat,
-gradients.
-"""
-
-
-@kernel
-def element_strains(f, q, out):
-    """Write E (xx, yy, zz, xy, yz, zx) and w_k of a mean gradient ``f`` (3, 3) and hourglass vectors ``q`` (4, 3)."""
-    for i in range(3):
-        j = (i + 1) % 3
-        out[i] = 0.5 * (f[0, i] * f[0, i] + f[1, i] * f[1, i] + f[2, i] * f[2, i] - 1.0)
-        out[3 + i] = 0.5 * (f[0, i] * f[0, j] + f[1, i] * f[1, j] + f[2, i] * f[2, j])
-    for k in range(4):
-        for i in range(3):
-            out[6 + 3 * k + i] = f[0, i] * q[k, 0] + f[1, i] * q[k, 1] + f[2, i] * q[k, 2]
-
-
-@kernel
-def gather(x, gradient, hourglass, corners, f, q):
-    """Write the mean gradient ``f`` (3, 3) and hourglass vectors ``q`` (4, 3) [m] of one element."""
-    f[...] = 0.0
-    q[...] = 0.0
-    for a in range(8):
-        for i in range(3):
-            position = x[corners[a], i]
-            for j in range(3):
-                f[i, j] += position * gradient[a, j]
-            for k in range(4):
-                q[k, i] += position * hourglass[k, a]
-
-
-@kernel
-def viscous_energy(x, reals, integers, force, size):
-    """Return sum_e K/2 |E - E_hat|^2 + C/2 sum_k |w_k - w_hat_k|^2 [J], with the signature of `term_kernel`."""
-    energy = 0.0
-    f, q, strain, stress = np.empty((3, 3)), np.empty((4, 3)), np.empty(STRAINS), np.empty((3, 3))
-    for e in range(len(integers) // 8):
-        own = reals[e * _WIDTH : (e + 1) * _WIDTH]
-        corners = integers[8 * e : 8 * e + 8]
-        gradient = own[2 + STRAINS : 26 + STRAINS].reshape(8, 3)
-        hourglass = own[26 + STRAINS :].reshape(4, 8)
-        gather(x, gradient, hourglass, corners, f, q)
-        element_strains(f, q, strain)
-        stretch, bend = own[0], own[1]
-        for i in range(STRAINS):
-            strain[i] -= own[2 + i]
-        part = 0.0
-        for i in range(3):
-            part += 0.5 * stretch * (strain[i] * strain[i] + 2.0 * strain[3 + i] * strain[3 + i])
-        for i in range(6, STRAINS):
-            part += 0.5 * bend * strain[i] * strain[i]
-        for r in range(3):
-            for i in range(3):
-                j, b = (i + 1) % 3, (i + 2) % 3
-                stress[r, i] = stretch * (f[r, i] * strain[i] + f[r, j] * strain[3 + i] + f[r, b] * strain[3 + b])
-                for k in range(4):
-                    stress[r, i] += bend * q[k, r] * strain[6 + 3 * k + i]
-        for k in range(4):
-            for r in range(3):
-                pull = 0.0
-                for i in range(3):
-                    pull += f[r, i] * strain[6 + 3 * k + i]
-                q[k, r] = bend * pull
-        for a in range(8):
-            for r in range(3):
-                total = 0.0
-                for i in range(3):
-                    total += stress[r, i] * gradient[a, i]
-                for k in range(4):
-                    total += q[k, r] * hourglass[k, a]
-                force[corners[a], r] += total
-        energy += part
-    size[0] += energy
-    return energy
-
-
-@term_kernel
-def _entry(x, n, reals, k, integers, i, force, size):
-    return viscous_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
-
-
-@kernel
-def point_gradient(x, gradient, corners, f):
-    """Write the deformation gradient ``f`` (3, 3) of an integration point."""
-    f[...] = 0.0
-    for a in range(len(corners)):
-        for i in range(3):
-            for j in range(3):
-                f[i, j] += x[corners[a], i] * gradient[a, j]
-
-
-@inlined
-def green(f, i, j):
-    """Return the component (i, j) of the Green strain of a deformation gradient ``f`` (3, 3)."""
-    return 0.5 * (f[0, i] * f[0, j] + f[1, i] * f[1, j] + f[2, i] * f[2, j] - (1.0 if i == j else 0.0))
-
-
-@kernel
-def viscous_point_energy(x, reals, integers, force, size):
-    """Return sum_p K/2 |E - E_hat|^2 [J] over integration points, with the signature of `term_kernel`."""
-    energy, f, off, stress = 0.0, np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for p in range(len(integers) // 10):
-        own, corners = reals[p * _POINT_WIDTH : (p + 1) * _POINT_WIDTH], integers[10 * p : 10 * p + 10]
-        gradient = own[1 + _GREEN :].reshape(10, 3)
-        point_gradient(x, gradient, corners, f)
-        for i in range(3):
-            j = (i + 1) % 3
-            off[i, i] = green(f, i, i) - own[1 + i]
-            off[i, j] = off[j, i] = green(f, i, j) - own[4 + i]
-        for i in range(3):
-            for j in range(3):
-                energy += 0.5 * own[0] * off[i, j] * off[i, j]
-                stress[i, j] = own[0] * (f[i, 0] * off[0, j] + f[i, 1] * off[1, j] + f[i, 2] * off[2, j])
-        for a in range(10):
-            for i in range(3):
-                for j in range(3):
-                    force[corners[a], i] += stress[i, j] * gradient[a, j]
-    size[0] += energy
-    return energy
-
-
-@term_kernel
-def _point_entry(x, n, reals, k, integers, i, force, size):
-    return viscous_point_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
-
-
-@kernel
-def point_strains(x, cells, gradient, out):
-    """Write the Green strains (k, 6) of integration points at positions (n, 3) [m]."""
-    f = np.empty((3, 3))
-    for p in range(len(cells)):
-        point_gradient(x, gradient[p], cells[p], f)
-        for i in range(3):
-            out[p, i], out[p, 3 + i] = green(f, i, i), green(f, i, (i + 1) % 3)
-
-
-@kernel
-def all_strains(x, cells, gradient, hourglass, out):
-    """Write the strains (m, 18) of all elements at positions (n, 3) [m]."""
-    f, q = np.empty((3, 3)), np.empty((4, 3))
-    for e in range(len(cells)):
-        gather(x, gradient[e], hourglass[e], cells[e], f, q)
-        element_strains(f, q, out[e])
 
 
 class Viscosity(Term):
@@ -194,7 +58,7 @@ class Viscosity(Term):
         h: length of a step [s].
     """
 
-    kernel = _entry
+    kernel = viscous_entry
 
     def __init__(self, body: Body, dynamics: Dynamics, h: float) -> None:
         self._body, self._dynamics, self._h = body, dynamics, h
@@ -207,15 +71,15 @@ class Viscosity(Term):
         self._dash = np.full(len(self._modulus), 1.5 * dynamics.viscosity / h)
         self._sum = self._dash + sum(self._moduli, np.zeros(len(self._modulus)))
         if self._points:
-            self.kernel, self._first, self._strain_count = _point_entry, 1, _GREEN
+            self.kernel, self._first, self._strain_count = viscous_point_entry, 1, GREEN
             self._gradient = np.ascontiguousarray(gradients(shape.inverse).reshape(-1, 10, 3))
             self._cells, self._bend = np.repeat(shape.cells, self._places, axis=0), np.zeros(len(self._volume))
-            numbers = np.zeros((len(self._volume), _POINT_WIDTH))
-            numbers[:, 1 + _GREEN :] = self._gradient.reshape(-1, 30)
+            numbers = np.zeros((len(self._volume), POINT_WIDTH))
+            numbers[:, 1 + GREEN :] = self._gradient.reshape(-1, 30)
         else:
             self._first, self._strain_count = 2, STRAINS
             self._cells, self._bend = shape.cells, BEND * np.cbrt(shape.volume)
-            numbers = np.zeros((len(self._volume), _WIDTH))
+            numbers = np.zeros((len(self._volume), WIDTH))
             numbers[:, 1] = self._sum * self._bend
             numbers[:, 2 + STRAINS : 26 + STRAINS] = shape.gradient.reshape(-1, 24)
             numbers[:, 26 + STRAINS :] = shape.hourglass.reshape(-1, 32)
@@ -226,6 +90,16 @@ class Viscosity(Term):
         """Return the term's stiffness for the undeformed body, in the form of the constant matrix."""
         own = self._sum[:: self._places]
         return assemble(self._body.shape, own, own * self._bend[:: self._places], len(self._body.rest))
+
+    def couplings(self) -> NDArray[np.int32]:
+        """Return the vertices (m, c) of the elements."""
+        return self._body.cells
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the tangents (m, 3 c, 3 c) [N/m] of the elements, without the part that changes with the stress."""
+        tangents = np.empty((len(self._body.cells), 3 * self._body.cells.shape[1], 3 * self._body.cells.shape[1]))
+        (viscous_point_tangents if self._points else viscous_tangents)(positions, self.reals, self.integers, tangents)
+        return tangents
 
     def forces(self, x: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] at ``x`` (n, 3) [m] with other nodes ``cells`` (m, c) of the elements."""

@@ -36,18 +36,27 @@ def gather(blocks, parts, begin, end, front, width):
                 front[at + i * width + j] = block[i, j]
 
 
-@internal
-def extend(child, places, front, width):
-    """Add a child's update matrix (3 p, 3 p), upper triangle, to the vertices ``places`` (p,) of the front."""
-    count = 3 * len(places)
-    for a in range(len(places)):
-        for i in range(3):
-            row, line = (3 * a + i) * count, (3 * places[a] + i) * width
-            for j in range(i, 3):
-                front[line + 3 * places[a] + j] += child[row + 3 * a + j]
-            for b in range(a + 1, len(places)):
-                for j in range(3):
-                    front[line + 3 * places[b] + j] += child[row + 3 * b + j]
+@vector_kernel
+def extend(update, start, stride, places, ends, front, width):
+    """Add a child's update matrix, upper triangle, to the vertices ``places`` (p,) of the front.
+
+    The first row of the update matrix begins at ``start``, and each further one ``stride`` entries later. Consecutive
+    places are added as one piece of a row; ``ends`` is scratch for the index at which each vertex' piece ends.
+    """
+    count = len(places)
+    for a in range(count - 1, -1, -1):
+        ends[a] = ends[a + 1] if a + 1 < count and places[a + 1] == places[a] + 1 else a + 1
+    for a in range(count):
+        first = a
+        while first < count:
+            for i in range(3):
+                begin = 3 * first + (i if first == a else 0)
+                length, to = 3 * ends[first] - begin, begin + 3 * (places[first] - first)
+                at, line = start + (3 * a + i) * stride + begin, (3 * places[a] + i) * width + to
+                row, sums = update[at : at + length], front[line : line + length]
+                for j in range(uint64(length)):
+                    sums[j] += row[j]
+            first = ends[first]
 
 
 @vector_kernel
@@ -67,7 +76,7 @@ def eliminate(front, width, own, panel):
                     row[j] -= weight * other[j]
             if not row[k] > 0.0:
                 return False
-            scale = 1.0 / np.sqrt(row[k])
+            scale = front.dtype.type(1.0) / np.sqrt(row[k])
             for j in range(uint64(k + 1), uint64(width)):
                 row[j] *= scale
             row[k] = scale
@@ -77,8 +86,11 @@ def eliminate(front, width, own, panel):
 
 @vector_kernel
 def subtract(front, width, first, last, panel):
-    """Subtract the products of the factor's rows from ``first`` up to ``last`` from the rows below, tile by tile."""
-    next_row = uint64(TILE)
+    """Subtract the products of the factor's rows from ``first`` up to ``last`` from the rows below, tile by tile.
+
+    Two rows are updated at a time, because they share the loads of the factor's rows.
+    """
+    next_row, none = uint64(TILE), front.dtype.type(0.0)
     for begin in range(last, width, TILE):
         end = min(begin + TILE, width)
         for k in range(PANEL):
@@ -87,55 +99,87 @@ def subtract(front, width, first, last, panel):
                     (first + k) * width + begin : (first + k) * width + end
                 ]
             else:
-                panel[k * TILE : k * TILE + end - begin] = 0.0
-        for i in range(last, end):
-            at = first * width + i
+                panel[k * TILE : k * TILE + end - begin] = none
+        for i in range(last, end, 2):
+            at, further = first * width + i, 1 if i + 1 < end else 0
             a, b, c = front[at], front[at + width], front[at + 2 * width]
-            d, e, f = 0.0, 0.0, 0.0
+            at += further
+            u, v, w = front[at], front[at + width], front[at + 2 * width]
+            d, e, f, x, y, z = none, none, none, none, none, none
             if last - first == PANEL:
+                x, y, z = front[at + 3 * width], front[at + 4 * width], front[at + 5 * width]
+                at -= further
                 d, e, f = front[at + 3 * width], front[at + 4 * width], front[at + 5 * width]
             row = front[i * width + begin : i * width + end]
-            for j in range(uint64(max(i, begin) - begin), uint64(end - begin)):
-                k = j + next_row
-                taken = a * panel[j] + b * panel[k]
+            low = front[(i + further) * width + begin : (i + further) * width + end]
+            start = max(i, begin) - begin
+            if i >= begin:
+                k = i - begin
+                row[k] -= (
+                    a * panel[k]
+                    + b * panel[TILE + k]
+                    + c * panel[2 * TILE + k]
+                    + (d * panel[3 * TILE + k] + e * panel[4 * TILE + k] + f * panel[5 * TILE + k])
+                )
+                start += 1
+            if not further:
+                low = panel[PANEL * TILE :]
+            for j in range(uint64(start), uint64(end - begin)):
+                k, p = j + next_row, panel[j]
+                taken, lower = a * p, u * p
+                p = panel[k]
                 k += next_row
-                taken += c * panel[k]
+                taken, lower = taken + b * p, lower + v * p
+                p = panel[k]
                 k += next_row
-                taken += d * panel[k]
+                taken, lower = taken + c * p, lower + w * p
+                p = panel[k]
                 k += next_row
-                taken += e * panel[k]
+                taken, lower = taken + d * p, lower + x * p
+                p = panel[k]
                 k += next_row
-                row[j] -= taken + f * panel[k]
+                taken, lower = taken + e * p, lower + y * p
+                p = panel[k]
+                row[j] -= taken + f * p
+                low[j] -= lower + z * p
 
 
 @kernel
-def factor_fronts(blocks, parts, plan, front, panel, stack, values):
+def factor_fronts(blocks, parts, plan, fronts, panel, ends, stack, values):
     """Write the factor's rows to ``values``; return whether the matrix is positive definite.
 
-    A supernode's update matrix stays on the ``stack`` until its parent uses it; children directly precede their parent.
+    A supernode's update matrix stays in its front if its parent comes next, or else on the ``stack`` until its parent
+    uses it; children directly precede their parent.
     """
-    top = 0
+    top, before, wide, done = 0, fronts[0], 0, 0
     for node in range(len(plan.first) - 1):
         width, own = (
             3 * (plan.row_start[node + 1] - plan.row_start[node]),
             3 * (plan.first[node + 1] - plan.first[node]),
         )
-        front[: width * width] = 0.0
+        front = fronts[node % 2]
+        for i in range(width):
+            front[i * width + i : (i + 1) * width] = 0.0
         gather(blocks, parts, plan.part_start[node], plan.part_start[node + 1], front, width)
         for k in range(plan.child_start[node + 1] - 1, plan.child_start[node] - 1, -1):
             child = plan.children[k]
             beyond = plan.row_start[child] + plan.first[child + 1] - plan.first[child]
             places = plan.inside[beyond : plan.row_start[child + 1]]
-            top -= 9 * len(places) ** 2
-            extend(stack[top : top + 9 * len(places) ** 2], places, front, width)
+            if child == node - 1:
+                extend(before, done * wide + done, wide, places, ends, front, width)
+            else:
+                top -= 9 * len(places) ** 2
+                extend(stack, top, 3 * len(places), places, ends, front, width)
         if not eliminate(front, width, own, panel):
             return False
         at, left = plan.value_start[node], width - own
         values[at : at + own * width] = front[: own * width]
-        for i in range(left):
-            begin = (own + i) * width + own
-            stack[top + i * left + i : top + (i + 1) * left] = front[begin + i : begin + left]
-        top += left * left
+        before, wide, done = front, width, own
+        if plan.parent[node] != node + 1:
+            for i in range(left):
+                begin = (own + i) * width + own
+                stack[top + i * left + i : top + (i + 1) * left] = front[begin + i : begin + left]
+            top += left * left
     return True
 
 
@@ -168,12 +212,14 @@ class Fronts:
             found.inside(),
             children,
             _starts(np.bincount(found.parent[inner], minlength=len(widths))),
+            found.parent,
             part_start,
             _starts(9 * widths * heights),
         )
         left = 9 * (heights - widths) ** 2
         taken = np.bincount(found.parent[inner], weights=left[inner], minlength=len(widths)).astype(np.int64)
-        self._front, self._panel = np.empty(room**2), np.empty(PANEL * TILE)
+        self._fronts, self._panel = np.empty((2, room**2)), np.empty((PANEL + 1) * TILE)
+        self._ends = np.empty(room, np.int64)
         self._stack = np.empty(np.cumsum(left - taken).max(initial=0))
         values, x = np.empty(self._plan.value_start[-1]), np.empty(3 * len(found.order))
         none, rows = np.zeros((0, 0)), len(x)
@@ -183,7 +229,9 @@ class Fronts:
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
         """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. Otherwise it has no factor."""
-        return factor_fronts(blocks, self._parts, self._plan, self._front, self._panel, self._stack, self.kept.values)
+        return factor_fronts(
+            blocks, self._parts, self._plan, self._fronts, self._panel, self._ends, self._stack, self.kept.values
+        )
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the solution for a right-hand side (3 f,) or for k of them (3 f, k)."""

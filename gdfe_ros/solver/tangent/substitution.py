@@ -27,6 +27,7 @@ class Plan(NamedTuple):
     Attributes:
         first, row_start, rows, inside: index arrays of the elimination.
         children, child_start: (c,) and (s + 1,), children of all supernodes, and offset of each supernode's children.
+        parent: (s,) each supernode's parent; -1 for none.
         part_start: (s + 1,) offset of each supernode's blocks of the matrix.
         value_start: (s + 1,) offset of each supernode's rows of the factor.
     """
@@ -37,6 +38,7 @@ class Plan(NamedTuple):
     inside: NDArray[np.int64]
     children: NDArray[np.int64]
     child_start: NDArray[np.int64]
+    parent: NDArray[np.int64]
     part_start: NDArray[np.int64]
     value_start: NDArray[np.int64]
 
