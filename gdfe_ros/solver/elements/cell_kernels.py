@@ -32,7 +32,7 @@ class CellKernels(NamedTuple):
         mean_gradient: volume average of the deformation gradient of ``e``.
         volume_ratio: current volume of ``e`` divided by its undeformed volume. If ``e`` has a pressure, it is the
             multiplier of this ratio.
-        least_corner: least det F over the corners of ``e``; NaN if one of them is NaN.
+        least_corners: writes the least det F over the corners of each of several elements; NaN if one is NaN.
     """
 
     evaluate_blocks: Callable
@@ -40,7 +40,7 @@ class CellKernels(NamedTuple):
     room: Callable
     mean_gradient: Callable
     volume_ratio: Callable
-    least_corner: Callable
+    least_corners: Callable
 
 
 def _of(*modules) -> CellKernels:
@@ -80,9 +80,9 @@ def volume_ratio(x, shape, e):
     return KERNELS[type(shape)].volume_ratio(x, shape, e)
 
 
-def least_corner(x, shape, e):
-    """Call `CellKernels.least_corner` of the cell type. Numba replaces this function in kernels."""
-    return KERNELS[type(shape)].least_corner(x, shape, e)
+def least_corners(x, shape, elements, out):
+    """Call `CellKernels.least_corners` of the cell type. Numba replaces this function in kernels."""
+    return KERNELS[type(shape)].least_corners(x, shape, elements, out)
 
 
 def _own(shape: types.NamedTuple, name: str) -> Callable:
@@ -124,5 +124,11 @@ def _room(x, shape, e, scratch):
     return lambda x, shape, e, scratch: own(x, shape, e, scratch)
 
 
-for _stub in (mean_gradient, volume_ratio, least_corner):
+@overload(least_corners, jit_options=_INLINED)
+def _least_corners(x, shape, elements, out):
+    own = _own(shape, "least_corners")
+    return lambda x, shape, elements, out: own(x, shape, elements, out)
+
+
+for _stub in (mean_gradient, volume_ratio):
     _measure(_stub, _stub.__name__)

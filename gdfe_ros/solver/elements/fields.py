@@ -12,7 +12,7 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.cell_kernels import least_corner, volume_ratio
+from gdfe_ros.solver.elements.cell_kernels import least_corners, volume_ratio
 from gdfe_ros.solver.elements.measures import (
     LINEAR,
     NEO_HOOKEAN,
@@ -170,9 +170,10 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
     kernels' ``energies`` (m,) [J] contain V (p_e (J - 1) + kappa/2 (J - 1)^2) instead. ``solved`` is True if the
     pressures are the result of a solve (see `uncounted`).
     """
+    least_corners(x, shape, elements, least)
     for e in elements:
         k = material[e]
-        least[e], stored[e] = least_corner(x, shape, e), energies[e]
+        stored[e] = energies[e]
         if table.parameters[k, CARRIED] == 0.0:
             continue
         j = volume_ratio(x, shape, e)

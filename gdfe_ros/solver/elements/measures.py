@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.stress import curve_state
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, POISSON, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant, squared_norm, stretch_sum
-from gdfe_ros.solver.elements.cell_kernels import least_corner, mean_gradient, volume_ratio
+from gdfe_ros.solver.elements.cell_kernels import least_corners, mean_gradient, volume_ratio
 
 LINEAR, NEO_HOOKEAN, CURVE = 0, 1, 2
 LEAST_SCALE, MOST_SCALE = 0.25, 4.0
@@ -26,16 +28,17 @@ NEWTON_STEPS = 20
 
 
 @kernel
+def corner_ratios(x, shape):
+    """Return the least volume ratio at a corner of each element (m,) at ``x`` (n, 3) [m]; NaN if one of them is NaN."""
+    ratios = np.empty(len(shape.cells))
+    least_corners(x, shape, np.arange(len(ratios)), ratios)
+    return ratios
+
+
+@kernel
 def least_volume_ratio(x, shape):
     """Return the least volume ratio at any corner of any element at ``x`` (n, 3) [m]; NaN if one of them is NaN."""
-    least = math.inf
-    for e in range(len(shape.cells)):
-        value = least_corner(x, shape, e)
-        if not value >= least:
-            least = value
-            if least != least:
-                break
-    return least
+    return corner_ratios(x, shape).min()
 
 
 @internal

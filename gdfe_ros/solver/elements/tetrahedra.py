@@ -140,15 +140,19 @@ def corner_edge(x, shape, e, c, k):
     )
 
 
-@inlined
-def least_corner(x, shape, e):
-    """Return the least volume ratio det F over the corners of element ``e``; NaN if one of them is NaN."""
-    least, total = math.inf, 0.0
-    for c in range(4):
-        p, q, r = corner_edge(x, shape, e, c, 0), corner_edge(x, shape, e, c, 1), corner_edge(x, shape, e, c, 2)
-        ratio = ORDER[c] * shape.corner_ratio[e, c] * dot(p, cross(q, r))
-        least, total = min(least, ratio), total + ratio
-    return least if math.isfinite(total) else math.nan
+@internal
+def least_corners(x, shape, elements, out):
+    """Write the least volume ratio det F over the corners of each of ``elements`` (k,) to ``out`` (m,).
+
+    The value is NaN if one of the ratios is NaN.
+    """
+    for e in elements:
+        least, total = math.inf, 0.0
+        for c in range(4):
+            p, q, r = corner_edge(x, shape, e, c, 0), corner_edge(x, shape, e, c, 1), corner_edge(x, shape, e, c, 2)
+            ratio = ORDER[c] * shape.corner_ratio[e, c] * dot(p, cross(q, r))
+            least, total = min(least, ratio), total + ratio
+        out[e] = least if math.isfinite(total) else math.nan
 
 
 @inlined

@@ -21,9 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.compiled import internal
 from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED
-from gdfe_ros.solver.elements.cell_kernels import least_corner, room
+from gdfe_ros.solver.elements.cell_kernels import room
+from gdfe_ros.solver.elements.measures import corner_ratios
 from gdfe_ros.solver.elements.operators import Operators
 
 
@@ -76,12 +77,5 @@ def look(x, shape, blocks, watch):
 
 def nearly_folded(positions: NDArray[np.float64], operators: Operators) -> NDArray[np.int32]:
     """Return the elements with a corner below `NEARLY_FOLDED` at ``positions`` (n, 3) [m]."""
-    found = np.zeros(len(operators.shape.cells), dtype=np.bool_)
-    _tell_nearly_folded(positions, operators.shape, found)
-    return np.flatnonzero(found).astype(np.int32)
-
-
-@kernel
-def _tell_nearly_folded(x, shape, found):
-    for e in range(len(found)):
-        found[e] = not least_corner(x, shape, e) >= NEARLY_FOLDED
+    ratios = corner_ratios(positions, operators.shape)
+    return np.flatnonzero(~(ratios >= NEARLY_FOLDED)).astype(np.int32)

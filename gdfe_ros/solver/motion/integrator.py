@@ -12,6 +12,7 @@ from scipy import sparse
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
@@ -29,8 +30,9 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 
 ACCURACY = 3.0
-"""Factor c in the tolerance of an internal step, c h^2 |a| / (body size) times the solver's tolerance. Here |a| is the
-largest acceleration. The tolerance is at most the solver's tolerance.
+"""Tolerance of an internal step, divided by the solver's tolerance and by the largest distance that a vertex moves in
+the step. The tolerance is at most the solver's tolerance. For a body without handles, the distance excludes the part
+h |v|: only the accuracy of the solve conserves its angular momentum.
 """
 FINEST = 1e-4
 """Least tolerance of an internal step, divided by the solver's tolerance."""
@@ -75,8 +77,11 @@ class Integrator:
     def solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
         """Return the solution of the next internal step of ``flight``, of length ``h`` [s]."""
         state, (poses, commands) = self.begun(flight.state), flight.aim
-        reach = h * h * largest(kinematics_of(state.terms[inertia.NAME]).acceleration) / self._body.size
-        tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * reach))
+        now = kinematics_of(state.terms[inertia.NAME])
+        moved = max(
+            h * h * largest(now.acceleration.ravel()), h * largest(now.velocity.ravel()) if self._body.handles else 0.0
+        )
+        tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * moved / self._body.size))
         problem = Increment(
             poses=poses,
             commands=commands,
@@ -140,8 +145,3 @@ class Integrator:
             return state
         saved = {**state.terms[inertia.NAME], "first": np.ones(1)}
         return state.with_(terms={**state.terms, inertia.NAME: saved})
-
-
-def largest(vectors: NDArray[np.float64]) -> float:
-    """Return the largest length of vectors (n, 3)."""
-    return float(np.sqrt(np.einsum("ni,ni->n", vectors, vectors).max(initial=0.0)))

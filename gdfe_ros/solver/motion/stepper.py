@@ -13,12 +13,13 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
+from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.ceiling import Ceiling, told
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.flight import Flight
 from gdfe_ros.solver.motion.inertia import kinematics_of, saved_of
-from gdfe_ros.solver.motion.integrator import Integrator, largest
+from gdfe_ros.solver.motion.integrator import Integrator
 from gdfe_ros.solver.motion.internal_step import InternalStep, Trial, failed, unfolded
 from gdfe_ros.solver.motion.ledger import Accounts
 from gdfe_ros.solver.motion.mass import FreeMass
@@ -98,8 +99,8 @@ class MotionStepper:
         if not (same and Skip.SOLVE in self._settings.skip and self.body.handles and self._began(state)):
             return False
         now, near = self._kinematics(state), self._settings.tolerance * self.body.size
-        slow = self._calm * largest(now.velocity) <= near
-        return slow and self._calm**2 * largest(now.acceleration) <= near
+        slow = self._calm * largest(now.velocity.ravel()) <= near
+        return slow and self._calm**2 * largest(now.acceleration.ravel()) <= near
 
     def settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether a state does not change at these commands: it is at rest, or every step fails."""

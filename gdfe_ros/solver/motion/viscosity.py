@@ -23,6 +23,7 @@ from gdfe_ros.solver.matrix.constant_matrix import assemble
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.viscous_law import (
     GREEN,
+    POINT_WIDTH,
     STRAINS,
     WIDTH,
     all_strains,

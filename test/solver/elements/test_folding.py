@@ -13,7 +13,8 @@ from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import LINE, THRESHOLD, wall
-from gdfe_ros.solver.elements.cell_kernels import add_walls, least_corner
+from gdfe_ros.solver.elements.cell_kernels import add_walls
+from gdfe_ros.solver.elements.measures import corner_ratios
 from gdfe_ros.solver.elements.watch import NEARLY_FOLDED, Watch, look
 
 
@@ -25,12 +26,6 @@ def _walls(x, watched, shape, material, table, force, energy):
 @kernel
 def _look(x, shape, blocks, watch):
     return look(x, shape, blocks, watch)
-
-
-@kernel
-def _least(x, shape, out):
-    for e in range(len(out)):
-        out[e] = least_corner(x, shape, e)
 
 
 def walls(body: Body, shape: ShapeOperators, x: np.ndarray) -> tuple[float, np.ndarray]:
@@ -97,12 +92,11 @@ def test_no_corner_folds_within_the_room(distorted: HexMesh, make_body: Callable
     body = make_body(distorted)
     count, random = len(body.material), np.random.default_rng(3)
     for noise in (0.0, 0.01, 0.02):
-        x, watch, least = distorted.vertices + random.normal(scale=noise, size=body.rest.shape), Watch.over(count), None
-        room, least = _look(x, body.shape, body.blocks, watch), np.empty(count)
-        _least(x, body.shape, least)
+        x, watch = distorted.vertices + random.normal(scale=noise, size=body.rest.shape), Watch.over(count)
+        room, least = _look(x, body.shape, body.blocks, watch), corner_ratios(x, body.shape)
         np.testing.assert_array_equal(np.sort(watch.watched), np.flatnonzero(least < NEARLY_FOLDED))
         assert 0.0 < room < distorted.size
         for _ in range(200):
             way = random.normal(size=x.shape)
-            _least(x + room * way / np.linalg.norm(way, axis=1, keepdims=True), body.shape, least)
+            least = corner_ratios(x + room * way / np.linalg.norm(way, axis=1, keepdims=True), body.shape)
             assert least[~watch.member].min(initial=1.0) >= THRESHOLD
