@@ -46,7 +46,7 @@ _RENAMED = {states.Summary: {"residual": "error_estimate"}}
 """Dict from dataclass to a dict from a field's name in older archives to its present name."""
 
 _ADDED = {
-    Tangent: {"row", "ends", "ways", "softest", "positions"},
+    Tangent: {"row", "ends", "ways", "softest", "positions", "solves", "latest"},
     states.Snapshot: {"scene", "joints", "links"},
     states.State: {"soft"},
     states.Summary: {"stable"},

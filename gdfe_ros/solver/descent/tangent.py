@@ -44,8 +44,9 @@ equilibrium then counts as five times the step.
 FLYING = 0.02
 """As `MOVING`, for a body without handles. Only the accuracy of the solve then conserves its angular momentum."""
 PATIENT = 12
-"""The tangent is renewed after this number of successive L-BFGS iterations. If a new tangent costs as much as a larger
-number of solutions with it, the tangent is renewed after that larger number of iterations.
+"""A new tangent counts as so many L-BFGS iterations, or as the number of solutions that its factor costs if that is
+larger. It is renewed in a solve after as many successive iterations, and between solves as soon as this lowers the mean
+cost of a solve: when the last solve took more iterations than the mean of all solves, the tangent's cost included.
 """
 DAMPING = 10.0
 """If steps in motion do not shrink, the weight of the constant matrix in the tangent grows by this factor; the first
@@ -122,6 +123,8 @@ class TangentMinimiser(Minimiser):
         super().begin(active, start, warm=True)
         active.status["count"], active.status["pending"] = 0, 0
         self.tangent, self._last = start.tangent, start.positions if warm else None
+        if not self.certified and self.tangent is not None and self.tangent.overdue(self._patient):
+            self.tangent = None
         self.lost, self._tangents, self._known, self._turned = False, 0, False, False
         self._cleared, self._learning = 0 if warm else -1, not self.certified
         self._krylov.motion[...] = 0.0
@@ -130,6 +133,7 @@ class TangentMinimiser(Minimiser):
         if self.tangent is not None:
             self._level.load(self.tangent)
             course["spent"], course["least"] = self.tangent.spent, self.tangent.softest or 1.0
+            self._before = self.tangent.spent
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
         """Minimise until the estimated distance to the equilibrium is within the tolerance.
@@ -148,7 +152,7 @@ class TangentMinimiser(Minimiser):
         if self.certified and self._last is not None:
             free = task.active.unknowns.free
             self._krylov.motion.reshape(-1, 3)[: len(free)] = work.x[free] - self._last[free]
-        if self.tangent is None or (not self.certified and self._course["spent"] >= 2 * self._patient):
+        if self.tangent is None:
             self._take(task, self._last)
         if not self._turned:
             self._level.turn(work.x)
@@ -171,8 +175,9 @@ class TangentMinimiser(Minimiser):
         """Return the kept tangent for the next solve, with the cost of this solve added; None if there is none."""
         if self.tangent is None:
             return None
-        course, sure = self._course, self.tangent.softest > 0.0
-        return replace(self.tangent, spent=int(course["spent"]), softest=float(course["least"]) if sure else 0.0)
+        course, tangent = self._course, self.tangent
+        softest, spent = float(course["least"]) if tangent.softest > 0.0 else 0.0, int(course["spent"])
+        return replace(tangent, softest=softest, spent=spent, solves=tangent.solves + 1, latest=spent - self._before)
 
     @property
     def _hard(self) -> int:
@@ -289,5 +294,5 @@ class TangentMinimiser(Minimiser):
         if x is not None:
             self._level.turn(work.x)
         self._tangents, self._turned = self._tangents + 1, True
-        course["spent"], course["least"], self._since = 0, 1.0, 0
+        course["spent"], course["least"], self._since, self._before = 0, 1.0, 0, 0
         task.active.status["count"], task.active.status["pending"], task.active.status["ended"] = 0, 0, End.NONE

@@ -26,6 +26,8 @@ class Tangent:
         row, ends, ways: arrays of the springs, as in `Springs`; older archives have (m, c) ``ends`` and no ``row``.
         spent: number of iterations and products since the tangent was evaluated, without the `newton.FREE` products of
             each Newton step.
+        solves: number of solves with the tangent.
+        latest: the part of ``spent`` in the last of these solves.
     """
 
     blocks: NDArray[np.float64]
@@ -37,6 +39,12 @@ class Tangent:
     ways: NDArray[np.float64] = field(default_factory=lambda: Springs.none().ways)
     spent: int = 0
     softest: float = 0.0
+    solves: int = 0
+    latest: int = 0
+
+    def overdue(self, cost: float) -> bool:
+        """Return whether a new tangent that costs as much as ``cost`` iterations lowers the mean cost of a solve."""
+        return self.latest * self.solves > cost + self.spent
 
     @property
     def springs(self) -> Springs:
