@@ -218,14 +218,22 @@ class Fronts:
         )
         left = 9 * (heights - widths) ** 2
         taken = np.bincount(found.parent[inner], weights=left[inner], minlength=len(widths)).astype(np.int64)
-        self._fronts, self._panel = np.empty((2, room**2)), np.empty((PANEL + 1) * TILE)
+        self._room, self._height = room, np.cumsum(left - taken).max(initial=0)
         self._ends = np.empty(room, np.int64)
-        self._stack = np.empty(np.cumsum(left - taken).max(initial=0))
-        values, x = np.empty(self._plan.value_start[-1]), np.empty(3 * len(found.order))
-        none, rows = np.zeros((0, 0)), len(x)
+        self._store(found.order, np.float64)
+
+    def _store(self, order: NDArray[np.int64], kind: type[np.floating]) -> None:
+        """Allocate the factor and all scratch arrays with numbers of a kind, for vertices eliminated in an order."""
+        self._fronts, self._panel = np.empty((2, self._room**2), kind), np.empty((PANEL + 1) * TILE, kind)
+        self._stack, values = np.empty(self._height, kind), np.empty(self._plan.value_start[-1], kind)
+        none, rows = np.zeros((0, 0)), 3 * len(order)
         bare = {"harmonic": np.zeros((rows, 0)), "schur": none, "springs": none, "reach": none, "inner": none}
-        turns = {"frames": unrotated(len(found.order)), "turned": np.empty(rows)}
-        self.kept = Kept(self._plan, values, found.order, x, np.empty(room), **bare, **turns)
+        turns = {"frames": unrotated(len(order)), "turned": np.empty(rows)}
+        self.kept = Kept(self._plan, values, order, np.empty(rows, kind), np.empty(self._room, kind), **bare, **turns)
+
+    def shorten(self) -> None:
+        """Compute in single precision from the next factorisation on, which takes half of the memory and less time."""
+        self._store(self.kept.order, np.float32)
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
         """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. Otherwise it has no factor."""

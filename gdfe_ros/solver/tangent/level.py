@@ -113,6 +113,11 @@ class TangentLevel:
             raise FloatingPointError("neither the tangent nor the constant matrix has a factor")
         return self._loaded
 
+    def shorten(self) -> None:
+        """Factor in single precision from the next tangent on."""
+        self._factor.shorten()
+        self._kept, self._loaded = self._factor.kept, None
+
     @property
     def stiffness(self) -> NDArray[np.float64]:
         """Tangents (m, 3 c, 3 c) [N/m] of the elements in the last call of `take`, not copied."""

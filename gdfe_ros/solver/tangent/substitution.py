@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled solutions with a kept sparse factor K = U^T U: forward and backward, supernode by supernode.
 
-Three rows of the factor (one vertex) are processed at a time. Inner loops count in unsigned numbers: a possibly
+Six rows of the factor (two vertices) are processed at a time. Inner loops count in unsigned numbers: a possibly
 negative index would cost a test in each iteration and prevent SIMD.
 
 Two corrections follow, if a body needs them. First, handles with a free axis have rigid rows in addition to the rows of
@@ -19,6 +19,9 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import vector_kernel
+
+ROWS = 6
+"""Rows of the factor that are processed together: two vertices."""
 
 
 class Plan(NamedTuple):
@@ -48,7 +51,7 @@ class Kept(NamedTuple):
 
     Attributes:
         plan: the index arrays.
-        values: entries of the factor; the next factorisation overwrites them.
+        values: entries of the factor, in double or single precision; the next factorisation overwrites them.
         order: (f,) vertices in the order of their elimination.
         x, local: scratch.
         harmonic: (3 f, q) displacement of the free vertices that each rigid row causes, times -1.
@@ -61,10 +64,10 @@ class Kept(NamedTuple):
     """
 
     plan: Plan
-    values: NDArray[np.float64]
+    values: NDArray[np.floating]
     order: NDArray[np.int64]
-    x: NDArray[np.float64]
-    local: NDArray[np.float64]
+    x: NDArray[np.floating]
+    local: NDArray[np.floating]
     harmonic: NDArray[np.float64]
     schur: NDArray[np.float64]
     springs: NDArray[np.float64]
@@ -187,31 +190,65 @@ def expand_all(values, plan, x, local):
 @vector_kernel
 def reduce_rows(values, at, local, width, own):
     """Solve the first ``own`` rows of a supernode with U^T, and subtract their products from its other rows."""
-    for first in range(0, own, 3):
-        a = values[at + first * width : at + (first + 1) * width]
-        b = values[at + (first + 1) * width : at + (first + 2) * width]
-        c = values[at + (first + 2) * width : at + (first + 3) * width]
-        p = local[first] * a[first]
-        q = (local[first + 1] - a[first + 1] * p) * b[first + 1]
-        r = (local[first + 2] - a[first + 2] * p - b[first + 2] * q) * c[first + 2]
-        local[first], local[first + 1], local[first + 2] = p, q, r
-        for j in range(uint64(first + 3), uint64(width)):
-            local[j] -= p * a[j] + q * b[j] + r * c[j]
+    for first in range(0, own, ROWS):
+        last = min(first + ROWS, own)
+        rows = values[at + first * width : at + last * width]
+        for i in range(first, last):
+            total = local[i]
+            for k in range(first, i):
+                total -= rows[(k - first) * width + i] * local[k]
+            local[i] = total * rows[(i - first) * width + i]
+        p, q, r, n = local[first], local[first + 1], local[first + 2], uint64(width)
+        if last - first == ROWS:
+            s, t, u = local[first + 3], local[first + 4], local[first + 5]
+            for j in range(uint64(last), n):
+                k = j + n
+                total = p * rows[j] + q * rows[k]
+                k += n
+                total += r * rows[k]
+                k += n
+                total += s * rows[k]
+                k += n
+                total += t * rows[k]
+                local[j] -= total + u * rows[k + n]
+        else:
+            for j in range(uint64(last), n):
+                local[j] -= p * rows[j] + q * rows[j + n] + r * rows[j + n + n]
 
 
 @vector_kernel
 def expand_rows(values, at, local, width, own):
     """Solve the first ``own`` rows of a supernode with U; the solution in its other rows is known."""
-    for first in range(own - 3, -1, -3):
-        a = values[at + first * width : at + (first + 1) * width]
-        b = values[at + (first + 1) * width : at + (first + 2) * width]
-        c = values[at + (first + 2) * width : at + (first + 3) * width]
-        p, q, r = 0.0, 0.0, 0.0
-        for j in range(uint64(first + 3), uint64(width)):
-            p += a[j] * local[j]
-            q += b[j] * local[j]
-            r += c[j] * local[j]
-        r = (local[first + 2] - r) * c[first + 2]
-        q = (local[first + 1] - q - b[first + 2] * r) * b[first + 1]
-        p = (local[first] - p - a[first + 1] * q - a[first + 2] * r) * a[first]
-        local[first], local[first + 1], local[first + 2] = p, q, r
+    for first in range((own - 1) // ROWS * ROWS, -1, -ROWS):
+        last, none, n = min(first + ROWS, own), local.dtype.type(0.0), uint64(width)
+        rows = values[at + first * width : at + last * width]
+        p, q, r, s, t, u = none, none, none, none, none, none
+        if last - first == ROWS:
+            for j in range(uint64(last), n):
+                k, known = j + n, local[j]
+                p += rows[j] * known
+                q += rows[k] * known
+                k += n
+                r += rows[k] * known
+                k += n
+                s += rows[k] * known
+                k += n
+                t += rows[k] * known
+                u += rows[k + n] * known
+            local[first + 3] -= s
+            local[first + 4] -= t
+            local[first + 5] -= u
+        else:
+            for j in range(uint64(last), n):
+                known = local[j]
+                p += rows[j] * known
+                q += rows[j + n] * known
+                r += rows[j + n + n] * known
+        local[first] -= p
+        local[first + 1] -= q
+        local[first + 2] -= r
+        for i in range(last - 1, first - 1, -1):
+            total = local[i]
+            for k in range(i + 1, last):
+                total -= rows[(i - first) * width + k] * local[k]
+            local[i] = total * rows[(i - first) * width + i]
