@@ -164,11 +164,11 @@ class Viscosity(Term):
         return saved["strain"] - (length / before if before else 0.0) * (saved["strain"] - saved["before"])
 
     def _strains(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        shape, found = self._body.shape, np.empty((len(self._cells), self._strain_count))
+        found = np.empty((len(self._cells), self._strain_count))
         if self._points:
             point_strains(positions, self._cells, self._gradient, found)
             return found
-        all_strains(positions, shape.cells, shape.gradient, shape.hourglass, found)
+        all_strains(positions, self.reals, self.integers, found)
         return found
 
     def _squared(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:

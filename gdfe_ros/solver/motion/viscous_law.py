@@ -11,6 +11,7 @@ import numpy as np
 from numpy import uint64
 
 from gdfe_ros.compiled import inlined, kernel, vector_kernel
+from gdfe_ros.materials.tensor import dot
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 STRAINS = 18
@@ -23,73 +24,86 @@ gradients.
 """
 
 
-@kernel
-def element_strains(f, q, out):
-    """Write E (xx, yy, zz, xy, yz, zx) and w_k of a mean gradient ``f`` (3, 3) and hourglass vectors ``q`` (4, 3)."""
-    for i in range(3):
-        j = (i + 1) % 3
-        out[i] = 0.5 * (f[0, i] * f[0, i] + f[1, i] * f[1, i] + f[2, i] * f[2, i] - 1.0)
-        out[3 + i] = 0.5 * (f[0, i] * f[0, j] + f[1, i] * f[1, j] + f[2, i] * f[2, j])
-    for k in range(4):
-        for i in range(3):
-            out[6 + 3 * k + i] = f[0, i] * q[k, 0] + f[1, i] * q[k, 1] + f[2, i] * q[k, 2]
-
-
-@kernel
-def gather(x, gradient, hourglass, corners, f, q):
-    """Write the mean gradient ``f`` (3, 3) and hourglass vectors ``q`` (4, 3) [m] of one element."""
-    f[...] = 0.0
-    q[...] = 0.0
+@inlined
+def weighted(x, integers, first, reals, at, stride):
+    """Return the sum (3,) [m] of the positions of eight corners, with every ``stride``-th weight from ``at`` on."""
+    p, q, r = 0.0, 0.0, 0.0
     for a in range(8):
-        for i in range(3):
-            position = x[corners[a], i]
-            for j in range(3):
-                f[i, j] += position * gradient[a, j]
-            for k in range(4):
-                q[k, i] += position * hourglass[k, a]
+        v, w = integers[first + a], reals[at + a * stride]
+        p, q, r = p + w * x[v, 0], q + w * x[v, 1], r + w * x[v, 2]
+    return p, q, r
+
+
+@inlined
+def combined(a, u, b, v, c, w):
+    """Return a u + b v + c w for vectors u, v and w (3,)."""
+    return a * u[0] + b * v[0] + c * w[0], a * u[1] + b * v[1] + c * w[1], a * u[2] + b * v[2] + c * w[2]
+
+
+@inlined
+def plus(u, a, v):
+    """Return u + a v for vectors u and v (3,)."""
+    return u[0] + a * v[0], u[1] + a * v[1], u[2] + a * v[2]
+
+
+@inlined
+def gradient_columns(x, integers, first, reals, at):
+    """Return the three columns (3,) of a cell's mean deformation gradient F."""
+    u = weighted(x, integers, first, reals, at, 3)
+    return u, weighted(x, integers, first, reals, at + 1, 3), weighted(x, integers, first, reals, at + 2, 3)
+
+
+@inlined
+def green_strains(u, v, w):
+    """Return the Green strains E (xx, yy, zz, xy, yz, zx) of a deformation gradient with the columns u, v and w."""
+    squares = 0.5 * (dot(u, u) - 1.0), 0.5 * (dot(v, v) - 1.0), 0.5 * (dot(w, w) - 1.0)
+    return (*squares, 0.5 * dot(u, v), 0.5 * dot(v, w), 0.5 * dot(w, u))
+
+
+@inlined
+def bent(u, v, w, q, bend, reals, at):
+    """Return C (w_k - w_hat_k) (3,), its product with F (3,), and the energy [J] of an hourglass vector q_k (3,)."""
+    a, b, c = dot(u, q) - reals[at], dot(v, q) - reals[at + 1], dot(w, q) - reals[at + 2]
+    energy = 0.5 * bend * (a * a + b * b + c * c)
+    return (bend * a, bend * b, bend * c), combined(bend * a, u, bend * b, v, bend * c, w), energy
 
 
 @kernel
 def viscous_energy(x, reals, integers, force, size):
     """Return sum_e K/2 |E - E_hat|^2 + C/2 sum_k |w_k - w_hat_k|^2 [J], with the signature of `term_kernel`."""
     energy = 0.0
-    f, q, strain, stress = np.empty((3, 3)), np.empty((4, 3)), np.empty(STRAINS), np.empty((3, 3))
     for e in range(len(integers) // 8):
-        own = reals[e * WIDTH : (e + 1) * WIDTH]
-        corners = integers[8 * e : 8 * e + 8]
-        gradient = own[2 + STRAINS : 26 + STRAINS].reshape(8, 3)
-        hourglass = own[26 + STRAINS :].reshape(4, 8)
-        gather(x, gradient, hourglass, corners, f, q)
-        element_strains(f, q, strain)
-        stretch, bend = own[0], own[1]
-        for i in range(STRAINS):
-            strain[i] -= own[2 + i]
-        part = 0.0
-        for i in range(3):
-            part += 0.5 * stretch * (strain[i] * strain[i] + 2.0 * strain[3 + i] * strain[3 + i])
-        for i in range(6, STRAINS):
-            part += 0.5 * bend * strain[i] * strain[i]
-        for r in range(3):
-            for i in range(3):
-                j, b = (i + 1) % 3, (i + 2) % 3
-                stress[r, i] = stretch * (f[r, i] * strain[i] + f[r, j] * strain[3 + i] + f[r, b] * strain[3 + b])
-                for k in range(4):
-                    stress[r, i] += bend * q[k, r] * strain[6 + 3 * k + i]
-        for k in range(4):
-            for r in range(3):
-                pull = 0.0
-                for i in range(3):
-                    pull += f[r, i] * strain[6 + 3 * k + i]
-                q[k, r] = bend * pull
-        for a in range(8):
-            for r in range(3):
-                total = 0.0
-                for i in range(3):
-                    total += stress[r, i] * gradient[a, i]
-                for k in range(4):
-                    total += q[k, r] * hourglass[k, a]
-                force[corners[a], r] += total
-        energy += part
+        own, first = e * WIDTH, 8 * e
+        gradient, hourglass = own + 2 + STRAINS, own + 26 + STRAINS
+        u, v, w = gradient_columns(x, integers, first, reals, gradient)
+        stretch, bend, at = reals[own], reals[own + 1], own + 2
+        xx, yy, zz, xy, yz, zx = green_strains(u, v, w)
+        xx, yy, zz = stretch * (xx - reals[at]), stretch * (yy - reals[at + 1]), stretch * (zz - reals[at + 2])
+        xy, yz, zx = stretch * (xy - reals[at + 3]), stretch * (yz - reals[at + 4]), stretch * (zx - reals[at + 5])
+        if stretch > 0.0:
+            energy += 0.5 / stretch * (xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + yz * yz + zx * zx))
+        r, s, t = combined(xx, u, xy, v, zx, w), combined(xy, u, yy, v, yz, w), combined(zx, u, yz, v, zz, w)
+        a = weighted(x, integers, first, reals, hourglass, 1)
+        b = weighted(x, integers, first, reals, hourglass + 8, 1)
+        c = weighted(x, integers, first, reals, hourglass + 16, 1)
+        d = weighted(x, integers, first, reals, hourglass + 24, 1)
+        pull_a, back_a, stored_a = bent(u, v, w, a, bend, reals, at + 6)
+        pull_b, back_b, stored_b = bent(u, v, w, b, bend, reals, at + 9)
+        pull_c, back_c, stored_c = bent(u, v, w, c, bend, reals, at + 12)
+        pull_d, back_d, stored_d = bent(u, v, w, d, bend, reals, at + 15)
+        energy += stored_a + stored_b + stored_c + stored_d
+        r = plus(plus(plus(plus(r, pull_a[0], a), pull_b[0], b), pull_c[0], c), pull_d[0], d)
+        s = plus(plus(plus(plus(s, pull_a[1], a), pull_b[1], b), pull_c[1], c), pull_d[1], d)
+        t = plus(plus(plus(plus(t, pull_a[2], a), pull_b[2], b), pull_c[2], c), pull_d[2], d)
+        for i in range(8):
+            n, at = integers[first + i], gradient + 3 * i
+            total = combined(reals[at], r, reals[at + 1], s, reals[at + 2], t)
+            at = hourglass + i
+            total = plus(plus(total, reals[at], back_a), reals[at + 8], back_b)
+            total = plus(plus(total, reals[at + 16], back_c), reals[at + 24], back_d)
+            force[n, 0] += total[0]
+            force[n, 1] += total[1]
+            force[n, 2] += total[2]
     size[0] += energy
     return energy
 
@@ -157,30 +171,38 @@ def point_strains(x, cells, gradient, out):
 
 
 @kernel
-def all_strains(x, cells, gradient, hourglass, out):
-    """Write the strains (m, 18) of all elements at positions (n, 3) [m]."""
-    f, q = np.empty((3, 3)), np.empty((4, 3))
-    for e in range(len(cells)):
-        gather(x, gradient[e], hourglass[e], cells[e], f, q)
-        element_strains(f, q, out[e])
+def all_strains(x, reals, integers, out):
+    """Write E and w_k (m, 18) of all hexahedra at positions ``x`` (n, 3) [m]."""
+    for e in range(len(out)):
+        own, first = e * WIDTH, 8 * e
+        u, v, w = gradient_columns(x, integers, first, reals, own + 2 + STRAINS)
+        out[e, 0], out[e, 1], out[e, 2], out[e, 3], out[e, 4], out[e, 5] = green_strains(u, v, w)
+        for k in range(4):
+            q = weighted(x, integers, first, reals, own + 26 + STRAINS + 8 * k, 1)
+            at = 6 + 3 * k
+            out[e, at], out[e, at + 1], out[e, at + 2] = dot(u, q), dot(v, q), dot(w, q)
 
 
 @kernel
 def viscous_tangents(x, reals, integers, out):
     """Write the tangents (m, 24, 24) [N/m] of hexahedra at positions ``x`` (n, 3) [m]."""
-    f, q, slope = np.empty((3, 3)), np.empty((4, 3)), np.empty((STRAINS, 24))
+    f, slope = np.empty((3, 3)), np.empty((STRAINS, 24))
     for e in range(len(out)):
-        own = reals[e * WIDTH : (e + 1) * WIDTH]
-        gradient, hourglass = own[2 + STRAINS : 26 + STRAINS].reshape(8, 3), own[26 + STRAINS :].reshape(4, 8)
-        gather(x, gradient, hourglass, integers[8 * e : 8 * e + 8], f, q)
+        own, first = e * WIDTH, 8 * e
+        gradient, hourglass = own + 2 + STRAINS, own + 26 + STRAINS
+        u, v, w = gradient_columns(x, integers, first, reals, gradient)
+        f[:, 0], f[:, 1], f[:, 2] = u, v, w
         for a in range(8):
-            green_slopes(f, gradient[a], slope[:, 3 * a : 3 * a + 3])
-            for r in range(3):
-                for k in range(4):
-                    for i in range(3):
-                        slope[6 + 3 * k + i, 3 * a + r] = gradient[a, i] * q[k, r] + f[r, i] * hourglass[k, a]
+            own_gradient = reals[gradient + 3 * a : gradient + 3 * a + 3]
+            green_slopes(f, own_gradient, slope[:, 3 * a : 3 * a + 3])
+            for k in range(4):
+                q = weighted(x, integers, first, reals, hourglass + 8 * k, 1)
+                for i in range(3):
+                    for r in range(3):
+                        bend = own_gradient[i] * q[r] + f[r, i] * reals[hourglass + 8 * k + a]
+                        slope[6 + 3 * k + i, 3 * a + r] = bend
         for i in range(STRAINS):
-            weight = own[0] if i < 3 else 2.0 * own[0] if i < 6 else own[1]
+            weight = reals[own] if i < 3 else 2.0 * reals[own] if i < 6 else reals[own + 1]
             slope[i] *= np.sqrt(weight)
         squares(slope, out[e])
 
