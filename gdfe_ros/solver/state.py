@@ -37,12 +37,14 @@ class ElementState:
         bulk: (k,) penalty bulk modulus [Pa] of each material, for elements with pressures; raised if pressures
             oscillate.
         hourglass_scale: (m,) present hourglass stiffness divided by the initial one.
+        hourglass_scale_before: (m,) the same for the accepted solve before it; None in older archives.
     """
 
     pressures: Array
     pressures_before: Array
     bulk: Array
     hourglass_scale: Array
+    hourglass_scale_before: Array | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

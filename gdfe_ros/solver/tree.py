@@ -47,6 +47,7 @@ _RENAMED = {states.Summary: {"residual": "error_estimate"}}
 
 _ADDED = {
     Tangent: {"row", "ends", "ways", "softest", "positions", "solves", "latest"},
+    states.ElementState: {"hourglass_scale_before"},
     states.Snapshot: {"scene", "joints", "links"},
     states.State: {"soft"},
     states.Summary: {"stable"},

@@ -12,7 +12,7 @@ from gdfe_ros.solver.descent.minimiser import Task
 from gdfe_ros.solver.descent.workspace import LONG_MEMORY, End, Problem
 from gdfe_ros.solver.elements.fields import store_energies
 from gdfe_ros.solver.elements.flatness import flattened
-from gdfe_ros.solver.elements.measures import update_hourglass_scales
+from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
 from gdfe_ros.solver.elements.pressures import Pressures
 from gdfe_ros.solver.elements.watch import NEARLY_FOLDED, Watch, nearly_folded
 from gdfe_ros.solver.equilibrium.model import Model
@@ -105,7 +105,7 @@ class Solve:
         start, here = self.start, self._prediction
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
         self.pressures = Pressures(self._body, start.elements, elements, here.ratio)
-        self._scale = start.elements.hourglass_scale.copy()
+        self._scale = _followed_scale(start.elements, here.ratio)
         self._actuation.stiffen(self._nearly_folded())
         given = here.positions, self.problem.poses, start
         self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
@@ -153,8 +153,6 @@ class Solve:
         task = self._placed(active, coupling, threads)
         accumulates = bool(len(active.carried) or self._actuation.updates)
         updates = accumulates or self._softens(active)
-        if self._softens(active) and self._minimiser.certified and not self.anew:
-            self._update_scales(active)  # a predicted start is closer to the end than the last state
         self._schedule, least = self._scheduled(active, updates=updates), self._least_iterations(active)
         self._settled, self.iterations, self._cut = not updates, 0, False
         if self._actuation.hopeless:
@@ -255,6 +253,7 @@ class Solve:
             pressures_before=start.elements.pressures,
             bulk=self.pressures.bulk,
             hourglass_scale=self._scale.copy(),
+            hourglass_scale_before=start.elements.hourglass_scale,
         )
         energetic = converged and not self._actuation.growths
         return Solution(
@@ -348,3 +347,11 @@ class Solve:
             recent=work.recent.copy(),
             seen=int(active.status["seen"]),
         )
+
+
+def _followed_scale(elements: ElementState, ratio: float) -> NDArray[np.float64]:
+    """Return the initial hourglass scales (m,) of a solve: the last ones plus ``ratio`` times their last change."""
+    last, before = elements.hourglass_scale, elements.hourglass_scale_before
+    if before is None or ratio == 0.0:
+        return last.copy()
+    return np.clip(last + ratio * (last - before), LEAST_SCALE, MOST_SCALE)

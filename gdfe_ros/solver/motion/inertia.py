@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy import uint64
 from numpy.typing import NDArray
 from scipy import sparse
 
@@ -39,10 +40,11 @@ def inertia_energy(x, reals, integers, force, size):
     for v in range(count):
         f0, f1, f2 = 0.0, 0.0, 0.0
         for i in range(integers[v], integers[v + 1]):
-            share, w = k * entries[i], columns[i]
-            f0 += share * away[w, 0]
-            f1 += share * away[w, 1]
-            f2 += share * away[w, 2]
+            mass, w = entries[i], uint64(columns[i])
+            f0 += mass * away[w, 0]
+            f1 += mass * away[w, 1]
+            f2 += mass * away[w, 2]
+        f0, f1, f2 = k * f0, k * f1, k * f2
         energy += 0.5 * (f0 * away[v, 0] + f1 * away[v, 1] + f2 * away[v, 2])
         force[v, 0] += f0
         force[v, 1] += f1
