@@ -30,8 +30,8 @@ from gdfe_ros.solver.terms.term import Term
 
 ACCURACY = 3.0
 """Tolerance of an internal step, divided by the solver's tolerance and by the largest distance that a vertex moves in
-the step. The tolerance is at most the solver's tolerance. For a body without handles, the distance excludes the part
-h |v|: only the accuracy of the solve conserves its angular momentum.
+the step. The tolerance is at most the solver's tolerance. With free bodies, the distance excludes the part h |v|: only
+the accuracy of the solve conserves their momentum.
 """
 FINEST = 1e-4
 """Least tolerance of an internal step, divided by the solver's tolerance."""
@@ -70,6 +70,7 @@ class Integrator:
         self._dynamics = dynamics
         # Pressures that lag behind a motion add energy to it; without damping they must not lag.
         self._fed = self._scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.mass_damping)
+        self._held = bool(body.handles) and not body.rigid_bodies
         self._made: dict[float, EquilibriumSolver] = {}
         self._pushes, self._impacts = Pushes(free_mass, dynamics, self._scheme), Impacts(body, dynamics, self._scheme)
 
@@ -77,10 +78,8 @@ class Integrator:
         """Return the solution of the next internal step of ``flight``, of length ``h`` [s]."""
         state, (poses, commands) = self.begun(flight.state), flight.aim
         now = kinematics_of(state.terms[inertia.NAME])
-        moved = max(
-            h * h * largest(now.acceleration.ravel()), h * largest(now.velocity.ravel()) if self._body.handles else 0.0
-        )
-        tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * moved / self._body.size))
+        bent, moved = h * h * largest(now.acceleration.ravel()), h * largest(now.velocity.ravel())
+        tolerance = self._tolerance(max(bent, moved) if self._held else bent)
         problem = Increment(
             poses=poses,
             commands=commands,
@@ -88,11 +87,15 @@ class Integrator:
             limit=self._settings.max_iterations,
             deadline=deadline,
             keeping=self._settings.tolerance,
-            volumes=tolerance if self._fed else None,
+            volumes=self._tolerance(bent) if self._fed else None,
         )
         equilibrium = self.equilibrium(h)
         self._pushes.fit(state, h, equilibrium.actuation.contacts)
         return equilibrium.solve(problem, state)
+
+    def _tolerance(self, moved: float) -> float:
+        """Return the tolerance, divided by the body's size, of an internal step in which vertices move by ``moved``."""
+        return self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * moved / self._body.size))
 
     def accepted(self, state: State, solution: Solution, h: float) -> State:
         """Return the state after an internal step of length ``h`` [s] from ``state``, with the ledger of ``state``."""
