@@ -36,9 +36,10 @@ bodies.
 """
 MECHANISM = 1e-10
 """A mode of smaller softness counts as rigid: the handles let the body turn or move as a whole."""
-ROUGH = 1e-3
-"""In motion, the factor of a held body of at least this softness is in single precision: rounding then changes its soft
-modes by less than a tenth. Free bodies keep double precision, which conserves their momentum.
+ROUGH = 1e-5
+"""The factor of a held body without contact is in single precision if its softness is at least this: rounding then
+changes its soft modes by less than the motion of a step does. Double precision conserves the momentum of free bodies,
+and finds the equilibria of contacts that are about to give way.
 """
 INVERSE_ITERATIONS = 6
 """Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
@@ -89,7 +90,8 @@ def for_slender(
         load = _weighed(matrix, found.reshape(-1, 3) / np.abs(found).max(), count)
     if least < MECHANISM:
         return model
-    if moving and body.handles and not body.unknowns.rigid_rows and least >= ROUGH:
+    held = body.handles and not body.unknowns.rigid_rows
+    if held and not model.actuation.contacts and least >= ROUGH:
         level.shorten()
     minimiser = TangentMinimiser(body, weight, bending, level, least, moving=moving)
     return replace(model, minimiser=minimiser, level=level, softest=load)
