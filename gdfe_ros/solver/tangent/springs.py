@@ -34,7 +34,7 @@ class Springs(NamedTuple):
     @classmethod
     def none(cls) -> Springs:
         """Return an empty set of springs."""
-        return cls(*np.zeros((2, 0), dtype=np.int32), np.zeros((0, 3)))
+        return _NONE
 
     @classmethod
     def between(cls, ends: NDArray[np.int32], ways: NDArray[np.float64]) -> Springs:
@@ -54,11 +54,15 @@ class Springs(NamedTuple):
     @classmethod
     def joined(cls, parts: Sequence[Springs]) -> Springs:
         """Return the springs of several terms."""
-        first, parts = 0, list(parts)
-        for place, part in enumerate(parts):
-            parts[place] = part._replace(row=part.row + np.int32(first))
-            first += part.count
-        return cls(*(np.concatenate(arrays) for arrays in zip(cls.none(), *parts, strict=True)))
+        some = [part for part in parts if part.count]
+        if len(some) < 2:
+            return some[0] if some else _NONE
+        first = np.cumsum([0, *(part.count for part in some[:-1])], dtype=np.int32)
+        rows = [part.row + begin for part, begin in zip(some, first, strict=True)]
+        return cls(np.concatenate(rows), *(np.concatenate([part[k] for part in some]) for k in (1, 2)))
+
+
+_NONE = Springs(*np.zeros((2, 0), dtype=np.int32), np.zeros((0, 3)))
 
 
 def spring_rows(springs: Springs, unknowns: Unknowns, motion: NDArray[np.float64]) -> NDArray[np.float64]:
