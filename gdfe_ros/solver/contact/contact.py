@@ -15,7 +15,7 @@ from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap, law
-from gdfe_ros.solver.contact.contact_term import FAINT, PENALTY, ContactTerm
+from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PLANE, PRESS, SHEAR, STRIDE, VERTICES, WEIGHTS
 from gdfe_ros.solver.contact.settling import Damping, Settling
 from gdfe_ros.solver.contact.skin import Skin
@@ -104,7 +104,7 @@ class Contact(ContactTerm):
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set the penalties from the constant matrix' diagonal."""
-        self._usual = self._penalty = PENALTY * self._points.stiffness(matrix.assembled.diagonal())
+        self._usual = self._penalty = self._points.stiffness(matrix.assembled.diagonal())
 
     def stiffen(self, vertices: NDArray[np.int32]) -> None:
         """In the next solve, raise the penalties of points that ``vertices`` (k,) carry: fold barriers act there."""

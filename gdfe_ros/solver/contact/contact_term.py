@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base class of the contact terms: contact forces from multipliers, and the required accuracy of these forces."""
+"""Base class of the contact terms: contact forces from multipliers, and the required accuracy of these forces.
+
+The penalty of a vertex is the constant matrix' diagonal at the vertex. A few updates of the multipliers then suffice,
+and the constant matrix still preconditions the minimisation.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +16,6 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.terms.term import Term
 
-PENALTY = 1.0
-"""Penalty divided by the constant matrix' diagonal at a vertex. With 1, a few updates of the multipliers suffice, and
-the constant matrix still preconditions the minimisation."""
 FORCE = 1e-2
 """The solver's tolerance divided by the relative tolerance of contact forces. A solver tolerance of 1e-4 thus allows
 an error of 1 % in the contact forces."""

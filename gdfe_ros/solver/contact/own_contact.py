@@ -12,7 +12,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.self_contact import NAME, SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
-from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
+from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.crossing import SEATS
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import OwnPairs
@@ -325,7 +325,7 @@ class OwnContact(ContactTerm):
         self._chosen, self._face, self._weights = chosen, found.face[chosen], found.weights[chosen]
         self.integers[law.COUNT] = len(chosen)
         rows = self._rows()
-        rows[:, law.PENALTY], rows[:, law.PRESS] = PENALTY / give[chosen], self._press[chosen]
+        rows[:, law.PENALTY], rows[:, law.PRESS] = 1.0 / give[chosen], self._press[chosen]
         rows[:, law.NORMAL : law.WEIGHTS], rows[:, law.WEIGHTS : law.SHEAR] = normal, self._weights
         rows[:, law.SHEAR : law.HOLD], rows[:, law.HOLD : law.OFFSET] = shear, self._hold_weights[chosen]
         rows[:, law.OFFSET : law.SUPPORT], rows[:, law.SUPPORT] = self._offset[chosen], found.support[chosen]
