@@ -26,8 +26,6 @@ from gdfe_ros.solver.tangent.tangent import Tangent
 
 SAFETY = 0.1
 """Assumed least ratio of the quasi-Newton step to the distance to the equilibrium. Slender bodies come close to it."""
-LEARNED = 2
-"""An emptied history contains the softest modes again after this number of iterations per pair that it can keep."""
 FLOOR = 1e-3
 """A minimisation ends before its least number of iterations if the distance is below this fraction of the tolerance."""
 LEAST_FLOOR = 1e-9
@@ -126,7 +124,6 @@ class Minimiser:
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["seen"], work.recent[...] = -1 if warm else 0, 0.0
         status["ended"] = End.NONE
-        self._unlearned = False
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
         """Minimise until the step is short enough.
@@ -145,10 +142,6 @@ class Minimiser:
         floor = min(target, max(FLOOR * SAFETY * final, LEAST_FLOOR) * self._body.size)
         ended = self._iterate(task, target, floor, least, limit, evaluate=True)
         used = ended.iterations
-        if self._misled(task, target) and used < limit and not past(task.deadline):
-            self._unlearned, least = True, LEARNED * len(task.active.workspace.row)
-            ended = self._iterate(task, target, floor, least, limit - used, evaluate=True)
-            used += ended.iterations
         if task.active.status["pending"]:
             pairs.take_products(task.active.workspace, None)
         return Descended(used, ended.cut)
@@ -170,14 +163,6 @@ class Minimiser:
         work = active.workspace
         far = not largest_shift(work.x, self._body.rest) <= FARTHEST * self._body.size
         return far or active.ended is End.RUNAWAY
-
-    def _misled(self, task: Task, target: float) -> bool:
-        """Return whether the precision ran out above ``target`` [m], for the first time in this solve.
-
-        The history may then have contained only rounding errors. The minimisation continues with an empty history.
-        """
-        short = task.active.ended is End.EXHAUSTED and float(task.active.status["distance"]) > target
-        return short and not self._unlearned
 
     def _iterate(
         self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool = False
