@@ -26,11 +26,9 @@ from gdfe_ros.solver.tangent.tangent import Tangent
 
 SAFETY = 0.1
 """Assumed least ratio of the quasi-Newton step to the distance to the equilibrium. Slender bodies come close to it."""
-FLOOR = 1e-3
-"""A minimisation ends before its least number of iterations if the distance is below this fraction of the tolerance."""
-LEAST_FLOOR = 1e-9
-"""Length of the smallest useful step, divided by the body's size. Shorter steps follow rounding errors, and could leave
-an unstable equilibrium.
+FLOOR = 1e-9
+"""A minimisation ends before its least number of iterations if its step, divided by the body's size, is at most this.
+Shorter steps follow rounding errors, and could leave an unstable equilibrium.
 """
 FARTHEST = 3000.0
 """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
@@ -133,13 +131,12 @@ class Minimiser:
         Args:
             task: the problem; its terms are evaluated at the present unknowns.
             tolerance: estimated largest distance to the equilibrium, divided by the body's size.
-            final: tolerance of the whole solve. A distance below a small fraction of it ends the minimisation even
-                within the first ``least`` iterations.
+            final: tolerance of the whole solve; not used.
             least: least number of iterations.
             limit: largest number of iterations.
         """
         target = SAFETY * tolerance * self._body.size
-        floor = min(target, max(FLOOR * SAFETY * final, LEAST_FLOOR) * self._body.size)
+        floor = min(target, FLOOR * self._body.size)
         ended = self._iterate(task, target, floor, least, limit, evaluate=True)
         used = ended.iterations
         if task.active.status["pending"]:
