@@ -27,10 +27,6 @@ SCALE_SLACK = 10.0
 """Allowed change of an hourglass scale in the last update, divided by the tolerance. Positions then stay within the
 tolerance.
 """
-SURE = 0.3
-"""A solve without contact and with a certified distance ends without a new minimisation if the largest change of the
-last update, divided by the allowed change, is at most this.
-"""
 WARM_SLACK = 10.0
 """Factor that increases the allowed volume error and the allowed change of hourglass scales in a step that continues a
 motion, if the distance is not certified. The updates of the next step reduce these errors.
@@ -214,10 +210,9 @@ class Solve:
         self._settled = last and moved <= 1.0
         if last and still and not self._settled:
             self._schedule.refine()
-        sure = moved <= SURE and not self._actuation.contacts
         if not self._settled and self._level is None:  # slender bodies need few updates
             self._actuation.hasten(self.problem.tolerance)
-        return self._settled and (quiet or sure or not self._minimiser.certified)
+        return self._settled and (quiet or not self._actuation.contacts or not self._minimiser.certified)
 
     def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
         """Write energies [J] and least volume ratios of the active elements to ``stored`` and ``least`` (m,)."""
