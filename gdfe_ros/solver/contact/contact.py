@@ -15,7 +15,7 @@ from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap, law
-from gdfe_ros.solver.contact.contact_term import FAINT, PENALTY, ContactTerm
+from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PLANE, PRESS, SHEAR, STRIDE, VERTICES, WEIGHTS
 from gdfe_ros.solver.contact.settling import Damping, Settling
 from gdfe_ros.solver.contact.skin import Skin
@@ -58,7 +58,6 @@ class Contact(ContactTerm):
     """
 
     kernel, potential = law.contact_entry, staticmethod(law.contact_energy)
-    law = law
 
     def __init__(
         self, name: str, touched: Obstacle, body: Body, points: ContactSurface | Corners, friction: float
@@ -68,9 +67,9 @@ class Contact(ContactTerm):
         reals = np.concatenate([np.zeros(HEAD + STRIDE * count), touched.form.samples])
         integers = np.zeros(VERTICES + carriers * count, dtype=np.int32)
         reals[gap.NUMBERS : gap.FRICTION], reals[gap.FRICTION] = touched.form.numbers, friction
-        integers[gap.KIND], integers[gap.CARRIERS], integers[gap.BODY : VERTICES] = touched.form.kind, carriers, -1
+        integers[gap.KIND], integers[gap.CARRIERS], integers[gap.RUB] = touched.form.kind, carriers, WEIGHTS
+        integers[gap.BODY : gap.RUB] = touched.vertices if isinstance(touched, RigidBody) else -1
         if isinstance(touched, RigidBody):
-            integers[gap.BODY : VERTICES] = touched.vertices
             reals[gap.SIGNS : HEAD] = touched.signs.ravel()
         super().__init__(name, body, reals, integers)
         self._usual, self._penalty = np.zeros(count), np.zeros(count)
@@ -105,7 +104,7 @@ class Contact(ContactTerm):
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set the penalties from the constant matrix' diagonal."""
-        self._usual = self._penalty = PENALTY * self._points.stiffness(matrix.assembled.diagonal())
+        self._usual = self._penalty = self._points.stiffness(matrix.assembled.diagonal())
 
     def stiffen(self, vertices: NDArray[np.int32]) -> None:
         """In the next solve, raise the penalties of points that ``vertices`` (k,) carry: fold barriers act there."""
@@ -127,20 +126,23 @@ class Contact(ContactTerm):
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return contact tangents (k, 3 c, 3 c) [N/m] at ``positions`` (n, 3) [m], without the obstacle's curvature.
 
-        Each tangent is J^T H J with the contact Jacobian J of `_ways` and the positive semi-definite Hessian H of
-        `contact_tangents`.
+        Each tangent is the sum of J^T H J over the Jacobians J and Hessians H of `_hessians`.
         """
         count = self.couplings().shape[1]
         tangents = np.zeros((len(self._penalty), 3 * count, 3 * count))
         if not self.updates:
             return tangents
-        chosen = self._chosen
-        held = np.zeros((len(chosen), 3, 3))
-        law.contact_tangents(positions, self.reals, self.integers, held)
-        ways = self._ways(positions)
-        spread = ways[:, :, None, None, None] * ways[:, None, None, :, None] * held[:, None, :, None, :]
-        tangents[chosen] = spread.reshape(len(chosen), 3 * count, 3 * count)
+        total = np.zeros((len(self._chosen), count, 3, count, 3))
+        for ways, held in self._hessians(positions):
+            total += ways[:, :, None, None, None] * ways[:, None, None, :, None] * held[:, None, :, None, :]
+        tangents[self._chosen] = total.reshape(len(self._chosen), 3 * count, 3 * count)
         return tangents
+
+    def _hessians(self, positions: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Return pairs of a contact Jacobian (k, c) and positive semi-definite Hessians (k, 3, 3) [N/m]."""
+        held = np.zeros((len(self._chosen), 3, 3))
+        law.contact_tangents(positions, self.reals, self.integers, held, held)
+        return [(self._ways(positions), held)]
 
     def neutral(self) -> Saved:
         """Return the stored state without contact: no forces, no anchors, no dissipated energy."""
@@ -168,7 +170,7 @@ class Contact(ContactTerm):
         """
         multipliers = self._rows()[:, PRESS:ANCHOR]
         held = multipliers.copy()
-        miss, change, forces, penalties = self.law.update_multipliers(positions, self.reals, self.integers)
+        miss, change, forces, penalties = law.update_multipliers(positions, self.reals, self.integers)
         if self.reals[gap.FRICTION] > 0.0:
             multipliers[...] = self._damping.shortened(held, multipliers.copy())
         missed = max(miss, self._judge(change, forces, penalties), self._correct(positions))
@@ -251,7 +253,7 @@ class Contact(ContactTerm):
         held = self.multipliers
         if not self.updates:
             return held
-        self.law.update_multipliers(positions, self.reals, self.integers)
+        law.update_multipliers(positions, self.reals, self.integers)
         self._correct(positions)
         found = self.multipliers
         self.hold(held)
@@ -433,7 +435,7 @@ class Contact(ContactTerm):
         count = len(self._chosen)
         forces, shears = np.zeros((count, 3)), np.zeros((count, 3))
         presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)
-        self.law.contact_forces(positions, self.reals, self.integers, forces, presses, shears, slips)
+        law.contact_forces(positions, self.reals, self.integers, forces, presses, shears, slips)
         return forces, presses, shears, slips
 
     def _spread(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> Saved:

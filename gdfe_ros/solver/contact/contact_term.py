@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base class of the contact terms: contact forces from multipliers, and the required accuracy of these forces."""
+"""Base class of the contact terms: contact forces from multipliers, and the required accuracy of these forces.
+
+The penalty of a vertex is the constant matrix' diagonal at the vertex. A few updates of the multipliers then suffice,
+and the constant matrix still preconditions the minimisation.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +16,6 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.terms.term import Term
 
-PENALTY = 1.0
-"""Penalty divided by the constant matrix' diagonal at a vertex. With 1, a few updates of the multipliers suffice, and
-the constant matrix still preconditions the minimisation."""
 FORCE = 1e-2
 """The solver's tolerance divided by the relative tolerance of contact forces. A solver tolerance of 1e-4 thus allows
 an error of 1 % in the contact forces."""
@@ -38,7 +39,6 @@ class ContactTerm(Term):
         resolution: error [m] of the displacements up to which the contact forces are accurate enough.
         share: effective contact force over a step with dynamics, divided by the multipliers. The multipliers are the
             forces at the end of the step.
-        missed: largest error [m] in gap or slip of a self-contact pair at the last update of a solve.
         gives_up: whether the term determines ``hopeless``. A hopeless solve ends at once, because smaller increments
             may succeed.
         stocky: True if the minimiser gives no bound of the distance to the equilibrium (`Minimiser.certified` is
@@ -53,7 +53,7 @@ class ContactTerm(Term):
     def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         super().__init__(name, reals, integers)
         self._body, self.resolution, self.share = body, np.inf, 1.0
-        self.missed, self.gives_up, self.stocky, self.hopeless, self.buried = 0.0, False, False, False, False
+        self.gives_up, self.stocky, self.hopeless, self.buried = False, False, False, False
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return 0: contact stores no energy."""

@@ -20,10 +20,11 @@ PENALTY, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, STRIDE = 0, 1, 2,
 anchor (3,) [m] in the frame, normal (3,), offset [m], weights (8,) and entry plane (4,). The plane n . q = d in the
 frame is stored as (n, d); n = 0 means no entry plane. `STRIDE` is the row's length.
 """
-KIND, COUNT, CARRIERS, BODY, VERTICES = 0, 1, 2, 3, 7
+KIND, COUNT, CARRIERS, BODY, RUB, VERTICES = 0, 1, 2, 3, 7, 8
 """Layout of a term's integers. Each number is the offset of one field: the shape's kind, the number of points, the
-number of vertices that carry each point, the frame's four vertices, and the points' carriers. The frame's vertices are
--1 for a prescribed frame.
+number of vertices that carry each point, the frame's four vertices, the place of the friction weights in a point's row,
+and the points' carriers. The frame's vertices are -1 for a prescribed frame. The friction weights are the point's own
+weights, except for round bodies.
 """
 MOST_STEPS = 60
 """Largest number of sphere-tracing moves along one path. If they do not reach the obstacle, the path only grazes it."""
@@ -48,16 +49,16 @@ def take_frame(x, reals, integers):
 
 
 @inlined
-def point_at(x, reals, integers, i):
-    """Return the position (3,) [m] of contact point ``i``."""
+def point_at(x, reals, integers, i, weights):
+    """Return the position (3,) [m] of contact point ``i``, from the ``weights`` that begin there in the point's row."""
     count = integers[CARRIERS]
     first = VERTICES + count * i
     if count == 1:
         v = integers[first]
         return x[v, 0], x[v, 1], x[v, 2]
-    px, py, pz, weights = 0.0, 0.0, 0.0, HEAD + STRIDE * i + WEIGHTS
+    px, py, pz, start = 0.0, 0.0, 0.0, HEAD + STRIDE * i + weights
     for a in range(count):
-        w, v = reals[weights + a], integers[first + a]
+        w, v = reals[start + a], integers[first + a]
         px, py, pz = px + w * x[v, 0], py + w * x[v, 1], pz + w * x[v, 2]
     return px, py, pz
 

@@ -12,6 +12,12 @@ comes nearer to a round obstacle than at its corners. The error of a face is the
 corners, minus the true distance. The offset is the mean of this error over the faces around the vertex. On a ball the
 offset halves the error of the gaps.
 
+Friction acts on the material point that touches. This is the point itself, except for round rigid bodies: a ball
+touches when its centre is one radius away. The normal force acts at the centre, so the gap is exact for every rotation
+of the ball, and the offset is the radius. The friction force acts on the material point that touched when the step
+began, c + R q with q = -r R^T n. While the ball rolls by the angle theta in a step, that point slips by r theta^3 / 6
+only. A capsule is a row of such balls.
+
 A point is one of three things: a vertex, a skin point carried by the eight vertices of a cell, or a point carried by
 the four vertices of a rigid body. The frame of the touched obstacle is prescribed, or is that of a rigid body. The four
 vertices of a rigid body are corners of a box around its centre of mass c. Let s_a be the signs of these corners divided
@@ -38,6 +44,7 @@ from gdfe_ros.solver.contact.gap import (
     ORIGIN,
     PENALTY,
     PRESS,
+    RUB,
     SHEAR,
     SIGNS,
     STRIDE,
@@ -54,12 +61,15 @@ from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 
 @inlined
-def push(reals, integers, i, f0, f1, f2, force):
-    """Add the gradient f = dE/dp [N] of a point, times its weights, to ``force`` (n, 3) [N] at the point's carriers."""
+def push(reals, integers, i, weights, f0, f1, f2, force):
+    """Add the gradient f = dE/dp [N] of a point, times its weights, to ``force`` (n, 3) [N] at the point's carriers.
+
+    The ``weights`` are those that begin there in the point's row.
+    """
     count = integers[CARRIERS]
     first = VERTICES + count * i
     for a in range(count):
-        w, v = reals[HEAD + STRIDE * i + WEIGHTS + a], integers[first + a]
+        w, v = reals[HEAD + STRIDE * i + weights + a], integers[first + a]
         force[v, 0] += w * f0
         force[v, 1] += w * f1
         force[v, 2] += w * f2
@@ -82,8 +92,9 @@ def push_back(reals, integers, f0, f1, f2, r0, r1, r2, force):
 
 
 @inlined
-def shear_at(reals, r, px, py, pz, limit):
-    """Return the friction force (3,) [N] at a point, shortened to ``limit`` [N], and the trial force's length [N]."""
+def shear_at(x, reals, integers, i, limit):
+    """Return the friction force (3,) [N] on a point, shortened to ``limit`` [N], and the trial force's length [N]."""
+    r, (px, py, pz) = HEAD + STRIDE * i, point_at(x, reals, integers, i, integers[RUB])
     k, n0, n1, n2 = reals[r + PENALTY], reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
     a0, a1, a2 = in_world(reals, reals[r + ANCHOR], reals[r + ANCHOR + 1], reals[r + ANCHOR + 2])
     dx, dy, dz = px - reals[ORIGIN] - a0, py - reals[ORIGIN + 1] - a1, pz - reals[ORIGIN + 2] - a2
@@ -102,19 +113,19 @@ def contact_energy(x, reals, integers, force, size):
     for i in range(integers[COUNT]):
         r = HEAD + STRIDE * i
         k, held = reals[r + PENALTY], reals[r + PRESS]
-        px, py, pz = point_at(x, reals, integers, i)
+        px, py, pz = point_at(x, reals, integers, i, WEIGHTS)
         g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         press = max(0.0, held - k * (g - reals[r + OFFSET]))
         stored, given = press * press, held * held
         if press > 0.0:
             f0, f1, f2 = -press * nx, -press * ny, -press * nz
-            push(reals, integers, i, f0, f1, f2, force)
+            push(reals, integers, i, WEIGHTS, f0, f1, f2, force)
             r0, r1, r2 = in_frame(reals, px - reals[ORIGIN], py - reals[ORIGIN + 1], pz - reals[ORIGIN + 2])
             push_back(reals, integers, f0, f1, f2, r0, r1, r2, force)
         limit = reals[FRICTION] * held
         if limit > 0.0:
-            t0, t1, t2, trial = shear_at(reals, r, px, py, pz, limit)
-            push(reals, integers, i, t0, t1, t2, force)
+            t0, t1, t2, trial = shear_at(x, reals, integers, i, limit)
+            push(reals, integers, i, integers[RUB], t0, t1, t2, force)
             r0, r1, r2 = reals[r + ANCHOR], reals[r + ANCHOR + 1], reals[r + ANCHOR + 2]
             push_back(reals, integers, t0, t1, t2, r0, r1, r2, force)
             stored += envelope(trial, limit)
@@ -143,12 +154,12 @@ def update_multipliers(x, reals, integers):
     for i in range(integers[COUNT]):
         r = HEAD + STRIDE * i
         k, held = reals[r + PENALTY], reals[r + PRESS]
-        px, py, pz = point_at(x, reals, integers, i)
+        px, py, pz = point_at(x, reals, integers, i, WEIGHTS)
         g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         press = max(0.0, held - k * (g - reals[r + OFFSET]))
         nx, ny, nz = unit(nx, ny, nz)
         change = abs(press - held)
-        t0, t1, t2, _ = shear_at(reals, r, px, py, pz, reals[FRICTION] * press)
+        t0, t1, t2, _ = shear_at(x, reals, integers, i, reals[FRICTION] * press)
         along = t0 * nx + t1 * ny + t2 * nz
         t0, t1, t2 = t0 - along * nx, t1 - along * ny, t2 - along * nz
         if reals[FRICTION] > 0.0:
@@ -170,11 +181,11 @@ def contact_forces(x, reals, integers, forces, presses, shears, slips):
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):
         r = HEAD + STRIDE * i
-        px, py, pz = point_at(x, reals, integers, i)
+        px, py, pz = point_at(x, reals, integers, i, WEIGHTS)
         g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         held = reals[r + PRESS]
         limit = reals[FRICTION] * held
-        t0, t1, t2, trial = shear_at(reals, r, px, py, pz, limit)
+        t0, t1, t2, trial = shear_at(x, reals, integers, i, limit)
         press = max(0.0, held - reals[r + PENALTY] * (g - reals[r + OFFSET]))
         presses[i], slips[i] = press, trial >= limit
         shears[i, 0], shears[i, 1], shears[i, 2] = -t0, -t1, -t2
@@ -182,22 +193,25 @@ def contact_forces(x, reals, integers, forces, presses, shears, slips):
 
 
 @kernel
-def contact_tangents(x, reals, integers, out):
-    """Write the positive semi-definite part (k, 3, 3) [N/m] of each point's contact Hessian."""
+def contact_tangents(x, reals, integers, pressed, rubbed):
+    """Add the positive semi-definite parts of each point's Hessians to ``pressed`` and ``rubbed`` (k, 3, 3) [N/m].
+
+    ``pressed`` receives the part of the normal force, and ``rubbed`` that of the friction force. Both may be one array.
+    """
     kind = integers[KIND]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):
         r = HEAD + STRIDE * i
         k, held = reals[r + PENALTY], reals[r + PRESS]
-        px, py, pz = point_at(x, reals, integers, i)
+        px, py, pz = point_at(x, reals, integers, i, WEIGHTS)
         g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         if held - k * (g - reals[r + OFFSET]) > 0.0:
             normal = (nx, ny, nz)
             for a in range(3):
                 for b in range(3):
-                    out[i, a, b] = k * normal[a] * normal[b]
+                    pressed[i, a, b] += k * normal[a] * normal[b]
         limit = reals[FRICTION] * held
         if limit > 0.0:
-            t0, t1, t2, trial = shear_at(reals, r, px, py, pz, limit)
+            t0, t1, t2, trial = shear_at(x, reals, integers, i, limit)
             normal = (reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2])
-            add_friction_tangent(k, limit, (t0, t1, t2), trial, normal, out[i])
+            add_friction_tangent(k, limit, (t0, t1, t2), trial, normal, rubbed[i])

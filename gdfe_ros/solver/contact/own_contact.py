@@ -12,7 +12,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.self_contact import NAME, SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
-from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
+from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.crossing import SEATS
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import OwnPairs
@@ -115,7 +115,7 @@ class OwnContact(ContactTerm):
         moved = positions - last
         far = float(np.abs(moved - moved[self.surface.topology.vertices].mean(axis=0)).max(initial=0.0))
         self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
-        self.missed, entered = 0.0, self._entered(positions)
+        entered = self._entered(positions)
         found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), self._sunk)
         self.hopeless = self.gives_up and bool(((entered > 0.0) & (found.face[: len(entered)] < 0)).any())
         kept = saved["slips"] == 0.0
@@ -158,8 +158,7 @@ class OwnContact(ContactTerm):
         miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
         chosen, held = self._chosen, self._rows()[:, law.PRESS] / self._rows()[:, law.PENALTY]
         deepest = float((found.support[chosen] * (held - found.gap[chosen]) - held).max(initial=0.0))
-        self.missed = max(miss, deepest)
-        missed = max(self.missed, self._judge(change, forces, penalties))
+        missed = max(miss, deepest, self._judge(change, forces, penalties))
         way = self._settling.way(positions, missed)
         return way if self.stocky else missed
 
@@ -321,7 +320,7 @@ class OwnContact(ContactTerm):
         self._chosen, self._face, self._weights = chosen, found.face[chosen], found.weights[chosen]
         self.integers[law.COUNT] = len(chosen)
         rows = self._rows()
-        rows[:, law.PENALTY], rows[:, law.PRESS] = PENALTY / give[chosen], self._press[chosen]
+        rows[:, law.PENALTY], rows[:, law.PRESS] = 1.0 / give[chosen], self._press[chosen]
         rows[:, law.NORMAL : law.WEIGHTS], rows[:, law.WEIGHTS : law.SHEAR] = normal, self._weights
         rows[:, law.SHEAR : law.HOLD], rows[:, law.HOLD : law.OFFSET] = shear, self._hold_weights[chosen]
         rows[:, law.OFFSET : law.SUPPORT], rows[:, law.SUPPORT] = self._offset[chosen], found.support[chosen]

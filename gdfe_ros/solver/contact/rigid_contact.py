@@ -10,7 +10,6 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.contact.contact_term import PENALTY
 from gdfe_ros.solver.contact.gap import NORMAL
 from gdfe_ros.solver.contact.surface import Corners
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -45,7 +44,7 @@ class RigidContact(Contact):
         """Set the penalties from the constant matrix' diagonal; the penalties of two rigid bodies act in series."""
         super().fit(matrix)
         if isinstance(self._touched, RigidBody):
-            other = PENALTY * matrix.assembled.diagonal()[self._touched.vertices].sum()
+            other = matrix.assembled.diagonal()[self._touched.vertices].sum()
             self._usual = self._penalty = self._usual * other / (self._usual + other)
 
     def add_impacts(

@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import gap, round_law
-from gdfe_ros.solver.contact.gap import ANCHOR, NORMAL, OFFSET
+from gdfe_ros.solver.contact import gap, law
+from gdfe_ros.solver.contact.gap import ANCHOR, NORMAL, OFFSET, WEIGHTS
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
 from gdfe_ros.solver.contact.surface import Corners
 from gdfe_ros.solver.state import Saved
+
+MATERIAL = WEIGHTS + 4
+"""Place in a point's row of the weights (4,) of the material point on which friction acts."""
 
 
 class RoundContact(RigidContact):
@@ -28,30 +31,15 @@ class RoundContact(RigidContact):
         body: the discretised body.
     """
 
-    kernel, potential = round_law.round_entry, staticmethod(round_law.round_energy)
-    law = round_law
-
     def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body) -> None:
         super().__init__(rigid, touched, body, points=Corners.of(rigid))
-        self._rigid, self._radius = rigid, rigid.form.rounding
+        self._rigid, self._radius, self.integers[gap.RUB] = rigid, rigid.form.rounding, MATERIAL
 
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return contact tangents as `Contact.tangents`: normal parts at centres, friction parts at material points."""
-        count = self.couplings().shape[1]
-        tangents = np.zeros((len(self._penalty), 3 * count, 3 * count))
-        if not self.updates:
-            return tangents
-        total = np.zeros((len(self._chosen), count, 3, count, 3))
-        parts = (
-            (self._ways(positions), round_law.normal_tangents),
-            (self._rub_ways(), round_law.friction_tangents),
-        )
-        for ways, write in parts:
-            held = np.zeros((len(self._chosen), 3, 3))
-            write(positions, self.reals, self.integers, held)
-            total += ways[:, :, None, None, None] * ways[:, None, None, :, None] * held[:, None, :, None, :]
-        tangents[self._chosen] = total.reshape(len(self._chosen), 3 * count, 3 * count)
-        return tangents
+    def _hessians(self, positions: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Return Jacobians and Hessians as `Contact` does: of normal forces at centres, then of friction."""
+        pressed, rubbed = np.zeros((2, len(self._chosen), 3, 3))
+        law.contact_tangents(positions, self.reals, self.integers, pressed, rubbed)
+        return [(self._ways(positions), pressed), (self._rub_ways(), rubbed)]
 
     def _measure(self, places: NDArray[np.float64]) -> None:
         super()._measure(places)
@@ -77,7 +65,7 @@ class RoundContact(RigidContact):
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
         arms = -self._radius * normals
         own = arms @ self._rigid.found(before)[1] @ self._rigid.signs.T
-        self._rows()[:, round_law.RUB : round_law.RUB + 4] = self._points.weights[chosen] + own
+        self._rows()[:, MATERIAL : MATERIAL + 4] = self._points.weights[chosen] + own
         slid = saved["anchor"][chosen]
         return (centres + arms - origin) @ axes - np.where(np.isnan(slid), 0.0, slid)
 
@@ -89,12 +77,12 @@ class RoundContact(RigidContact):
 
     def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = self._rows()
-        return rows[:, round_law.RUB : round_law.RUB + 4] @ positions[self._rigid.vertices]
+        return rows[:, MATERIAL : MATERIAL + 4] @ positions[self._rigid.vertices]
 
     def _rub_ways(self) -> NDArray[np.float64]:
         """Return the friction Jacobian (k, c): d(slip of a material point) / d(position of each coupled vertex)."""
         rows = self._rows()
-        ways = rows[:, round_law.RUB : round_law.RUB + 4]
+        ways = rows[:, MATERIAL : MATERIAL + 4]
         if not isinstance(self._touched, RigidBody):
             return ways
         return np.column_stack([ways, -0.25 - rows[:, ANCHOR : ANCHOR + 3] @ self._touched.signs.T])

@@ -15,7 +15,6 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent import pairs, quasi_newton
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.lumps import find_lumps, largest_turn
 from gdfe_ros.solver.descent.stopping import way_left
 from gdfe_ros.solver.descent.workspace import WINDOW, End, Problem, Workspace, numbers
 from gdfe_ros.solver.distance import largest_shift
@@ -27,15 +26,9 @@ from gdfe_ros.solver.tangent.tangent import Tangent
 
 SAFETY = 0.1
 """Assumed least ratio of the quasi-Newton step to the distance to the equilibrium. Slender bodies come close to it."""
-PATIENT_ITERATIONS = 20
-"""Least number of iterations between two checks of the moments on hard inclusions."""
-LEARNED = 2
-"""An emptied history contains the softest modes again after this number of iterations per pair that it can keep."""
-FLOOR = 1e-3
-"""A minimisation ends before its least number of iterations if the distance is below this fraction of the tolerance."""
-LEAST_FLOOR = 1e-9
-"""Length of the smallest useful step, divided by the body's size. Shorter steps follow rounding errors, and could leave
-an unstable equilibrium.
+FLOOR = 1e-9
+"""A minimisation ends before its least number of iterations if its step, divided by the body's size, is at most this.
+Shorter steps follow rounding errors, and could leave an unstable equilibrium.
 """
 FARTHEST = 3000.0
 """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
@@ -111,7 +104,6 @@ class Minimiser:
 
     Attributes:
         observer: function that receives the energy of every iteration; None for no observer.
-        lumps: hard inclusions, whose rotation the constant matrix makes too stiff.
         certified: whether conjugate gradients bound the distance to the equilibrium.
         lost: whether the solve was abandoned.
         remembers: whether the next solve starts with the history of this one.
@@ -122,7 +114,6 @@ class Minimiser:
     def __init__(self, body: Body, weight: NDArray[np.float64], bending: NDArray[np.float64]) -> None:
         self._body = body
         self._grain = float(np.finfo(float).eps * np.vdot(weight, body.shape.volume))
-        self.lumps = find_lumps(body, weight, bending)
         self.observer: Observer | None = None
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
@@ -131,34 +122,23 @@ class Minimiser:
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["seen"], work.recent[...] = -1 if warm else 0, 0.0
         status["ended"] = End.NONE
-        self._unlearned = False
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
-        """Minimise until the step is short enough and the remaining rotations of hard inclusions are small.
+        """Minimise until the step is short enough.
 
         If the start is not accurate enough, at least one iteration is made, even after the deadline.
 
         Args:
             task: the problem; its terms are evaluated at the present unknowns.
             tolerance: estimated largest distance to the equilibrium, divided by the body's size.
-            final: tolerance of the whole solve. A distance below a small fraction of it ends the minimisation even
-                within the first ``least`` iterations.
+            final: tolerance of the whole solve; not used.
             least: least number of iterations.
             limit: largest number of iterations.
         """
         target = SAFETY * tolerance * self._body.size
-        floor = min(target, max(FLOOR * SAFETY * final, LEAST_FLOOR) * self._body.size)
+        floor = min(target, FLOOR * self._body.size)
         ended = self._iterate(task, target, floor, least, limit, evaluate=True)
         used = ended.iterations
-        if self._misled(task, target) and used < limit and not past(task.deadline):
-            self._unlearned, least = True, LEARNED * len(task.active.workspace.row)
-            ended = self._iterate(task, target, floor, least, limit - used, evaluate=True)
-            used += ended.iterations
-        while not ended.cut and self._lag(task.active) > tolerance and used < limit and not past(task.deadline):
-            ended = self._iterate(task, target, floor, PATIENT_ITERATIONS, limit - used)
-            used += ended.iterations
-            if not ended.iterations or task.active.ended is not End.NONE:
-                break
         if task.active.status["pending"]:
             pairs.take_products(task.active.workspace, None)
         return Descended(used, ended.cut)
@@ -169,7 +149,7 @@ class Minimiser:
         distance = float(status["distance"]) / (SAFETY * size)
         if active.ended is not End.EXHAUSTED and status["seen"] >= 2 * WINDOW:
             distance = max(distance, float(way_left(work)) / size)
-        return max(distance, self._lag(active))
+        return distance
 
     def spent_tangent(self) -> Tangent | None:
         """Return None: this minimiser has no tangent that the next solve can use."""
@@ -180,14 +160,6 @@ class Minimiser:
         work = active.workspace
         far = not largest_shift(work.x, self._body.rest) <= FARTHEST * self._body.size
         return far or active.ended is End.RUNAWAY
-
-    def _misled(self, task: Task, target: float) -> bool:
-        """Return whether the precision ran out above ``target`` [m], for the first time in this solve.
-
-        The history may then have contained only rounding errors. The minimisation continues with an empty history.
-        """
-        short = task.active.ended is End.EXHAUSTED and float(task.active.status["distance"]) > target
-        return short and not self._unlearned
 
     def _iterate(
         self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool = False
@@ -266,12 +238,3 @@ class Minimiser:
             status = numbers(work)
             size = float(status["absolute"] + status["outside"]) + self._grain / quasi_newton.ROUNDING
             self.observer(float(status["energy"]), size, begins)
-
-    def _lag(self, active: ActiveSet) -> float:
-        """Return the result of `largest_turn` for the hard inclusions, divided by the body's size."""
-        if not self.lumps:
-            return 0.0
-        work, free = active.workspace, active.unknowns.free
-        gradient = np.zeros_like(work.x)
-        gradient[free] = work.gradient.reshape(-1, 3)[: len(free)]
-        return largest_turn(self.lumps, work.x, gradient) / self._body.size

@@ -106,7 +106,7 @@ class TangentMinimiser(Minimiser):
         moving: bool,
     ) -> None:
         super().__init__(body, weight, bending)
-        self.lumps, self.tangent, self.certified = (), None, not moving
+        self.tangent, self.certified = None, not moving
         self._level, self._softness, self._finest = level, softness, TRUST * softness
         self._beside = allocate(body.unknowns.rows, body.rest, body.cells.shape, memory=0)
         self._krylov = newton.allocate_krylov(body.unknowns.rows)

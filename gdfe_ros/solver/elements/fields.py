@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.cell_kernels import least_corners, volume_ratio
 from gdfe_ros.solver.elements.measures import (
-    LINEAR,
-    NEO_HOOKEAN,
     softened_scale,
     strain_state,
     update_hourglass_scales,
@@ -128,7 +127,7 @@ def uncounted(j, pressure, volume, table, k, solved):
     total = pressure + table.parameters[k, PENALTY] * change
     counted = change * (pressure + 0.5 * table.parameters[k, PENALTY] * change)
     target = volume_at(total, table, k) if solved else j
-    if table.law[k] == NEO_HOOKEAN:
+    if table.law[k] == Law.NEO_HOOKEAN:
         full, _ = logarithmic_volume(target, bulk - 2.0 / 3.0 * table.parameters[k, SHEAR])
     else:
         full = 0.5 * bulk * (target - 1.0) ** 2
@@ -144,7 +143,7 @@ def _element_states(x, shape, material, table, values, centroids, scale, missing
         strain, j, secant, tangent = strain_state(x, shape, e, table, k)
         values[0, e], values[1, e], values[2, e], values[3, e] = strain, j, secant, tangent
         missing[e] = uncounted(j, 0.0, shape.volume[e], table, k, False) if table.parameters[k, CARRIED] != 0.0 else 0.0
-        if table.law[k] != LINEAR:
+        if table.law[k] != Law.LINEAR:
             scale[e] = softened_scale(tangent, table, k)
         for i in range(3):
             total = 0.0
@@ -204,6 +203,6 @@ def _full_pressures(x, shape, material, table, pressure):
         if bulk == np.inf:
             continue
         slope = bulk * change
-        if table.law[k] == NEO_HOOKEAN:
+        if table.law[k] == Law.NEO_HOOKEAN:
             _, slope = logarithmic_volume(change + 1.0, bulk - 2.0 / 3.0 * table.parameters[k, SHEAR])
         pressure[e] = slope - table.parameters[k, PENALTY] * change

@@ -8,12 +8,12 @@ import math
 import numpy as np
 
 from gdfe_ros.compiled import inlined, internal, kernel
+from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import curve_state
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, POISSON, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant, squared_norm, stretch_sum
 from gdfe_ros.solver.elements.cell_kernels import least_corners, mean_gradient, volume_ratio
 
-LINEAR, NEO_HOOKEAN, CURVE = 0, 1, 2
 LEAST_SCALE, MOST_SCALE = 0.25, 4.0
 """Bounds of the hourglass stiffness divided by its initial value. The lower bound prevents hourglassing of elements
 that soften much. With the upper bound, the constant matrix stays a good preconditioner for elements that stiffen much.
@@ -45,7 +45,7 @@ def least_volume_ratio(x, shape):
 def volume_at(total, table, k):
     """Return the volume ratio J* with U'(J*) = ``total`` [Pa] for the volume energy U of material ``k``."""
     bulk = table.parameters[k, BULK]
-    if table.law[k] != NEO_HOOKEAN or bulk == math.inf:
+    if table.law[k] != Law.NEO_HOOKEAN or bulk == math.inf:
         return 1.0 + total / bulk
     lame = bulk - 2.0 / 3.0 * table.parameters[k, SHEAR]
     slope = min(total / lame, 0.3)
@@ -86,7 +86,7 @@ def equivalent_strain(f, c, j, table, k):
     """Return eps_eq of Eq. 5 with nu = 0.5; the linear law uses the element's own nu."""
     first = squared_norm(f)
     s = stretch_sum(first, squared_norm(c), j)
-    nu = table.parameters[k, POISSON] if table.law[k] == LINEAR else 0.5
+    nu = table.parameters[k, POISSON] if table.law[k] == Law.LINEAR else 0.5
     return math.sqrt(max(1.5 * (first - s * s / 3.0), 0.0)) / (1.0 + nu)
 
 
@@ -103,7 +103,7 @@ def strain_state(x, shape, e, table, k):
 @inlined
 def softened_scale(tangent, table, k):
     """Return an element's scale: its ``tangent`` modulus [Pa] divided by the initial modulus, within the bounds."""
-    least = LEAST_CURVE_SCALE if table.law[k] == CURVE else LEAST_SCALE
+    least = LEAST_CURVE_SCALE if table.law[k] == Law.CURVE else LEAST_SCALE
     return min(max(tangent / table.tangent[k, 0], least), MOST_SCALE)
 
 
@@ -118,7 +118,7 @@ def update_hourglass_scales(x, elements, shape, material, table, scale):
     worst = 0.0
     for e in elements:
         k = material[e]
-        if table.law[k] == LINEAR:
+        if table.law[k] == Law.LINEAR:
             continue
         _, _, _, tangent = strain_state(x, shape, e, table, k)
         value = softened_scale(tangent, table, k)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined
+from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import (
     CURVE_FACTOR,
     corotated,
@@ -53,7 +54,6 @@ from gdfe_ros.solver.elements.lanes import (
     store9,
 )
 
-LINEAR, NEO_HOOKEAN, CURVE, OGDEN_LAW = 0, 1, 2, 3
 UNIQUE = 1e-6
 """If the measure of the rotation's uniqueness (see `rotation_from_stretch_sum`) is at most this, the closed form of R
 loses digits. The squared norm |F - lam R|^2 is then computed from the invariants of F.
@@ -70,9 +70,9 @@ STRETCHES, DERIVATIVES = TENSOR, TENSOR + 3
 @inlined
 def stress_rows(b, law, elements, material, table):
     """Write the rows of the energy density [J/m^3] and of P [Pa] of a block from its rows of F."""
-    if law == NEO_HOOKEAN:
+    if law == Law.NEO_HOOKEAN:
         neo_hookean_rows(b)
-    elif law == OGDEN_LAW:
+    elif law == Law.OGDEN:
         principal_rows(b)
         for lane in range(LANES):
             l0, l1, l2 = load3(b, STRETCHES, lane)
@@ -84,7 +84,7 @@ def stress_rows(b, law, elements, material, table):
         deviator_rows(b)
         for lane in range(LANES):
             k, size = material[elements[lane]], b[SIZE * LANES + lane]
-            if law == CURVE:
+            if law == Law.CURVE:
                 stored, secant, _ = curve_state(math.sqrt(CURVE_FACTOR * size), table, k)
                 factor = CURVE_FACTOR * secant
             else:

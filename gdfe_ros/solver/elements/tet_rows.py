@@ -8,6 +8,7 @@ element's mean volume ratio. The table of materials has the local parts (`local_
 from __future__ import annotations
 
 from gdfe_ros.compiled import inlined
+from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import logarithmic_volume, volumetric
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant
@@ -26,7 +27,7 @@ from gdfe_ros.solver.elements.lanes import (
     store3,
     store9,
 )
-from gdfe_ros.solver.elements.stress_rows import NEO_HOOKEAN, stress_rows
+from gdfe_ros.solver.elements.stress_rows import stress_rows
 from gdfe_ros.solver.elements.tet_blocks import (
     GEOMETRY_OF_TET,
     GRADIENTS,
@@ -74,8 +75,8 @@ def load_shares(b, law, elements, material, table):
         k = material[elements[lane]]
         b[PRESSURE * LANES + lane] = 0.0
         b[SHEAR_ROW * LANES + lane] = table.parameters[k, SHEAR]
-        b[LAME_ROW * LANES + lane] = table.parameters[k, LOCAL] if law == NEO_HOOKEAN else 0.0
-        b[PENALTY_ROW * LANES + lane] = 0.0 if law == NEO_HOOKEAN else table.parameters[k, LOCAL]
+        b[LAME_ROW * LANES + lane] = table.parameters[k, LOCAL] if law == Law.NEO_HOOKEAN else 0.0
+        b[PENALTY_ROW * LANES + lane] = 0.0 if law == Law.NEO_HOOKEAN else table.parameters[k, LOCAL]
 
 
 @inlined

@@ -104,7 +104,7 @@ class EquilibriumSolver:
         with one_blas_thread():
             self._model = for_slender(*given, threads=shared, moving=predictor is not None)
         self.minimiser = self._model.minimiser
-        if self.minimiser.lumps or self.minimiser.certified:
+        if self.minimiser.certified:
             self._dormancy.forbid()
         count = len(body.material)
         self._stored, self._least = np.zeros(count), np.ones(count)

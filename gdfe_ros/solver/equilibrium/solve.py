@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Task
-from gdfe_ros.solver.descent.workspace import LONG_MEMORY, End, Problem
+from gdfe_ros.solver.descent.workspace import End, Problem
 from gdfe_ros.solver.elements.fields import store_energies
 from gdfe_ros.solver.elements.flatness import flattened
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
@@ -27,18 +27,13 @@ SCALE_SLACK = 10.0
 """Allowed change of an hourglass scale in the last update, divided by the tolerance. Positions then stay within the
 tolerance.
 """
-SURE = 0.3
-"""A solve without contact and with a certified distance ends without a new minimisation if the largest change of the
-last update, divided by the allowed change, is at most this.
-"""
 WARM_SLACK = 10.0
 """Factor that increases the allowed volume error and the allowed change of hourglass scales in a step that continues a
 motion, if the distance is not certified. The updates of the next step reduce these errors.
 """
-WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
-"""Least numbers of iterations of three kinds of steps: a step that continues a motion, a step that does not, and a step
-of a driven body whose history is not full. The first number keeps the errors of many small steps from accumulating. The
-third number is needed because the history does not yet contain the softest modes, which forces excite most.
+WARM_ITERATIONS, COLD_ITERATIONS = 3, 12
+"""Least numbers of iterations of two kinds of steps: a step that continues a motion, and a step that does not. The
+first number keeps the errors of many small steps from accumulating.
 """
 COLD_AIM = 0.2
 """A solve that continues no motion is solved to this fraction of the tolerance. Its history does not contain the
@@ -153,7 +148,7 @@ class Solve:
         task = self._placed(active, coupling, threads)
         accumulates = bool(len(active.carried) or self._actuation.updates)
         updates = accumulates or self._softens(active)
-        self._schedule, least = self._scheduled(active, updates=updates), self._least_iterations(active)
+        self._schedule, least = self._scheduled(active, updates=updates), self._least_iterations()
         self._settled, self.iterations, self._cut = not updates, 0, False
         if self._actuation.hopeless:
             task.evaluate()
@@ -183,11 +178,9 @@ class Solve:
         given = {"share": self._aim, "certified": self._minimiser.certified}
         return DescentSchedule(self._actuation, tolerance, first=first, **given)
 
-    def _least_iterations(self, active: ActiveSet) -> int:
+    def _least_iterations(self) -> int:
         """Return the least number of iterations of this solve."""
         least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
-        if self._actuation.drives and active.status["count"] < LONG_MEMORY and not self._prediction.sure:
-            least = LEARNING_ITERATIONS
         return least if self._resumed is None else max(0, least - self._resumed.iterations)
 
     def _failed(self, active: ActiveSet) -> bool:
@@ -212,10 +205,9 @@ class Solve:
         self._settled = last and moved <= 1.0
         if last and still and not self._settled:
             self._schedule.refine()
-        sure = moved <= SURE and not self._actuation.contacts
         if not self._settled and self._level is None:  # slender bodies need few updates
             self._actuation.hasten(self.problem.tolerance)
-        return self._settled and (quiet or sure or not self._minimiser.certified)
+        return self._settled and (quiet or not self._actuation.contacts or not self._minimiser.certified)
 
     def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
         """Write energies [J] and least volume ratios of the active elements to ``stored`` and ``least`` (m,)."""

@@ -17,11 +17,6 @@ from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
 FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
 """First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers are
 the largest numbers of doublings of this length and of its divisions by four."""
-RANDOM = 1.0
-"""Norm of a random load, divided by the norm of the softest mode's load. The search for the softest direction starts
-with the sum of both loads, because buckling may be local. With 0.1, the search may converge to the softest mode before
-it finds a mode of negative curvature.
-"""
 FALL = 1e-9
 """Least relative decrease of the energy along a descent direction; a smaller decrease counts as rounding."""
 
@@ -49,7 +44,9 @@ class Stability:
     def __init__(self, body: Body, softest: NDArray[np.float64]) -> None:
         self._size, self._product = body.size, TangentProducts(body)
         noise = np.random.default_rng(0).standard_normal(len(softest))
-        self._load = softest + RANDOM * np.linalg.norm(softest) / np.linalg.norm(noise) * noise
+        # The random load is as large as the softest mode's, because buckling may be local. With a tenth of it, the
+        # search may converge to the softest mode before it finds a mode of negative curvature.
+        self._load = softest + np.linalg.norm(softest) / np.linalg.norm(noise) * noise
 
     def look(self, task: Task) -> Lowest:
         """Return the softest direction at the unknowns of ``task``, at which all terms must be evaluated.

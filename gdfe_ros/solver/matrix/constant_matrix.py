@@ -32,19 +32,23 @@ def assemble(
         hourglass: c_e (m,) [N/m].
         count: number n of vertices; None for the vertices of the elements.
     """
-    return _scatter(cell_type_of(shape).matrix_blocks(shape, weight, hourglass), shape, count)
+    return scattered(cell_type_of(shape).matrix_blocks(shape, weight, hourglass), shape.cells, count).tocsc()
 
 
 def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
     """Return the paper's A^T A = sum_e V_e N with N = I - 1/8 (Eq. 3), (n, n)."""
-    return _scatter(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape)
+    return scattered(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape.cells).tocsc()
 
 
-def _scatter(blocks: NDArray[np.float64], shape: ShapeOperators, count: int | None = None) -> sparse.csc_matrix:
-    corners = shape.cells.shape[1]
-    rows, columns = np.repeat(shape.cells, corners, axis=1).ravel(), np.tile(shape.cells, (1, corners)).ravel()
+def scattered(blocks: NDArray[np.float64], nodes: NDArray[np.int32], count: int | None = None) -> sparse.coo_matrix:
+    """Return the sum (n, n) of ``blocks`` (k, c, c), each between the vertices of one row of ``nodes`` (k, c).
+
+    ``count`` is the number n of vertices; None for the largest vertex of ``nodes``.
+    """
+    corners = nodes.shape[1]
+    rows, columns = np.repeat(nodes, corners, axis=1).ravel(), np.tile(nodes, (1, corners)).ravel()
     size = None if count is None else (count, count)
-    return sparse.coo_matrix((blocks.ravel(), (rows, columns)), shape=size).tocsc()
+    return sparse.coo_matrix((blocks.ravel(), (rows, columns)), shape=size)
 
 
 class ConstantMatrix:

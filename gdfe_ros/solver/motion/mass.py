@@ -13,6 +13,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from gdfe_ros.actuators.load import AttachedMass, gauss_points
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.matrix.constant_matrix import scattered
 
 
 def mass_matrix(
@@ -37,10 +38,11 @@ def mass_matrix(
     blocks = np.zeros((len(cells), cells.shape[1], cells.shape[1]))
     for volume, shape in gauss_points(rest, cells, filling):
         blocks += (density * volume)[:, None, None] * (shape[:, :, None] * shape[:, None, :])
-    matrix = _collected(len(rest), cells, blocks)
+    matrix = scattered(blocks, cells, len(rest)).tocsr()
     for item in attached:
         weights = item.points.weights
-        matrix += _collected(len(rest), item.points.corners, item.part * weights[:, :, None] * weights[:, None, :])
+        blocks = item.part * weights[:, :, None] * weights[:, None, :]
+        matrix += scattered(blocks, item.points.corners, len(rest)).tocsr()
     return matrix
 
 
@@ -64,10 +66,3 @@ class FreeMass:
         acceleration = np.zeros_like(forces)
         acceleration[self._free] = self._factor.solve(forces[self._free])
         return acceleration
-
-
-def _collected(count: int, corners: NDArray[np.int32], blocks: NDArray[np.float64]) -> sparse.csr_matrix:
-    """Return the sum (n, n) of ``blocks`` (m, k, k) that couple the vertices ``corners`` (m, k)."""
-    size = corners.shape[1]
-    rows, columns = np.repeat(corners, size, axis=1).ravel(), np.tile(corners, (1, size)).ravel()
-    return sparse.coo_matrix((blocks.ravel(), (rows, columns)), shape=(count, count)).tocsr()

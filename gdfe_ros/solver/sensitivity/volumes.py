@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
+from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR, MaterialTable
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_kernels import volume_ratio
-from gdfe_ros.solver.elements.measures import NEO_HOOKEAN, volume_at
+from gdfe_ros.solver.elements.measures import volume_at
 
 STIFF = 1e4
 """Finite substitute for an infinite bulk modulus, divided by the penalty bulk modulus. The relative error is 1e-5."""
@@ -33,7 +34,7 @@ def volume_state(x, shape, material, table, pressure, ratio, total, slope):
         k = material[e]
         j = volume_ratio(x, shape, e)
         ratio[e], bulk = j, table.parameters[k, BULK]
-        logarithmic = table.law[k] == NEO_HOOKEAN and bulk != math.inf
+        logarithmic = table.law[k] == Law.NEO_HOOKEAN and bulk != math.inf
         lame = bulk - 2.0 / 3.0 * table.parameters[k, SHEAR]
         if table.parameters[k, CARRIED] == 0.0:
             total[e] = lame * math.log(max(j, 1e-3)) / j if logarithmic else bulk * (j - 1.0)
@@ -78,7 +79,7 @@ class Volumes:
         volume_state(x, shape, material, table, pressure, self.ratio, self.total, slope)
         carried = table.parameters[material, CARRIED] == 1.0
         self.rigid = bool(np.isinf(table.parameters[material, BULK]).any())
-        own = carried & (table.law[material] == NEO_HOOKEAN)  # each of these has its own bulk modulus
+        own = carried & (table.law[material] == Law.NEO_HOOKEAN)  # each of these has its own bulk modulus
         parameters, first = table.parameters.copy(), len(table.parameters)
         stiff = np.where(np.isinf(parameters[:, BULK]), STIFF * parameters[:, PENALTY], parameters[:, BULK])
         parameters[:, PENALTY] = np.where(parameters[:, CARRIED] == 1.0, stiff, parameters[:, PENALTY])
@@ -96,7 +97,7 @@ class Volumes:
         moduli = []
         for each, law in ((old, before.law[material]), (new, table.law[material])):
             bulk = each[:, BULK]
-            moduli.append(np.where(law == NEO_HOOKEAN, bulk - 2.0 / 3.0 * each[:, SHEAR], bulk))
+            moduli.append(np.where(law == Law.NEO_HOOKEAN, bulk - 2.0 / 3.0 * each[:, SHEAR], bulk))
         carried = new[:, CARRIED] == 1.0
         share, finite = np.ones(len(material)), np.isfinite(moduli[0]) & np.isfinite(moduli[1])
         np.divide(moduli[1], moduli[0], out=share, where=carried & finite)

@@ -18,13 +18,9 @@ from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 
-LOST = 0.5
-"""The energy balance shows a jump if the released energy, divided by the largest of the energies and the work, exceeds
-this.
-"""
 PROVEN = 0.01
-"""The energy balance also shows a jump if the released energy minus the uncertainty of the work, divided by the largest
-of the energies and the work, exceeds this.
+"""The energy balance shows a jump if the released energy minus the uncertainty of the work, divided by the largest of
+the energies and the work, exceeds this.
 """
 LEAST_MOTION = 5e-3
 """Least distance between the predicted and the actual end of a jump, divided by the body's size. A cable that becomes
@@ -65,7 +61,7 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
     rubbed = new.state.dissipated - old.dissipated
     lost = before + old.balance.potential + work - after - new.balance.potential - rubbed
     scale = max(before, after, abs(work), abs(new.balance.potential - old.balance.potential))
-    if not (lost > LOST * scale or lost > doubt + PROVEN * scale):
+    if not lost > doubt + PROVEN * scale:
         return False
     return bool(largest_distance(new.positions, new.began) > LEAST_MOTION * size)
 

@@ -9,14 +9,11 @@ from collections.abc import Mapping
 from gdfe_ros.constraints import Pose
 
 LARGEST_TURN = math.radians(100.0)
-LARGEST_SHIFT = 1.0
-"""LARGEST_TURN: largest rotation of a handle in one increment [rad]. LARGEST_SHIFT: largest translation of a handle in
-one increment, divided by the body's size.
-"""
+"""Largest rotation of a handle in one increment [rad]."""
 
 
 def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
-    """Return the number of increments in which every handle stays within `LARGEST_TURN` and `LARGEST_SHIFT`.
+    """Return the number of increments. In each, a handle turns by at most `LARGEST_TURN` and moves by at most ``size``.
 
     Args:
         targets: pose of every handle.
@@ -29,5 +26,5 @@ def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], s
             continue
         turn = math.dist(target.rotation, poses[name].rotation)
         shift = math.dist(target.translation, poses[name].translation)
-        most = max(most, turn / LARGEST_TURN, shift / (LARGEST_SHIFT * size))
+        most = max(most, turn / LARGEST_TURN, shift / size)
     return math.ceil(most)

@@ -14,6 +14,7 @@ from scipy import sparse
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.matrix.constant_matrix import scattered
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 NODES, POINTS, SLACK, HEAD = range(4)
@@ -86,10 +87,8 @@ class FibreTerm(Term):
 
     def stiffness(self) -> sparse.csc_matrix:
         """Return the layer's stiffness (n, n) [N/m] for undeformed taut fibres, the same along x, y and z."""
-        faces = self._faces
         blocks = np.einsum("fp,fpa,fpb->fab", self._springs, self._factors, self._factors)
-        row, column = np.broadcast_arrays(faces[:, :, None], faces[:, None, :])
-        return sparse.coo_matrix((blocks.ravel(), (row.ravel(), column.ravel())), shape=2 * (self._count,)).tocsc()
+        return scattered(blocks, self._faces, self._count).tocsc()
 
     def couplings(self) -> NDArray[np.int32]:
         """Return the nodes of the faces (f, c)."""

@@ -13,7 +13,7 @@ import trimesh
 
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact import round_law
+from gdfe_ros.solver.contact import law
 from gdfe_ros.solver.contact.round_contact import RoundContact
 
 G = 9.81
@@ -124,14 +124,14 @@ def test_the_gradient_is_that_of_the_energy(on_slope: Callable[..., Simulation])
     x = simulation.state.positions.copy()
     rows = contact.reals[28 : 28 + 24]
     contact.integers[1] = 1
-    contact.integers[7:11] = contact._points.carriers[0]
+    contact.integers[8:12] = contact._points.carriers[0]
     rows[:] = 0.0
     rows[0], rows[1], rows[11] = 50.0, 0.4, RADIUS
     rows[2:5], rows[5:8], rows[8:11] = [0.04, -0.03, 0.0], [0.001, 0.002, 0.01], [0.0, 0.0, 1.0]
     rows[12:16] = 0.25
     rows[16:20] = 0.25 + np.array([0.002, 0.001, -0.009]) @ contact._rigid.signs.T
     slopes, size = np.zeros_like(x), np.zeros(1)
-    round_law.round_energy(x, contact.reals, contact.integers, slopes, size)
+    law.contact_energy(x, contact.reals, contact.integers, slopes, size)
     assert np.abs(slopes).max() > 0.01
     for _ in range(10):
         way = np.zeros_like(x)
@@ -140,7 +140,7 @@ def test_the_gradient_is_that_of_the_energy(on_slope: Callable[..., Simulation])
         step, values = 1e-7, []
         for sign in (1.0, -1.0):
             values.append(
-                round_law.round_energy(x + sign * step * way, contact.reals, contact.integers, np.zeros_like(x), size)
+                law.contact_energy(x + sign * step * way, contact.reals, contact.integers, np.zeros_like(x), size)
             )
         assert np.einsum("ni,ni->", slopes, way) == pytest.approx((values[0] - values[1]) / (2.0 * step), rel=1e-5)
 
