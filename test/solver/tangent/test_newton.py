@@ -86,7 +86,7 @@ def test_what_is_left_of_a_step_is_told(stretch: float) -> None:
     assert solved is StepKind.FOUND
     left = float(krylov.course[0].distance) - largest(krylov.step)
     assert 0.0 < largest(krylov.step - exact) <= 2.0 * left
-    assert left < 0.02 * largest(exact)
+    assert left < 2.0 * newton.FORCING * largest(exact)
 
 
 def test_the_least_ritz_value_is_that_of_the_pencil() -> None:
