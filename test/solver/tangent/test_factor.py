@@ -73,6 +73,17 @@ def test_it_solves(body: tuple[sparse.csr_matrix, NDArray[np.float64]]) -> None:
     np.testing.assert_array_equal(found.solve(right[:, 0]), found.solve(right)[:, 0])
 
 
+def test_single_precision_solves_to_its_rounding() -> None:
+    """A factor in single precision gives the solution of a dense solver to a millionth."""
+    graph, points = _hand(3, 6)
+    found, blocks = Fronts(graph, points), _blocks(graph)
+    found.shorten()
+    assert found.factor(blocks)
+    assert found.kept.values.dtype == np.float32
+    right = np.random.default_rng(1).standard_normal(3 * len(points))
+    np.testing.assert_allclose(found.solve(right), np.linalg.solve(_matrix(graph, blocks), right), atol=1e-6)
+
+
 def test_what_is_not_definite_has_no_factor() -> None:
     """An indefinite matrix and a matrix of NaN are refused, and a positive definite one is factored afterwards."""
     graph, points = _hand(2, 3)

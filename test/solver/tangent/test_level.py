@@ -51,6 +51,17 @@ def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
     return level, level.take(task.problem, work.u, work.x), products, free
 
 
+def test_a_tangent_is_overdue_once_a_new_one_lowers_the_mean() -> None:
+    """A tangent that costs 12 iterations is renewed after the step with which the mean cost of all steps is least."""
+    steps, spent, overdue = range(3, 12), 0, []
+    for count, latest in enumerate(steps, start=1):
+        spent += latest
+        tangent = Tangent(blocks=np.zeros((0, 3, 3)), motion=np.zeros((0, 0)), spent=spent, solves=count, latest=latest)
+        overdue.append(tangent.overdue(12))
+    means = (12 + np.cumsum(steps)) / np.arange(1, len(steps) + 1)
+    assert overdue.index(True) == np.argmin(means) + 1
+
+
 def _free_rows(unknowns: tuple) -> NDArray[np.float64]:
     """Return 1 for each component of a rigid row that is free, and 0 for the others."""
     turns = [unknowns.turns[p] for p in range(len(unknowns.turns)) if unknowns.turn_row[p] >= 0]

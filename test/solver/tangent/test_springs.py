@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact springs between touching parts, in the stored tangent."""
+"""Springs in the stored tangent: touching parts, commanded lengths and commanded volumes."""
 
 from __future__ import annotations
 
@@ -11,9 +11,26 @@ import pytest
 
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.springs import Springs
+
+STRIP = """
+name: strip
+mesh:
+  bar:
+    size: [0.1, 0.02, 0.02]
+    cells: [10, 4, 4]
+    cut: [{box: {x: [0.01, 0.09], y: [-0.005, 0.005], z: [-0.005, 0.005]}}]
+materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
+regions: [{material: m}]
+handles: {base: {where: {face: x-}, fixed: true}}
+actuators:
+  wire: {cable: {points: [[0, 0, 0.008], [0.05, 0, 0.008], [0.1, 0, 0.008]], command: shortening}}
+  air: {chamber: {near: [0.05, 0, 0], command: volume}}
+"""
 
 
 def closed() -> Simulation:
@@ -42,7 +59,7 @@ def test_the_tangent_couples_what_touches(notches: SimpleNamespace) -> None:
     """The tangent of a finger whose links touch equals differences of the gradient."""
     level, tangent = notches.level, notches.tangent
     none = Springs.none()
-    apart = level.assembled(replace(tangent, ends=none.ends, ways=none.ways))
+    apart = level.assembled(replace(tangent, **none._asdict()))
     matrix, rng = level.assembled(tangent), np.random.default_rng(0)
     assert len(tangent.ends) > 10
     for _ in range(3):
@@ -81,3 +98,61 @@ def test_a_patch_that_changes_takes_few_iterations() -> None:
     for tension in (10.0, 11.0, 12.0, 13.0):
         iterations[tension] = simulation.step(Command(actuators={"flexor": tension})).iterations
     assert max(iterations.values()) < 18, iterations
+
+
+@pytest.fixture
+def drawn() -> SimpleNamespace:
+    """Return a strip whose cable is shorter and whose chamber is larger than at rest, with its tangent and products."""
+    simulation = Simulation(scene_from_text(STRIP))
+    wide = 1.05 * simulation.commands["air"]
+    assert simulation.step(Command(actuators={"wire": 5e-4, "air": wide})).converged
+    equilibrium = simulation.stepper.equilibrium
+    task = Solve.at(equilibrium.model, simulation.state).evaluate(
+        equilibrium.whole, equilibrium.matrix.coupling, threads=None
+    )
+    level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, equilibrium.actuation.terms)
+    products, work = TangentProducts(equilibrium.body), task.active.workspace
+    products.begin(task)
+    tangent = level.take(task.problem, work.u, work.x)
+    return SimpleNamespace(terms=equilibrium.actuation.terms, level=level, tangent=tangent, x=work.x, products=products)
+
+
+def test_the_tangent_knows_commanded_lengths_and_volumes(drawn: SimpleNamespace) -> None:
+    """The tangent equals differences of the gradient; without the springs of cable and chamber it does not."""
+    matrix, apart = (
+        drawn.level.assembled(replace(drawn.tangent, **springs._asdict()))
+        for springs in (drawn.tangent.springs, Springs.none())
+    )
+    assert drawn.tangent.springs.count == 2
+    direction = np.random.default_rng(0).standard_normal(matrix.shape[0])
+    exact = drawn.products(direction)
+    error, without = (np.abs(each @ direction - exact).max() for each in (matrix, apart))
+    assert error < 0.02 * np.abs(exact).max()
+    assert without > 5.0 * error
+
+
+def test_a_cable_becomes_slack_without_a_new_factor(drawn: SimpleNamespace, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the cable is slack, its spring leaves the tangent; the factor stays, and solves the other matrix."""
+    level, wire = drawn.level, next(term for term in drawn.terms if term.name == "wire")
+    monkeypatch.setattr(level, "_load", lambda _: pytest.fail("the tangent is factored anew"))
+    level.turn(drawn.x)
+    assert level.reconnected(drawn.tangent, drawn.x) is drawn.tangent
+    wire.hold(np.zeros(1))
+    wire.reals[1] *= 2.0
+    slack = level.reconnected(drawn.tangent, drawn.x)
+    assert slack.springs.count == 1
+    right = np.random.default_rng(0).standard_normal(level.assembled(slack).shape[0])
+    found = np.empty_like(right)
+    level.solve(right, found)
+    np.testing.assert_allclose(level.assembled(slack) @ found, right, atol=1e-6 * np.abs(right).max())
+    level.load(drawn.tangent)
+    level.solve(right, found)
+    np.testing.assert_allclose(level.assembled(drawn.tangent) @ found, right, atol=1e-6 * np.abs(right).max())
+
+
+def test_a_gripper_in_motion_takes_few_iterations() -> None:
+    """In steps of 5 ms, commanded lengths take at most six iterations a step; without springs they took twelve."""
+    simulation = Simulation(load_scene("gripper", overrides={"dynamics": {"step": 0.005}}))
+    results = [result for _, result in zip(range(40), simulation.play(800), strict=False)]
+    assert all(result.converged for result in results)
+    assert np.mean([result.iterations for result in results]) <= 6.0
