@@ -39,7 +39,7 @@ MECHANISM = 1e-10
 ROUGH = 1e-4
 """The factor of a held body without contact is in single precision if its softness is at least this. A solve of a
 softer body, a fork of softness 2e-5, ended 450 tolerances from the equilibrium, because rounding changed its soft
-modes. Double precision conserves the momentum of free bodies, and finds equilibria of contacts about to give way.
+modes. Double precision conserves the momentum of free bodies, and finds equilibria of contacts on the point of slip.
 """
 INVERSE_ITERATIONS = 6
 """Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
