@@ -19,9 +19,10 @@ from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.coupling.search import BalanceSearch
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.deadline import Deadline, past
+from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.flight import ROUNDING
-from gdfe_ros.solver.motion.integrator import ACCURACY, FINEST, largest
+from gdfe_ros.solver.motion.integrator import ACCURACY, FINEST
 from gdfe_ros.solver.motion.stepper import CALM, MotionStepper
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
@@ -250,7 +251,7 @@ class JointCoupling:
         """
         if not balance.rules:
             return self._near
-        body = balance.h**2 * largest(self._stepper.accelerations(start))
+        body = balance.h**2 * largest(self._stepper.accelerations(start).ravel())
         return self._near * min(1.0, max(FINEST, ACCURACY * max(balance.swing(), body) / self._size))
 
 

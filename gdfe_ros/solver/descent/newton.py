@@ -30,7 +30,7 @@ MOST_PRODUCTS = 60
 """Largest number of products K p for one Newton step. Many are needed near buckling, or if the body's shape has changed
 much since the factor was made.
 """
-FORCING, INEXACT = 0.05, 0.15
+FORCING, INEXACT = 0.01, 0.15
 """Conjugate gradients end when the bound of the error |e| is below `FORCING` times the Newton step, or below `INEXACT`
 times the target.
 """
