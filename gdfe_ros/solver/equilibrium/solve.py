@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Task
-from gdfe_ros.solver.descent.workspace import End, Problem
+from gdfe_ros.solver.descent.workspace import LONG_MEMORY, End, Problem
 from gdfe_ros.solver.elements.fields import store_energies
 from gdfe_ros.solver.elements.flatness import flattened
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
@@ -31,9 +31,10 @@ WARM_SLACK = 10.0
 """Factor that increases the allowed volume error and the allowed change of hourglass scales in a step that continues a
 motion, if the distance is not certified. The updates of the next step reduce these errors.
 """
-WARM_ITERATIONS, COLD_ITERATIONS = 3, 12
-"""Least numbers of iterations of two kinds of steps: a step that continues a motion, and a step that does not. The
-first number keeps the errors of many small steps from accumulating.
+WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
+"""Least numbers of iterations of three kinds of steps: a step that continues a motion, a step that does not, and a step
+of a driven body whose history is not full. The first number keeps the errors of many small steps from accumulating. The
+third number is needed because the history does not yet contain the softest modes, which forces excite most.
 """
 COLD_AIM = 0.2
 """A solve that continues no motion is solved to this fraction of the tolerance. Its history does not contain the
@@ -148,7 +149,7 @@ class Solve:
         task = self._placed(active, coupling, threads)
         accumulates = bool(len(active.carried) or self._actuation.updates)
         updates = accumulates or self._softens(active)
-        self._schedule, least = self._scheduled(active, updates=updates), self._least_iterations()
+        self._schedule, least = self._scheduled(active, updates=updates), self._least_iterations(active)
         self._settled, self.iterations, self._cut = not updates, 0, False
         if self._actuation.hopeless:
             task.evaluate()
@@ -178,9 +179,11 @@ class Solve:
         given = {"share": self._aim, "certified": self._minimiser.certified}
         return DescentSchedule(self._actuation, tolerance, first=first, **given)
 
-    def _least_iterations(self) -> int:
+    def _least_iterations(self, active: ActiveSet) -> int:
         """Return the least number of iterations of this solve."""
         least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
+        if self._actuation.drives and active.status["count"] < LONG_MEMORY and not self._prediction.sure:
+            least = LEARNING_ITERATIONS
         return least if self._resumed is None else max(0, least - self._resumed.iterations)
 
     def _failed(self, active: ActiveSet) -> bool:
