@@ -39,6 +39,7 @@ class ContactTerm(Term):
         resolution: error [m] of the displacements up to which the contact forces are accurate enough.
         share: effective contact force over a step with dynamics, divided by the multipliers. The multipliers are the
             forces at the end of the step.
+        missed: largest error [m] in gap or slip of a self-contact pair at the last update of a solve.
         gives_up: whether the term determines ``hopeless``. A hopeless solve ends at once, because smaller increments
             may succeed.
         stocky: True if the minimiser gives no bound of the distance to the equilibrium (`Minimiser.certified` is
@@ -53,7 +54,7 @@ class ContactTerm(Term):
     def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         super().__init__(name, reals, integers)
         self._body, self.resolution, self.share = body, np.inf, 1.0
-        self.gives_up, self.stocky, self.hopeless, self.buried = False, False, False, False
+        self.missed, self.gives_up, self.stocky, self.hopeless, self.buried = 0.0, False, False, False, False
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return 0: contact stores no energy."""

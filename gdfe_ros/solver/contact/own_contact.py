@@ -115,7 +115,7 @@ class OwnContact(ContactTerm):
         moved = positions - last
         far = float(np.abs(moved - moved[self.surface.topology.vertices].mean(axis=0)).max(initial=0.0))
         self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
-        entered = self._entered(positions)
+        self.missed, entered = 0.0, self._entered(positions)
         found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), self._sunk)
         self.hopeless = self.gives_up and bool(((entered > 0.0) & (found.face[: len(entered)] < 0)).any())
         kept = saved["slips"] == 0.0
@@ -158,7 +158,8 @@ class OwnContact(ContactTerm):
         miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
         chosen, held = self._chosen, self._rows()[:, law.PRESS] / self._rows()[:, law.PENALTY]
         deepest = float((found.support[chosen] * (held - found.gap[chosen]) - held).max(initial=0.0))
-        missed = max(miss, deepest, self._judge(change, forces, penalties))
+        self.missed = max(miss, deepest)
+        missed = max(self.missed, self._judge(change, forces, penalties))
         way = self._settling.way(positions, missed)
         return way if self.stocky else missed
 

@@ -13,6 +13,8 @@ COARSER = (30.0, 3.0)
 """Tolerances of the first two minimisations, divided by the tolerance that contact forces require
 (`Actuation.resolution`). Later minimisations use the required tolerance.
 """
+ROUGH = 0.3
+"""Lower bound of the tolerance that contact forces require, divided by the self-contact error at the last update."""
 
 
 class DescentSchedule:
@@ -32,7 +34,7 @@ class DescentSchedule:
     def __init__(self, actuation: Actuation, tolerance: float, *, first: float, share: float, certified: bool) -> None:
         self._actuation, self._tolerance, self._share, self._certified = actuation, tolerance, share, certified
         self.present, self._finest, self._count = first, tolerance, 0
-        self._aim = np.inf
+        self._rough, self._aim = False, np.inf
 
     def aims(self) -> dict[str, float]:
         """Return the tolerance of the next minimisation, and that of the whole solve, as arguments of `descend`."""
@@ -40,7 +42,8 @@ class DescentSchedule:
         if self._count == 0 and self._certified:
             coarser = np.inf
         self._count += 1
-        fine = coarser * self._actuation.resolution
+        fine, least = coarser * self._actuation.resolution, ROUGH * self._actuation.missed
+        fine, self._rough = max(fine, least), least > fine
         self._aim = self._share * min(self.present, fine)
         return {"tolerance": self._aim, "final": self._share * min(self._finest, fine)}
 
@@ -48,7 +51,7 @@ class DescentSchedule:
     def exact(self) -> bool:
         """Whether the last minimisation had the tolerance of the solve and that of the present contact forces."""
         coarse = self._aim > self._share * min(self.present, self._actuation.resolution)
-        return self.present <= self._tolerance and not coarse
+        return self.present <= self._tolerance and not self._rough and not coarse
 
     def refine(self) -> None:
         """Decrease the tolerance of the solve: multipliers still change, but by too little for another iteration."""

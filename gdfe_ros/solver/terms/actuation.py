@@ -137,6 +137,11 @@ class Actuation:
         return "; ".join(text for term in self.contacts if (text := term.flaw(positions)))
 
     @property
+    def missed(self) -> float:
+        """Largest error of a self-contact pair at the last update, divided by the body's size."""
+        return max((contact.missed for contact in self.contacts), default=0.0) / self._body.size
+
+    @property
     def buried(self) -> bool:
         """Whether the penetration that `flaw` reported is deep; a depth just above the tolerance does not count."""
         return any(term.buried for term in self.contacts)
