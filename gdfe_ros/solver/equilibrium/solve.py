@@ -6,9 +6,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Task
+from gdfe_ros.solver.descent.quasi_newton import ROUNDING
 from gdfe_ros.solver.descent.workspace import LONG_MEMORY, End, Problem
 from gdfe_ros.solver.elements.fields import store_energies
 from gdfe_ros.solver.elements.flatness import flattened
@@ -42,6 +44,7 @@ softest modes yet, so its iterations become short before the distance to the equ
 """
 MOST_UPDATES = 60
 """Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
+TOO_STRONG = "a load or an actuator is so strong that the rounding of its energy hides the energy of the body"
 TOO_DEEP = "surfaces that were apart entered each other so deeply that contact could not separate them"
 
 
@@ -79,6 +82,8 @@ class Solve:
     ) -> None:
         self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
         self._level, self._softening = model.level, model.softening
+        young = model.body.table.parameters[model.body.material][:, YOUNG]
+        self._stiff = float(young @ model.body.shape.volume)  # energy [J] of a strain of one
         self.problem, self.start, self.warm = problem, start, warm
         self.anew = not prediction.ratio
         self._aim = COLD_AIM if model.softening and not prediction.ratio else 1.0
@@ -314,6 +319,8 @@ class Solve:
         """Return whether the solution is an equilibrium, the error estimate, and a message about the defect."""
         if self._actuation.hopeless:
             return False, np.inf, TOO_DEEP
+        if ROUNDING * float(active.status["outside"]) > self._stiff:
+            return False, np.inf, TOO_STRONG
         tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active) / self._aim
         if estimate <= tolerance and self._settled and (self.warm or not self._cut):
             return True, estimate, ""
