@@ -32,7 +32,7 @@ solver: {tolerance: 1.0e-5}
 """
 GAP, PRESSED = 2e-4, 0.0052
 """Initial gap between the blocks of a stack, and downward displacement of the upper block [m]."""
-TENSIONS = (3.0, 6.0, 9.0, 12.0, 15.0, 20.0)
+TENSIONS = (3.0, 6.0, 9.0, 12.0, 15.0)
 """Tensions of the finger's flexor [N]."""
 CELLS = ((4, 4), (4, 3), (2, 5))
 """Pairs of numbers of cells along the edges of the lower and of the upper block."""
