@@ -70,8 +70,8 @@ def without_negative(stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the closest positive semi-definite tangents (m, 3 c, 3 c): negative eigenvalues are set to zero.
 
     A sum of such tangents is positive semi-definite too, and a stable element's tangent is unchanged (Teran et al.
-    2005). Only the negative part is in single precision, in which eigenvalues take half of the time.
+    2005).
     """
     symmetric = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
-    values, vectors = np.linalg.eigh(symmetric.astype(np.float32))
-    return symmetric - (vectors * np.minimum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+    values, vectors = np.linalg.eigh(symmetric)
+    return np.einsum("eik,ek,ejk->eij", vectors, np.maximum(values, 0.0), vectors, optimize=True)
