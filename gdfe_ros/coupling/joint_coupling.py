@@ -22,7 +22,7 @@ from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.flight import ROUNDING
-from gdfe_ros.solver.motion.integrator import ACCURACY, FINEST
+from gdfe_ros.solver.motion.integrator import reduction
 from gdfe_ros.solver.motion.stepper import CALM, MotionStepper
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
@@ -246,13 +246,13 @@ class JointCoupling:
     def _allowed(self, balance: JointBalance, start: State) -> float:
         """Return the largest correction [m] that may be left out.
 
-        In a motion it is reduced as the tolerance of the body (`Integrator.solve`), by the larger of the accelerations
-        of flange and body at the beginning.
+        In a motion it is reduced as the tolerance of a free body (`reduction`), by the larger of the accelerations of
+        flange and body at the beginning.
         """
         if not balance.rules:
             return self._near
         body = balance.h**2 * largest(self._stepper.accelerations(start).ravel())
-        return self._near * min(1.0, max(FINEST, ACCURACY * max(balance.swing(), body) / self._size))
+        return self._near * reduction(max(balance.swing(), body), self._size)
 
 
 def _flawed(march: March, flaw: str) -> March:

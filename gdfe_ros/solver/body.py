@@ -14,7 +14,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.materials.material import Material
-from gdfe_ros.materials.table import MaterialTable, pack
+from gdfe_ros.materials.table import YOUNG, MaterialTable, pack
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.across import cells_across
 from gdfe_ros.mesh.filling import Filling
@@ -104,6 +104,11 @@ class Body:
     def count(self) -> int:
         """Number of vertices of the mesh; the vertices of rigid bodies follow them in all arrays."""
         return int(self.cells.max()) + 1
+
+    @cached_property
+    def strain_energy_scale(self) -> float:
+        """Sum over the elements of Young's modulus times volume: about the energy [J] of a strain of one."""
+        return float(self.table.parameters[self.material][:, YOUNG] @ self.shape.volume)
 
     @property
     def rigid_bodies(self) -> tuple[RigidBody, ...]:

@@ -72,6 +72,13 @@ def box_corners(x0, x1, x2, x3, x4, x5, x6, x7, box):
 
 
 @inlined
+def corners_of(x, cell):
+    """Return the eight positions (3,) [m] of the vertices ``cell`` (8,)."""
+    x0, x1, x2, x3 = corner(x, cell[0]), corner(x, cell[1]), corner(x, cell[2]), corner(x, cell[3])
+    return x0, x1, x2, x3, corner(x, cell[4]), corner(x, cell[5]), corner(x, cell[6]), corner(x, cell[7])
+
+
+@inlined
 def least_ratio(x0, x1, x2, x3, x4, x5, x6, x7, r):
     """Return the least of the volume ratios at corners ``x0`` .. ``x7`` with ``r`` (8,) [1/m^3]; NaN if one is NaN."""
     a01, a32, a45, a76 = edge(x0, x1), edge(x3, x2), edge(x4, x5), edge(x7, x6)
@@ -98,15 +105,11 @@ def least_corners(x, shape, elements, out):
     """
     for e in elements:
         if not shape.cut[e]:
-            c = shape.cells[e]
-            x0, x1, x2, x3 = corner(x, c[0]), corner(x, c[1]), corner(x, c[2]), corner(x, c[3])
-            x4, x5, x6, x7 = corner(x, c[4]), corner(x, c[5]), corner(x, c[6]), corner(x, c[7])
+            x0, x1, x2, x3, x4, x5, x6, x7 = corners_of(x, shape.cells[e])
             out[e] = least_ratio(x0, x1, x2, x3, x4, x5, x6, x7, shape.corner_ratio[e])
     for e in elements:
         if shape.cut[e]:
-            c = shape.cells[e]
-            x0, x1, x2, x3 = corner(x, c[0]), corner(x, c[1]), corner(x, c[2]), corner(x, c[3])
-            x4, x5, x6, x7 = corner(x, c[4]), corner(x, c[5]), corner(x, c[6]), corner(x, c[7])
+            x0, x1, x2, x3, x4, x5, x6, x7 = corners_of(x, shape.cells[e])
             x0, x1, x2, x3, x4, x5, x6, x7 = box_corners(x0, x1, x2, x3, x4, x5, x6, x7, shape.box[e])
             out[e] = least_ratio(x0, x1, x2, x3, x4, x5, x6, x7, shape.corner_ratio[e])
 

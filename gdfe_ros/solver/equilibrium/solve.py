@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Task
@@ -82,8 +81,6 @@ class Solve:
     ) -> None:
         self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
         self._level, self._softening = model.level, model.softening
-        young = model.body.table.parameters[model.body.material][:, YOUNG]
-        self._stiff = float(young @ model.body.shape.volume)  # energy [J] of a strain of one
         self.problem, self.start, self.warm = problem, start, warm
         self.anew = not prediction.ratio
         self._aim = COLD_AIM if model.softening and not prediction.ratio else 1.0
@@ -319,7 +316,7 @@ class Solve:
         """Return whether the solution is an equilibrium, the error estimate, and a message about the defect."""
         if self._actuation.hopeless:
             return False, np.inf, TOO_DEEP
-        if ROUNDING * float(active.status["outside"]) > self._stiff:
+        if ROUNDING * float(active.status["outside"]) > self._body.strain_energy_scale:
             return False, np.inf, TOO_STRONG
         tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active) / self._aim
         if estimate <= tolerance and self._settled and (self.warm or not self._cut):

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.account import Bound, Ledger
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia
@@ -41,8 +40,7 @@ class Ceiling:
     """
 
     def __init__(self, body: Body, scheme: Scheme, tolerance: float, accounts: Accounts) -> None:
-        young = body.table.parameters[body.material][:, YOUNG]
-        self._noise = 0.5 * tolerance**2 * float(young @ body.shape.volume)
+        self._noise = 0.5 * tolerance**2 * body.strain_energy_scale
         self._above_least, self._accounts = ABOVE_LEAST[scheme], accounts
 
     def checked(self, now: State) -> tuple[Ledger, float]:

@@ -79,23 +79,19 @@ class Integrator:
         state, (poses, commands) = self.begun(flight.state), flight.aim
         now = kinematics_of(state.terms[inertia.NAME])
         bent, moved = h * h * largest(now.acceleration.ravel()), h * largest(now.velocity.ravel())
-        tolerance = self._tolerance(max(bent, moved) if self._held else bent)
+        size, tolerance = self._body.size, self._settings.tolerance
         problem = Increment(
             poses=poses,
             commands=commands,
-            tolerance=tolerance,
+            tolerance=tolerance * reduction(max(bent, moved) if self._held else bent, size),
             limit=self._settings.max_iterations,
             deadline=deadline,
-            keeping=self._settings.tolerance,
-            volumes=self._tolerance(bent) if self._fed else None,
+            keeping=tolerance,
+            volumes=tolerance * reduction(bent, size) if self._fed else None,
         )
         equilibrium = self.equilibrium(h)
         self._pushes.fit(state, h, equilibrium.actuation.contacts)
         return equilibrium.solve(problem, state)
-
-    def _tolerance(self, moved: float) -> float:
-        """Return the tolerance, divided by the body's size, of an internal step in which vertices move by ``moved``."""
-        return self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * moved / self._body.size))
 
     def accepted(self, state: State, solution: Solution, h: float) -> State:
         """Return the state after an internal step of length ``h`` [s] from ``state``, with the ledger of ``state``."""
@@ -147,3 +143,8 @@ class Integrator:
             return state
         saved = {**state.terms[inertia.NAME], "first": np.ones(1)}
         return state.with_(terms={**state.terms, inertia.NAME: saved})
+
+
+def reduction(moved: float, size: float) -> float:
+    """Return the tolerance of an internal step in which a body moves by ``moved`` [m], divided by the solver's."""
+    return min(1.0, max(FINEST, ACCURACY * moved / size))

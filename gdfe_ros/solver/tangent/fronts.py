@@ -14,7 +14,7 @@ import scipy.sparse as sparse
 from numpy import uint64
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import internal, kernel, vector_kernel
+from gdfe_ros.compiled import inlined, internal, kernel, vector_kernel
 from gdfe_ros.solver.matrix.elimination import eliminated
 from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order
 from gdfe_ros.solver.tangent.frames import unrotated
@@ -84,13 +84,23 @@ def eliminate(front, width, own, panel):
     return True
 
 
+@inlined
+def column(front, at, width, full):
+    """Return the entry of the front at ``at`` and the five entries below it; the last three are 0 if not ``full``."""
+    a, b, c, none = front[at], front[at + width], front[at + 2 * width], front.dtype.type(0.0)
+    if not full:
+        return a, b, c, none, none, none
+    return a, b, c, front[at + 3 * width], front[at + 4 * width], front[at + 5 * width]
+
+
 @vector_kernel
 def subtract(front, width, first, last, panel):
     """Subtract the products of the factor's rows from ``first`` up to ``last`` from the rows below, tile by tile.
 
-    Two rows are updated at a time, because they share the loads of the factor's rows.
+    Two rows are updated at a time, because they share the loads of the factor's rows. Entries below the diagonal are
+    changed, too, and never used.
     """
-    next_row, none = uint64(TILE), front.dtype.type(0.0)
+    next_row, full = uint64(TILE), last - first == PANEL
     for begin in range(last, width, TILE):
         end = min(begin + TILE, width)
         for k in range(PANEL):
@@ -99,32 +109,14 @@ def subtract(front, width, first, last, panel):
                     (first + k) * width + begin : (first + k) * width + end
                 ]
             else:
-                panel[k * TILE : k * TILE + end - begin] = none
+                panel[k * TILE : k * TILE + end - begin] = 0.0
         for i in range(last, end, 2):
-            at, further = first * width + i, 1 if i + 1 < end else 0
-            a, b, c = front[at], front[at + width], front[at + 2 * width]
-            at += further
-            u, v, w = front[at], front[at + width], front[at + 2 * width]
-            d, e, f, x, y, z = none, none, none, none, none, none
-            if last - first == PANEL:
-                x, y, z = front[at + 3 * width], front[at + 4 * width], front[at + 5 * width]
-                at -= further
-                d, e, f = front[at + 3 * width], front[at + 4 * width], front[at + 5 * width]
+            at, pair = first * width + i, i + 1 < end
+            a, b, c, d, e, f = column(front, at, width, full)
+            u, v, w, x, y, z = column(front, at + pair, width, full)
             row = front[i * width + begin : i * width + end]
-            low = front[(i + further) * width + begin : (i + further) * width + end]
-            start = max(i, begin) - begin
-            if i >= begin:
-                k = i - begin
-                row[k] -= (
-                    a * panel[k]
-                    + b * panel[TILE + k]
-                    + c * panel[2 * TILE + k]
-                    + (d * panel[3 * TILE + k] + e * panel[4 * TILE + k] + f * panel[5 * TILE + k])
-                )
-                start += 1
-            if not further:
-                low = panel[PANEL * TILE :]
-            for j in range(uint64(start), uint64(end - begin)):
+            low = front[(i + 1) * width + begin : (i + 1) * width + end] if pair else panel[PANEL * TILE :]
+            for j in range(uint64(max(i, begin) - begin), uint64(end - begin)):
                 k, p = j + next_row, panel[j]
                 taken, lower = a * p, u * p
                 p = panel[k]

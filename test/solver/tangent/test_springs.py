@@ -16,6 +16,7 @@ from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.springs import Springs
+from gdfe_ros.solver.terms.cable import TARGET
 
 STRIP = """
 name: strip
@@ -138,7 +139,7 @@ def test_a_cable_becomes_slack_without_a_new_factor(drawn: SimpleNamespace, monk
     level.turn(drawn.x)
     assert level.reconnected(drawn.tangent, drawn.x) is drawn.tangent
     wire.hold(np.zeros(1))
-    wire.reals[1] *= 2.0
+    wire.reals[TARGET] *= 2.0
     slack = level.reconnected(drawn.tangent, drawn.x)
     assert slack.springs.count == 1
     right = np.random.default_rng(0).standard_normal(level.assembled(slack).shape[0])
