@@ -83,8 +83,8 @@ class HandleMotions:
 
     def rotations(self, poses: Mapping[str, Pose], turns: Vectors) -> Vectors:
         """Return the rotation matrices (p, 3, 3) of the handles with a free axis."""
-        found = [Rotation.from_rotvec(self.pose(handle.name, poses, turns).rotation) for handle in self._loose]
-        return np.array([rotation.as_matrix() for rotation in found]).reshape(-1, 3, 3)
+        found = [self.pose(handle.name, poses, turns).rotation for handle in self._loose]
+        return Rotation.from_rotvec(np.array(found).reshape(-1, 3)).as_matrix()
 
     def pose(self, name: str, poses: Mapping[str, Pose], turns: Vectors) -> Pose:
         """Return the pose of a handle: the commanded pose and its free rotation, without its free translation."""

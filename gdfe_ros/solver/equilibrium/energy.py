@@ -255,14 +255,13 @@ class EquilibriumSolver:
         """Return the minimisation's task at a solution, with unchanged multipliers."""
         solve.go_on_from(found.state)
         threads = self._whole.threads(self._threads)
-        return solve.evaluate(self._whole, self._coupling(solve, self._whole), threads=threads)
+        return solve.evaluate(self._whole, self._coupling(self._orientation(solve), self._whole), threads=threads)
 
     def _judged(self, solve: Solve, found: Solution, *, part: bool) -> Solution:
         return self._saddles.judged(self, solve, found, part=part) if self._saddles and found.converged else found
 
-    def _coupling(self, solve: Solve, active: ActiveSet) -> Coupling:
-        """Return the coupling of the handles' rigid rows in an active set, at the handles' rotations."""
-        orientation = self._orientation(solve)
+    def _coupling(self, orientation: NDArray[np.float64] | None, active: ActiveSet) -> Coupling:
+        """Return the coupling of the handles' rigid rows in an active set, at a result of `_orientation`."""
         return active.matrix.coupling if orientation is None else active.matrix.turned(orientation)
 
     def descend(self, solve: Solve, active: ActiveSet, history: UpdateHistory, *, spent: int = 0) -> Solution:
@@ -274,7 +273,8 @@ class EquilibriumSolver:
             history: quasi-Newton history at the beginning.
             spent: number of iterations that the solve has made before.
         """
-        orientation, coupling = self._orientation(solve), self._coupling(solve, active)
+        orientation = self._orientation(solve)
+        coupling = self._coupling(orientation, active)
         if orientation is not None and orientation is not solve.start.orientation:
             history = UpdateHistory.empty()
         active.keeper.load(history)

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
@@ -85,15 +83,20 @@ class ConstantMatrix:
         self._factor = factor_of(block, rest[free], library or usual_kind(len(free)))
         self.kind = self._factor.kind
         self._fields = RigidFields(matrix, rest, unknowns, self.solve_exactly)
-        self.coupling = self.turned([np.eye(3)] * len(unknowns.slides))
+        self._turned: tuple[NDArray[np.float64], Coupling] | None = None
+        self.coupling = self.turned(np.array([np.eye(3)] * len(unknowns.slides)))
 
     def part(self, unknowns: Unknowns) -> ConstantMatrix:
         """Return the matrix of fewer ``unknowns``, factored; all other vertices are fixed."""
         return ConstantMatrix(self.assembled, self._rest, unknowns, library=self._library)
 
-    def turned(self, rotations: Sequence[NDArray[np.float64]]) -> Coupling:
-        """Return the coupling of handles at the rotation matrices ``rotations`` (3, 3) to the free vertices."""
-        return self._fields.coupling(rotations, self._factor.inverse)
+    def turned(self, rotations: NDArray[np.float64]) -> Coupling:
+        """Return the coupling of handles at the rotation matrices ``rotations`` (p, 3, 3) to the free vertices."""
+        # Solves keep the array until a handle has turned far enough.
+        kept = self._turned
+        if kept is None or kept[0] is not rotations:
+            self._turned = kept = rotations, self._fields.coupling(rotations, self._factor.inverse)
+        return kept[1]
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Solve A_ff out = right for three right-hand sides (f, 3), with a relative error up to `factor.SOUND`."""

@@ -29,9 +29,13 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 
 ACCURACY = 3.0
-"""Tolerance of an internal step, divided by the solver's tolerance and by the largest distance that a vertex moves in
-the step. The tolerance is at most the solver's tolerance. With free bodies, the distance excludes the part h |v|: only
-the accuracy of the solve conserves their momentum.
+"""Tolerance of an internal step, divided by the solver's tolerance and by the distance h^2 |a| of the fastest vertex.
+The tolerance is at most the solver's tolerance.
+"""
+HELD = 3.0
+"""A body that only handles hold has a tolerance larger by this factor, and the distance is at least h |v|. With free
+bodies, only the accuracy of the solve conserves the momentum. Pressures always have the smaller tolerance: pressures
+that lag behind the motion add energy.
 """
 FINEST = 1e-4
 """Least tolerance of an internal step, divided by the solver's tolerance."""
@@ -83,7 +87,7 @@ class Integrator:
         problem = Increment(
             poses=poses,
             commands=commands,
-            tolerance=tolerance * reduction(max(bent, moved) if self._held else bent, size),
+            tolerance=tolerance * reduction(HELD * max(bent, moved) if self._held else bent, size),
             limit=self._settings.max_iterations,
             deadline=deadline,
             keeping=tolerance,
