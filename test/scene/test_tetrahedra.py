@@ -144,7 +144,7 @@ BLOCK = {"bar": {"size": [0.1, 0.1, 0.04], "cells": [2, 2, 1]}, "at": [0.0, 0.0,
 
 def test_hexahedra_press_on_tetrahedra() -> None:
     """In a scene that has tetrahedra, too, hexahedra are divided, told so, and bear the exact uniaxial force."""
-    scene = _two({"embedded": pack_mesh(divided(SLAB))}, BLOCK)
+    scene = _two({"embedded": pack_mesh(divided(SLAB))}, BLOCK, solver={"tolerance": 1e-4})
     assert [text for text in remarks(scene, Policy.ENERGY) if "4 hexahedra were divided into 24 tetrahedra" in text]
     simulation = Simulation(scene)
     for down in (0.002, 0.004, 0.006, 0.008):

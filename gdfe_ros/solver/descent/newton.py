@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.solver.descent.arc import follow_arc
 from gdfe_ros.solver.descent.pairs import inner
 from gdfe_ros.solver.descent.products import multiply
 from gdfe_ros.solver.descent.quasi_newton import advance
@@ -112,6 +113,7 @@ class Krylov(NamedTuple):
         step: (3 r,) the Newton step d [m].
         motion: (3 r,) the displacement v since the last equilibrium [m]; zero if it is not known.
         diagonal, beside: (`MOST_PRODUCTS`,) entries of Lanczos' tridiagonal matrix, on and beside the diagonal.
+        force: (m, c, 3) [N] scratch.
         course: (1,) record with the fields of `COURSE`.
     """
 
@@ -123,13 +125,14 @@ class Krylov(NamedTuple):
     motion: NDArray[np.float64]
     diagonal: NDArray[np.float64]
     beside: NDArray[np.float64]
+    force: NDArray[np.float64]
     course: NDArray[np.void]
 
 
-def allocate_krylov(rows: int) -> Krylov:
-    """Return work arrays for ``rows`` rows of unknowns."""
-    vectors = [np.zeros(3 * rows) for _ in range(6)]
-    return Krylov(*vectors, *np.zeros((2, MOST_PRODUCTS)), np.zeros(1, dtype=COURSE).view(np.recarray))
+def allocate_krylov(rows: int, cells: tuple[int, int]) -> Krylov:
+    """Return work arrays for ``rows`` rows of unknowns and ``cells`` (m, c): elements, and corners of each."""
+    vectors, force = [np.zeros(3 * rows) for _ in range(6)], np.zeros((*cells, 3))
+    return Krylov(*vectors, *np.zeros((2, MOST_PRODUCTS)), force, np.zeros(1, dtype=COURSE).view(np.recarray))
 
 
 @internal
@@ -247,12 +250,13 @@ def reached(work, course, far, target):
 
 
 @kernel
-def iterate(problem, work, beside, kept, krylov, size, spacing, target, worth, limit):
+def iterate(problem, work, beside, kept, krylov, weight, inverse, size, spacing, target, worth, limit):
     """Make Newton steps until the distance to the equilibrium is within the ``target`` [m].
 
     Return the reason for the end, a `Why`, and the number of Newton steps. At the start, ``work`` must contain the
     gradient, and as ``step`` the product of M^-1 and the gradient. Both are up to date again at the end. ``size`` is
-    the size of the body [m]. After ``worth`` products a new tangent pays.
+    the size of the body [m]. After ``worth`` products a new tangent pays. The elements' ``weight`` in the constant
+    matrix and its ``inverse`` are for `follow_arc`.
     """
     course, first = krylov.course[0], limit < 0
     for iteration in range(limit):
@@ -276,10 +280,11 @@ def iterate(problem, work, beside, kept, krylov, size, spacing, target, worth, l
         if solved == StepKind.CURVED and products == (2 if largest(krylov.motion) > 0.0 else 1):
             share = AWAY * size / far
         aim(work, krylov, share)
+        share *= follow_arc(problem, work, beside, weight, inverse, krylov.force)
         if advance(problem, work, 0.0, first):
             return Why.ENDED, iteration
         solve_kept(kept, work.gradient, work.step)
-        smooth = solved == StepKind.FOUND and largest(work.direction) >= 0.999 * far
+        smooth = solved == StepKind.FOUND and share == 1.0 and work.status[0].length == 1.0
         if smooth and reached(work, course, far, target):
             course.distance = largest(work.step) / course.least
             return Why.NEAR, iteration + 1

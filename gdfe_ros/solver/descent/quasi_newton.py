@@ -90,7 +90,7 @@ def gather(work, unknowns, threads):
 
 @merged
 def search(problem, work, first):
-    """Search along the quasi-Newton direction until the energy falls enough, and move ``u`` there.
+    """Search along the direction, or the arc, until the energy falls enough, and move ``u`` there.
 
     The step is written to ``direction``. The condition is Armijo's, or its approximate form (Hager and Zhang 2005) if
     the energy cannot resolve the step. If no length satisfies the condition, or if ``first`` is set, ``u`` stays
@@ -104,7 +104,8 @@ def search(problem, work, first):
         work.old[n] = work.gradient[n]
     for cut in range(MAX_CUTS + 1):
         for n in range(len(work.u)):
-            work.trial[n] = work.u[n] + length * work.direction[n] if length > 0.0 else work.u[n]
+            motion = length * (work.direction[n] + length * work.curve[n])
+            work.trial[n] = work.u[n] + motion if length > 0.0 else work.u[n]
         found = energy_and_gradient(work.trial, problem, work, SHIFT_AND_TURN * length * status.distance)
         if length == 0.0:
             status.energy = found
@@ -121,10 +122,11 @@ def search(problem, work, first):
         if cut == MAX_CUTS - 1 or status.blocked > MOST_BLOCKED:
             length = 0.0
     status.absolute, problem.watch.room[0] = absolute_sum(work.energies), problem.watch.room[1]
+    status.length = length
     for n in range(len(work.u)):
         work.u[n] = work.trial[n]
-        work.direction[n] *= length
-        work.trial[n] = work.step[n]
+        work.direction[n] = length * (work.direction[n] + length * work.curve[n])
+        work.trial[n], work.curve[n] = work.step[n], 0.0
 
 
 @internal

@@ -58,26 +58,6 @@ fraction of its average initial part along one mode.
 """
 
 
-class TangentDamping:
-    """Weight of the constant matrix in the tangents of one solve in motion; it grows while steps do not shrink.
-
-    Args:
-        least: the first weight that is not 0: the body's softness.
-
-    Attributes:
-        weight: the present weight.
-    """
-
-    def __init__(self, least: float) -> None:
-        self._least, self._before, self.weight = least, np.inf, 0.0
-
-    def adapt(self, step: float, *, astray: bool) -> None:
-        """Increase the weight if the minimisation went ``astray``, or if the last ``step`` [m] did not halve."""
-        if astray or step > 0.5 * self._before:
-            self.weight = max(self._least, DAMPING * self.weight)
-        self._before = step
-
-
 class TangentMinimiser(Minimiser):
     """Minimises the potential of a body that has much softer modes than its constant matrix.
 
@@ -109,10 +89,10 @@ class TangentMinimiser(Minimiser):
         self.tangent, self.certified = None, not moving
         self._level, self._softness, self._finest = level, softness, TRUST * softness
         self._beside = allocate(body.unknowns.rows, body.rest, body.cells.shape, memory=0)
-        self._krylov = newton.allocate_krylov(body.unknowns.rows)
+        self._krylov = newton.allocate_krylov(body.unknowns.rows, body.cells.shape)
         self._course = self._krylov.course.view(newton.COURSE, np.ndarray)[0]
         self._share = 1.0 if self.certified else MOVING if body.handles else FLYING
-        self._spacing, self._patient = SPACING * body.size, max(PATIENT, level.price)
+        self._spacing, self._patient, self._weight = SPACING * body.size, max(PATIENT, level.price), weight
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
         """Prepare a solve with the tangent of ``start``.
@@ -195,7 +175,7 @@ class TangentMinimiser(Minimiser):
         If ``last``, test whether a doubtful equilibrium is a saddle. The iterations continue beside a saddle.
         """
         used, course, status, self._known, self._since = 0, self._course, task.active.status, False, 0
-        damping = TangentDamping(self._softness)
+        shift, before = 0.0, np.inf
         while True:
             why, made = self._iterate_once(task, target, limit - used)
             used += made
@@ -205,17 +185,18 @@ class TangentMinimiser(Minimiser):
             if why is Why.ENDED:
                 return Descended(used, cut=False)
             if why is Why.NEAR:
-                if last and self._doubtful and not self._asked(task):
+                if last and self._doubtful and not self._asked(task, target):
                     continue
                 self._known = True
                 return Descended(used, cut=False)
             if used >= limit or (used > 0 and past(task.deadline)):
                 return Descended(used, cut=True)
             if why in (Why.STALE, Why.HARD, Why.ASTRAY):
-                if not self.certified:
-                    damping.adapt(float(status["distance"]), astray=why is Why.ASTRAY)
+                if not self.certified and (why is Why.ASTRAY or status["distance"] > 0.5 * before):
+                    shift = max(self._softness, DAMPING * shift)
+                before = float(status["distance"])
                 # A prediction may be strained along stiff directions, which stiffens the soft ones, too.
-                self._take(task, self._last if why is Why.STALE and not used else None, damping=damping.weight)
+                self._take(task, self._last if why is Why.STALE and not used else None, shift=shift)
                 task.precondition(task.active.workspace.gradient, task.active.workspace.step)
                 self._learning = why is Why.HARD or not self.certified
 
@@ -230,7 +211,8 @@ class TangentMinimiser(Minimiser):
 
     def _newton(self, task: Task, target: float, most: int) -> tuple[Why, int]:
         given = task.problem, task.active.workspace, self._beside, self._level.kept, self._krylov
-        why, used = newton.iterate(*given, self._body.size, self._spacing, target, WORTH, most)
+        arc = self._weight, task.coupling.inverse
+        why, used = newton.iterate(*given, *arc, self._body.size, self._spacing, target, WORTH, most)
         return Why(why), used
 
     def _quasi_newton(self, task: Task, target: float, most: int) -> tuple[Why, int]:
@@ -250,11 +232,11 @@ class TangentMinimiser(Minimiser):
             return Why.ASTRAY, used
         return Why.NEAR if task.active.ended is End.NONE else Why.ENDED, used
 
-    def _asked(self, task: Task) -> bool:
+    def _asked(self, task: Task, target: float) -> bool:
         """Return whether conjugate gradients prove that the equilibrium is a minimum, with a random right-hand side.
 
         This right-hand side contains all modes. If a direction of negative curvature is found, the body is moved along
-        it.
+        it; the first step has the length ``target`` [m].
         """
         work, krylov = task.active.workspace, self._krylov
         distance = float(self._course["distance"])
@@ -270,27 +252,33 @@ class TangentMinimiser(Minimiser):
             return True
         self._course["unknown"] += 1
         if solved == StepKind.CURVED:
-            self._move_along(task, krylov.direction)
+            self._move_along(task, krylov.direction, target)
         self._take(task)
         task.precondition(work.gradient, work.step)
         return False
 
-    def _move_along(self, task: Task, direction: NDArray[np.float64]) -> None:
-        """Search along a direction (3 r,) of negative curvature; the first trial length leaves the saddle."""
+    def _move_along(self, task: Task, direction: NDArray[np.float64], length: float) -> None:
+        """Leave a saddle along a direction (3 r,) of negative curvature, by steps that double while the energy falls.
+
+        ``length`` [m] is the length of the first step.
+        """
         work, status = task.active.workspace, task.active.status
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
-        work.direction[...] = sign * newton.AWAY * self._body.size / largest(direction) * direction
-        status["slope"], status["distance"] = float(work.gradient @ work.direction), newton.AWAY * self._body.size
-        status["given"], status["ended"] = 1, End.NONE
-        task.advance(0.0)
+        while length < newton.AWAY * self._body.size:
+            work.direction[...] = sign * length / largest(direction) * direction
+            status["slope"], status["distance"] = float(work.gradient @ work.direction), length
+            status["given"], status["ended"] = 1, End.NONE
+            if task.advance(0.0) or status["length"] < 1.0:
+                return
+            length *= 2.0
 
-    def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
+    def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, shift: float = 0.0) -> None:
         """Renew the tangent at positions ``x`` (n, 3) [m], and rotate it to the present positions.
 
         If ``x`` is None, the tangent is evaluated at the present positions.
         """
         work, course = task.active.workspace, self._course
-        self.tangent = self._level.take(task.problem, work.u, work.x if x is None else x, damping=damping)
+        self.tangent = self._level.take(task.problem, work.u, work.x if x is None else x, shift=shift)
         if x is not None:
             self._level.turn(work.x)
         self._tangents, self._turned = self._tangents + 1, True

@@ -34,6 +34,7 @@ STATUS = np.dtype(
     [
         ("energy", np.float64),  # [J]
         ("slope", np.float64),  # of the energy along the direction [J]
+        ("length", np.float64),  # t at the end of the last search
         ("distance", np.float64),  # largest vertex displacement of the quasi-Newton step [m]
         ("nearest", np.float64),  # least distance so far [m]
         ("reach", np.float64),  # displacement beyond which the body counts as running away [m]
@@ -88,7 +89,9 @@ class Workspace(NamedTuple):
 
     Attributes:
         u, gradient, step: (3 r,) unknowns [m], dE/du [N], H_0 dE/du [m], row by row.
-        trial, direction, old: (3 r,) trial unknowns [m], search direction [m], and gradient of the last iteration [N].
+        trial, old: (3 r,) trial unknowns [m], and gradient of the last iteration [N].
+        direction, curve: (3 r,) [m] d and c of the arc u + t d + t^2 c along which a search moves; c is zero except in
+            Newton steps.
         x: (n, 3) positions of all vertices [m].
         force, energies: (m, c, 3) [N] and (m,) [J] of the elements at ``x``.
         outside: (n, 3) dE/dx [N] of the other terms.
@@ -107,6 +110,7 @@ class Workspace(NamedTuple):
     step: NDArray[np.float64]
     trial: NDArray[np.float64]
     direction: NDArray[np.float64]
+    curve: NDArray[np.float64]
     old: NDArray[np.float64]
     x: NDArray[np.float64]
     force: NDArray[np.float64]
@@ -144,7 +148,7 @@ def allocate_part(rows: int, whole: Workspace) -> Workspace:
 
 def _with_history(rows: int, memory: int, *shared: NDArray[np.float64]) -> Workspace:
     return Workspace(
-        *(np.zeros(3 * rows) for _ in range(6)),
+        *(np.zeros(3 * rows) for _ in range(7)),
         *shared,
         np.zeros(1),
         *(np.zeros((memory, 3 * rows)) for _ in range(2)),

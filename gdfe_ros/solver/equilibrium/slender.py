@@ -90,6 +90,7 @@ def for_slender(
         load = _weighed(matrix, found.reshape(-1, 3) / np.abs(found).max(), count)
     if least < MECHANISM:
         return model
+    level.first_shift = least
     held = body.handles and not body.unknowns.rigid_rows
     if held and not model.actuation.contacts and least >= ROUGH:
         level.shorten()

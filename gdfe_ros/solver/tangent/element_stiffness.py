@@ -64,14 +64,3 @@ class ElementStiffness:
         scratch = self._force, self._energy
         add_wall_tangents(x, problem.watch.watched, shape, material, table, *scratch, self.values)
         return self.values
-
-
-def without_negative(stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the closest positive semi-definite tangents (m, 3 c, 3 c): negative eigenvalues are set to zero.
-
-    A sum of such tangents is positive semi-definite too, and a stable element's tangent is unchanged (Teran et al.
-    2005).
-    """
-    symmetric = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
-    values, vectors = np.linalg.eigh(symmetric)
-    return np.einsum("eik,ek,ejk->eij", vectors, np.maximum(values, 0.0), vectors, optimize=True)

@@ -18,7 +18,7 @@ from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.matrix.coupling import SINGULAR, spectral_inverse
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
 from gdfe_ros.solver.tangent.assembly import Assembly
-from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness, without_negative
+from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness
 from gdfe_ros.solver.tangent.frames import unrotated, vertex_rotations
 from gdfe_ros.solver.tangent.fronts import Fronts, unturned_solutions
 from gdfe_ros.solver.tangent.springs import Springs, spring_rows
@@ -26,9 +26,9 @@ from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
 from gdfe_ros.solver.tangent.tangent import Tangent
 from gdfe_ros.solver.terms.term import Term
 
-FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
-"""If a tangent has no factor, a multiple of the constant matrix is added. FIRST_SHIFT is the first multiple,
-SHIFT_GROWTH the factor from one multiple to the next.
+SHIFT_GROWTH = 10.0
+"""If a tangent has no factor, growing multiples of the constant matrix are added to it: each is this factor times the
+last one.
 """
 MOST_SHIFT = 1e12
 """Largest multiple of the constant matrix that is added to a tangent without a factor. If it is not enough, the
@@ -49,7 +49,11 @@ class TangentLevel:
 
     Attributes:
         price: cost of factoring a tangent, divided by the cost of a solution with it.
+        first_shift: first multiple of the constant matrix that is added to a tangent without a factor: the softness of
+            a slender body.
     """
+
+    first_shift = 1e-8
 
     def __init__(
         self,
@@ -76,37 +80,32 @@ class TangentLevel:
         self._sums = np.empty((len(body.rest), 9))
         self._kept = self._factor.kept
 
-    def take(
-        self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, damping: float = 0.0
-    ) -> Tangent:
+    def take(self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, shift: float = 0.0) -> Tangent:
         """Evaluate and factor the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m].
 
-        Beyond a buckling load, for example, the tangent is indefinite. The elements' tangents are then projected to
-        positive semi-definite ones, and a growing multiple of the constant matrix is added until a factor exists. If no
-        multiple is enough, because the tangent is not finite, for example, the constant matrix replaces it.
+        Beyond a buckling load, for example, the tangent is indefinite. A growing multiple of the constant matrix is
+        then added until a factor exists. If no multiple is enough, because the tangent is not finite, for example, the
+        constant matrix replaces it.
 
         Args:
             problem: present data of elements and handles.
             u: the unknowns.
             x: the corresponding positions.
-            damping: multiple of the constant matrix that is added in any case.
+            shift: multiple of the constant matrix that is added in any case.
 
         Raises:
             FloatingPointError: not even the constant matrix has a factor.
         """
         stiffness, motion = self._elements.at(problem, x), self._motion(u, problem.frame)
         added, here = [term.tangents(x) for term in self._terms], {"positions": x.copy(), **self._springs(x)._asdict()}
-        tangent, shift = self._assembly.blocks([stiffness, *added]) + self._even + damping * self._constant, 0.0
-        if self._load(Tangent(blocks=tangent, motion=motion, softest=float(not damping), **here)):
-            return self._loaded
-        finite = bool(np.isfinite(tangent).all())
-        if finite:
-            tangent = self._assembly.blocks([without_negative(stiffness), *added])
-            tangent += self._even + damping * self._constant
-        while finite and shift <= MOST_SHIFT:
-            if self._load(Tangent(blocks=tangent + shift * self._constant, motion=motion, shift=shift, **here)):
+        tangent = self._assembly.blocks([stiffness, *added]) + self._even
+        while shift <= MOST_SHIFT:
+            found = {"blocks": tangent + shift * self._constant, "softest": float(not shift), "shift": shift}
+            if self._load(Tangent(motion=motion, **found, **here)):
                 return self._loaded
-            shift = max(FIRST_SHIFT, SHIFT_GROWTH * shift)
+            if not np.isfinite(tangent).all():
+                break
+            shift = max(self.first_shift, SHIFT_GROWTH * shift)
         if not self._load(
             Tangent(blocks=self._constant, motion=self._motion(np.zeros_like(u), problem.frame), shift=shift)
         ):

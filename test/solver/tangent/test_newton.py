@@ -67,7 +67,8 @@ class Strip:
     ) -> tuple[StepKind, newton.Krylov]:
         """Solve the present tangent for a right-hand side; ``motion`` is the change since the last equilibrium."""
         work = self.task.active.workspace
-        krylov, beside = newton.allocate_krylov(len(work.u) // 3), allocate(len(work.u) // 3, work.x, (40, 8), memory=0)
+        rows, cells = len(work.u) // 3, (40, 8)
+        krylov, beside = newton.allocate_krylov(rows, cells), allocate(rows, work.x, cells, memory=0)
         krylov.course[0].least = 1.0
         krylov.residual[...] = right
         krylov.motion[...] = 0.0 if motion is None else motion
