@@ -60,7 +60,9 @@ NOTHING = 1e-6
 LONGEST = 10.0
 """Longest Newton step, divided by the body's size. An almost singular tangent would give longer steps."""
 AWAY = 0.02
-"""Length, divided by the body's size, of a step along negative curvature if no other direction is known."""
+"""Length, divided by the body's size, of a step along negative curvature if no other direction is known, and limit of
+the doubling steps that leave a saddle.
+"""
 FREE = 4
 """Number of matrix-vector products in each Newton step that are not counted; the others lead to a new tangent."""
 
