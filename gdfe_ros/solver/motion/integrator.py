@@ -35,7 +35,7 @@ The tolerance is at most the solver's tolerance.
 HELD = 3.0
 """A body that only handles hold has a tolerance larger by this factor, and the distance is at least h |v|. With free
 bodies, only the accuracy of the solve conserves the momentum. Pressures always have the smaller tolerance: pressures
-that lag behind the motion add energy.
+that lag behind the motion add energy. `newmark` has no dissipation, and never gets the factor.
 """
 FINEST = 1e-4
 """Least tolerance of an internal step, divided by the solver's tolerance."""
@@ -75,6 +75,7 @@ class Integrator:
         # Pressures that lag behind a motion add energy to it; without damping they must not lag.
         self._fed = self._scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.mass_damping)
         self._held = bool(body.handles) and not body.rigid_bodies
+        self._coarser = 1.0 if self._scheme is Scheme.NEWMARK else HELD
         self._made: dict[float, EquilibriumSolver] = {}
         self._pushes, self._impacts = Pushes(free_mass, dynamics, self._scheme), Impacts(body, dynamics, self._scheme)
 
@@ -87,7 +88,7 @@ class Integrator:
         problem = Increment(
             poses=poses,
             commands=commands,
-            tolerance=tolerance * reduction(HELD * max(bent, moved) if self._held else bent, size),
+            tolerance=tolerance * reduction(self._coarser * max(bent, moved) if self._held else bent, size),
             limit=self._settings.max_iterations,
             deadline=deadline,
             keeping=tolerance,
