@@ -192,13 +192,22 @@ class TangentMinimiser(Minimiser):
             if used >= limit or (used > 0 and past(task.deadline)):
                 return Descended(used, cut=True)
             if why in (Why.STALE, Why.HARD, Why.ASTRAY):
-                if not self.certified and (why is Why.ASTRAY or status["distance"] > 0.5 * before):
-                    shift = max(self._softness, DAMPING * shift)
-                before = float(status["distance"])
+                step = float(status["distance"])
+                shift, before = self._damped(shift, step, before, astray=why is Why.ASTRAY), step
                 # A prediction may be strained along stiff directions, which stiffens the soft ones, too.
                 self._take(task, self._last if why is Why.STALE and not used else None, shift=shift)
                 task.precondition(task.active.workspace.gradient, task.active.workspace.step)
                 self._learning = why is Why.HARD or not self.certified
+
+    def _damped(self, shift: float, step: float, before: float, *, astray: bool) -> float:
+        """Return the next tangent's multiple of the constant matrix. In motion, it grows while steps do not shrink.
+
+        ``shift`` is the multiple in the last tangent. ``step`` and ``before`` [m] are the last steps with the last two
+        tangents.
+        """
+        if self.certified or not (astray or step > 0.5 * before):
+            return shift
+        return max(self._softness, DAMPING * shift)
 
     def _iterate_once(self, task: Task, target: float, limit: int) -> tuple[Why, int]:
         """Iterate in one compiled call; with an observer or a deadline, the call makes a single iteration."""
