@@ -17,7 +17,7 @@ from gdfe_ros.mesh.round_bodies import sphere
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import corner_forces
 from gdfe_ros.solver.terms.actuation import Actuation
-from gdfe_ros.solver.terms.cable import EFFORT, STIFFNESS, TARGET
+from gdfe_ros.solver.terms.cable import EFFORT, STIFFNESS, TARGET, cable_length
 from gdfe_ros.solver.terms.chamber import chamber_volume
 from gdfe_ros.solver.terms.growth import Growths
 from gdfe_ros.solver.terms.term import terms_energy
@@ -32,15 +32,14 @@ def make_body(mesh: HexMesh, material: Material = RUBBER) -> Body:
     return Body.build(mesh.vertices, mesh.cells, (material,), np.zeros(mesh.n_cells, np.int32), ())
 
 
-def assert_derivative(actuation: Actuation, x: np.ndarray) -> None:
-    """Require the actuators' force to equal central differences of their energy along random directions."""
+def assert_derivative(actuation: Actuation, x: np.ndarray, h: float = 1e-7) -> None:
+    """Require the actuators' force to equal central differences of their energy, of step ``h`` [m], on random lines."""
     force = np.zeros_like(x)
     terms_energy(x, actuation.table, force, np.zeros(1))
     random = np.random.default_rng(1)
     scratch = np.zeros_like(x)
     for _ in range(5):
         direction = random.standard_normal(x.shape)
-        h = 1e-7
         high = terms_energy(x + h * direction, actuation.table, scratch, np.zeros(1))
         low = terms_energy(x - h * direction, actuation.table, scratch, np.zeros(1))
         assert (high - low) / (2 * h) == pytest.approx(np.vdot(force, direction), rel=1e-6, abs=1e-9)
@@ -59,6 +58,26 @@ def test_cable_force_is_the_derivative(effort: float, stiffness: float, target: 
     terms_energy(x, actuation.table, force, np.zeros(1))
     assert force.any() == (target < 0.5), "a slack cable must not pull"
     np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12)
+
+
+def test_a_cable_is_exact_at_rest_and_smooth_where_points_meet() -> None:
+    """At rest a cable has the length between its points. Where two meet, its force is bounded, and the derivative."""
+    mesh = bar([0.2, 0.05, 0.05], [4, 2, 2])
+    points = embed(mesh, [[0.0, 0.0, 0.0], [0.05, 0.0, 0.0], [0.1, 0.0, 0.025], [0.2, 0.0, 0.0]], what="cable")
+    actuation = Actuation(make_body(mesh), [Cable(name="c", mode=Mode.TENSION, points=points)])
+    (cable,) = actuation.terms
+    exact = np.linalg.norm(np.diff(points.at(mesh.vertices), axis=0), axis=1).sum()
+    assert cable_length(mesh.vertices, cable.reals, cable.integers) == pytest.approx(exact, rel=1e-14)
+    cable.reals[EFFORT] = 2.0
+    middle = np.flatnonzero(np.isclose(mesh.vertices, [0.05, 0.0, 0.0]).all(axis=1))
+    met = mesh.vertices.copy()
+    met[middle] = points.at(met)[0]
+    for off in (0.0, 1e-6, 1e-5, 1e-4):
+        x = met + off * np.eye(len(met))[middle].T
+        assert_derivative(actuation, x, h=3e-9)
+        force = np.zeros_like(x)
+        terms_energy(x, actuation.table, force, np.zeros(1))
+        assert np.linalg.norm(force[middle]) <= 2.0 * 2.0
 
 
 @pytest.mark.parametrize(("effort", "stiffness"), [(5e4, 0.0), (2e4, 1e12)])

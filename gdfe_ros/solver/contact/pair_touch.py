@@ -6,7 +6,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.contact.touch import Touch
+
+TINY = float(np.finfo(float).tiny)
 
 
 def touching_vertices(
@@ -71,12 +74,20 @@ def touching_vertices(
     )
 
 
-def across(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+@internal
+def _cross(a, b):
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+@kernel
+def across(normals):
     """Return two unit tangents (k, 3) of the planes with unit normals (k, 3), perpendicular to each other."""
-    axes = np.eye(3)[np.abs(normals).argmin(axis=1)]
-    first = np.cross(normals, axes)
-    first = first / np.linalg.norm(first, axis=1)[:, None]
-    return first, np.cross(normals, first)
+    axes, first, second = np.eye(3), np.empty((len(normals), 3)), np.empty((len(normals), 3))
+    for k in range(len(normals)):
+        first[k] = _cross(normals[k], axes[np.abs(normals[k]).argmin()])
+        first[k] /= np.sqrt(np.square(first[k]).sum())
+        second[k] = _cross(normals[k], first[k])
+    return first, second
 
 
 def tangential(vectors: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -84,10 +95,14 @@ def tangential(vectors: NDArray[np.float64], normals: NDArray[np.float64]) -> ND
     return vectors - np.einsum("ki,ki->k", vectors, normals)[:, None] * normals
 
 
-def frames(x: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
+@kernel
+def frames(x, quads):
     """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]. Columns are axes, the third the normal."""
-    a, b, c, d = np.moveaxis(x[quads], 1, 0)
-    along, normal = b + c - a - d, np.cross(c - a, d - b)
-    along = along / np.linalg.norm(along, axis=1)[:, None]
-    normal = normal / np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)[:, None]
-    return np.stack([along, np.cross(normal, along), normal], axis=2)
+    axes = np.empty((len(quads), 3, 3))
+    for k in range(len(quads)):
+        a, b, c, d = x[quads[k, 0]], x[quads[k, 1]], x[quads[k, 2]], x[quads[k, 3]]
+        along, normal = b + c - a - d, _cross(c - a, d - b)
+        along /= np.sqrt(np.square(along).sum())
+        normal /= max(np.sqrt(np.square(normal).sum()), TINY)
+        axes[k, :, 0], axes[k, :, 1], axes[k, :, 2] = along, _cross(normal, along), normal
+    return axes

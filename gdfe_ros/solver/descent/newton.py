@@ -57,8 +57,6 @@ displacement errors of stiff parts store much energy.
 """
 NOTHING = 1e-6
 """M^-1 g counts as rounding if its length, divided by the target, is below this."""
-LONGEST = 10.0
-"""Longest Newton step, divided by the body's size. An almost singular tangent would give longer steps."""
 AWAY = 0.02
 """Length, divided by the body's size, of a step along negative curvature if no other direction is known, and limit of
 the doubling steps that leave a saddle.
@@ -278,9 +276,8 @@ def iterate(problem, work, beside, kept, krylov, weight, inverse, size, spacing,
         far = largest(krylov.step)
         if far == 0.0:
             return Why.HARD, iteration
-        share = min(1.0, LONGEST * size / far)
-        if solved == StepKind.CURVED and products == (2 if largest(krylov.motion) > 0.0 else 1):
-            share = AWAY * size / far
+        alone = solved == StepKind.CURVED and products == (2 if largest(krylov.motion) > 0.0 else 1)
+        share = AWAY * size / far if alone else 1.0
         aim(work, krylov, share)
         share *= follow_arc(problem, work, beside, weight, inverse, krylov.force)
         if advance(problem, work, 0.0, first):

@@ -34,7 +34,7 @@ stiffness, so that a small Newton step proves nothing."""
 WORTH = 12
 """A new tangent pays after this number of products, without the `FREE` products of each Newton step."""
 MOST_TANGENTS = 60
-"""Limit of tangents in a solve. More are needed only if the potential is not smooth, e.g. where cable points meet."""
+"""Limit of tangents in a solve. More are needed only if the potential is not smooth."""
 MOST_UNKNOWN = 6
 """Limit of a solve's Newton steps without convergence of conjugate gradients. Such a body is about to buckle."""
 MOVING = 0.2
@@ -48,10 +48,6 @@ PATIENT = 12
 larger. It is renewed in a solve after as many successive iterations, and between solves as soon as this lowers the mean
 cost of a solve: when the last solve took more iterations than the mean of all solves, the tangent's cost included.
 """
-DAMPING = 10.0
-"""If steps in motion do not shrink, the weight of the constant matrix in the tangent grows by this factor; the first
-weight is the body's softness. An almost singular tangent causes steps that are far too long.
-"""
 HIDDEN = 0.01
 """In the test for a saddle, all modes count as resolved if r . M^-1 r of a random right-hand side has decreased to this
 fraction of its average initial part along one mode.
@@ -64,8 +60,7 @@ class TangentMinimiser(Minimiser):
     Args:
         body: the discretised body.
         weight, bending: (m,) [Pa] and (m,) [N/m] weights of the elements in the constant matrix (see `assemble`).
-        level: the tangent preconditioner.
-        softness: stiffness of the softest mode, divided by the constant matrix's stiffness for this mode.
+        level: the tangent preconditioner; its first shift is the body's softness.
         moving: whether inertia is among the terms. If so, a body is never near buckling.
 
     Attributes:
@@ -81,13 +76,12 @@ class TangentMinimiser(Minimiser):
         weight: NDArray[np.float64],
         bending: NDArray[np.float64],
         level: TangentLevel,
-        softness: float,
         *,
         moving: bool,
     ) -> None:
         super().__init__(body, weight, bending)
         self.tangent, self.certified = None, not moving
-        self._level, self._softness, self._finest = level, softness, TRUST * softness
+        self._level, self._finest = level, TRUST * level.first_shift
         self._beside = allocate(body.unknowns.rows, body.rest, body.cells.shape, memory=0)
         self._krylov = newton.allocate_krylov(body.unknowns.rows, body.cells.shape)
         self._course = self._krylov.course.view(newton.COURSE, np.ndarray)[0]
@@ -202,12 +196,12 @@ class TangentMinimiser(Minimiser):
     def _damped(self, shift: float, step: float, before: float, *, astray: bool) -> float:
         """Return the next tangent's multiple of the constant matrix. In motion, it grows while steps do not shrink.
 
-        ``shift`` is the multiple in the last tangent. ``step`` and ``before`` [m] are the last steps with the last two
-        tangents.
+        An almost singular tangent causes steps that are far too long. ``shift`` is the multiple in the last tangent,
+        and ``step`` and ``before`` [m] are the last steps with the last two tangents.
         """
         if self.certified or not (astray or step > 0.5 * before):
             return shift
-        return max(self._softness, DAMPING * shift)
+        return self._level.next_shift(shift)
 
     def _iterate_once(self, task: Task, target: float, limit: int) -> tuple[Why, int]:
         """Iterate in one compiled call; with an observer or a deadline, the call makes a single iteration."""

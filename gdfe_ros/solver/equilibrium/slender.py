@@ -94,7 +94,7 @@ def for_slender(
     held = body.handles and not body.unknowns.rigid_rows
     if held and not model.actuation.contacts and least >= ROUGH:
         level.shorten()
-    minimiser = TangentMinimiser(body, weight, bending, level, least, moving=moving)
+    minimiser = TangentMinimiser(body, weight, bending, level, moving=moving)
     return replace(model, minimiser=minimiser, level=level, softest=load)
 
 

@@ -14,8 +14,7 @@ SHORTEST_STUCK = 1.0 / 4.0
 """An increment whose solve got stuck is not halved again if it is at most this fraction of a load path."""
 STUCK = 1e-4
 """A solve without further descent is stuck if the estimated distance to the equilibrium, divided by the body's size,
-exceeds this. An example is a kink of the energy where cable points meet. At a smaller distance, the rounding of the
-energy has ended the solve.
+exceeds this. An example is a kink of the energy. At a smaller distance, the rounding of the energy has ended the solve.
 """
 SHORTEST_JUMP = 1.0 / 32.0
 """A jump is accepted in an increment of at most this fraction of a load path; shorter increments would jump, too."""

@@ -18,7 +18,7 @@ from gdfe_ros.compiled import inlined, internal, kernel, vector_kernel
 from gdfe_ros.solver.matrix.elimination import eliminated
 from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order
 from gdfe_ros.solver.tangent.frames import unrotated
-from gdfe_ros.solver.tangent.substitution import Kept, Plan, solve_unturned
+from gdfe_ros.solver.tangent.substitution import Kept, Plan, solve_columns, solve_unturned
 
 PANEL = 6
 """Columns that are eliminated together: two vertices. The rest of the front is updated once for all of them."""
@@ -241,8 +241,9 @@ class Fronts:
 def unturned_solutions(kept: Kept, right: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the solution for a right-hand side (3 f + q,), or for k of them (3 f + q, k), as in `solve_unturned`."""
     if right.ndim > 1:
-        columns = [unturned_solutions(kept, np.ascontiguousarray(column)) for column in right.T]
-        return np.stack(columns, axis=1) if columns else np.empty_like(right)
+        solution = np.empty(right.shape[::-1])
+        solve_columns(kept, np.ascontiguousarray(right.T), solution)
+        return solution.T
     solution = np.empty_like(right)
     solve_unturned(kept, right, solution)
     return solution

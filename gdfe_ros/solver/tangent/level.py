@@ -27,8 +27,8 @@ from gdfe_ros.solver.tangent.tangent import Tangent
 from gdfe_ros.solver.terms.term import Term
 
 SHIFT_GROWTH = 10.0
-"""If a tangent has no factor, growing multiples of the constant matrix are added to it: each is this factor times the
-last one.
+"""If a tangent has no factor, or its steps do not shrink in motion, growing multiples of the constant matrix are added
+to it: each is this factor times the last one.
 """
 MOST_SHIFT = 1e12
 """Largest multiple of the constant matrix that is added to a tangent without a factor. If it is not enough, the
@@ -105,12 +105,16 @@ class TangentLevel:
                 return self._loaded
             if not np.isfinite(tangent).all():
                 break
-            shift = max(self.first_shift, SHIFT_GROWTH * shift)
+            shift = self.next_shift(shift)
         if not self._load(
             Tangent(blocks=self._constant, motion=self._motion(np.zeros_like(u), problem.frame), shift=shift)
         ):
             raise FloatingPointError("neither the tangent nor the constant matrix has a factor")
         return self._loaded
+
+    def next_shift(self, shift: float) -> float:
+        """Return the multiple of the constant matrix to add after the multiple ``shift`` was too small."""
+        return max(self.first_shift, SHIFT_GROWTH * shift)
 
     def shorten(self) -> None:
         """Factor in single precision from the next tangent on."""

@@ -105,6 +105,13 @@ def solve_unturned(kept, right, out):
 
 
 @vector_kernel
+def solve_columns(kept, right, out):
+    """Do `solve_unturned` for each row of ``right`` (k, 3 f + q)."""
+    for k in range(len(right)):
+        solve_unturned(kept, right[k], out[k])
+
+
+@vector_kernel
 def solve_rigid(harmonic, schur, right, out):
     """Solve for the rigid rows, and correct the solution ``out`` of the free rows."""
     count, rows = harmonic.shape

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cables as terms.
 
+The segments have the lengths d. The cable's length is L = sum sqrt(d^2 + e^2) - c, with the constant c for which L is
+exact at rest. The short length e rounds off the kink of L at d = 0: where two eyelets meet, the cable holds them
+together.
+
 A cable of length L has the tension t = max(0, T + k (L - l)) and the energy (t^2 - T^2) / (2 k). This is the augmented
 Lagrangian of the constraint L <= l with multiplier T. For T = 0 it is an elastic cable of stiffness k. For k = 0 the
 tension is T and the energy T (L - l).
@@ -24,9 +28,13 @@ from gdfe_ros.solver.tangent.springs import Springs
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
-EFFORT, TARGET, STIFFNESS, CARRIERS, WEIGHTS = range(5)
-"""Offsets in ``reals`` of T [N], l [m], k [N/m], the number c of vertices that carry each point, and the weights of
-these vertices."""
+EFFORT, TARGET, STIFFNESS, EYELET, EXCESS, CARRIERS, WEIGHTS = range(7)
+"""Offsets in ``reals`` of T [N], l [m], k [N/m], e [m], c [m], the number of vertices that carry each point, and the
+weights of these vertices."""
+ROUND = 3e-4
+"""The length e, divided by the mean length of a cable's segments at rest. With e = 0, the line search would cut every
+Newton step onto the kink.
+"""
 
 BALANCED = 1e-9
 """Force on a movable vertex that counts as zero, divided by the tension."""
@@ -56,10 +64,11 @@ def point(x, reals, integers, i):
 @kernel
 def cable_length(x, reals, integers):
     """Return the length [m] of a cable at positions ``x`` (n, 3) [m]."""
-    total = 0.0
+    total = -reals[EXCESS]
     for i in range(len(integers) // int(reals[CARRIERS]) - 1):
         a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
-        total += np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+        stretch = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2
+        total += np.sqrt(stretch + reals[EYELET] * reals[EYELET])
     return total
 
 
@@ -76,7 +85,7 @@ def pull(x, reals, integers, tension, force):
     for i in range(len(integers) // count - 1):
         a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
         d0, d1, d2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+        length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2 + reals[EYELET] * reals[EYELET])
         scale = tension / length if length > 0.0 else 0.0
         for corner in range(count):
             near, far = integers[count * i + corner], integers[count * (i + 1) + corner]
@@ -132,6 +141,8 @@ class CableTerm(Term):
         super().__init__(cable.name, numbers, cable.points.corners.ravel().astype(np.int32))
         self._carrying = np.unique(self.integers)[None]
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
+        self.reals[EYELET] = ROUND * self._rest_length / max(1, len(cable.points.corners) - 1)
+        self.reals[EXCESS] = cable_length(body.rest, self.reals, self.integers) - self._rest_length
         self.neutral_command = self._rest_length if cable.mode is Mode.LENGTH else 0.0
         self._body, self._command, self._lifted = body, self.neutral_command, 0.0
         stiff = [handle.vertices for handle in body.handles if not handle.loose]
@@ -182,9 +193,9 @@ class CableTerm(Term):
         weights, corners = self._points()
         points = np.einsum("ia,iak->ik", weights, positions[corners])
         stretch = np.diff(points, axis=0)
-        length = np.linalg.norm(stretch, axis=1)
+        length = np.sqrt(np.square(stretch).sum(axis=1) + self.reals[EYELET] ** 2)
         along = stretch / np.where(length > 0.0, length, 1.0)[:, None]
-        tension = cable_tension(float(length.sum()), self.reals)
+        tension = cable_tension(cable_length(positions, self.reals, self.integers), self.reals)
         bent = np.eye(3) - along[:, :, None] * along[:, None, :]
         bent *= (tension / np.where(length > 0.0, length, np.inf))[:, None, None]
         signed = np.concatenate([-weights[:-1], weights[1:]], axis=1)
