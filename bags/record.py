@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.scene import load_scene
 from gdfe_ros.testing.player import play_program
@@ -158,7 +158,7 @@ def make(name: str) -> bool:
         f"{name}: {report.differences.steps} steps, {report.cuts} cut by a deadline; {report.duration:.3g} s of "
         f"simulation replayed in {report.wall_time:.3g} s: {verdict.value}"
     )
-    return verdict is Verdict.IDENTICAL
+    return verdict is Difference.IDENTICAL
 
 
 def record(recording: Recording, bag: Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``make bench-since COMMIT=...``: ratio of run times of this tree to those of another commit, both played in turn.
+"""``make bench-since COMMIT=...``: run times of this tree beside those of another commit, both played in turn.
 
 Each tree plays with its own package in a separate process with one thread. Both processes run on the same core in turn,
 so that other work on the machine slows down both. The median of the ratios of pairs is more reliable than a pair of
@@ -8,24 +8,29 @@ times. The commit is checked out and installed once.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 from benchmarks.markdown import markdown_table
+from benchmarks.replay import first_steps, summed
+from benchmarks.report import options, write_report
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
 from gdfe_ros.workers import THREAD_COUNTS
 
 ROOT = Path(__file__).resolve().parent.parent
 PLAYER = Path(__file__).with_name("player.py")
 TURNS = 7
 """Number of pairs of runs of each play, after one pair that is not timed."""
+PROBED = "tendon_finger", "pneunet", "gripper", "shape_memory_strip"
+"""Plays whose first steps a probe repeats."""
 
 
 @dataclass(frozen=True)
@@ -161,20 +166,29 @@ def compare(name: str, before: Player, after: Player, turns: int) -> Comparison:
     )
 
 
-def since_table(found: Sequence[Comparison]) -> str:
+def since_table(report: Mapping[str, Any]) -> str:
     """Return the comparisons as a Markdown table."""
-    heads = ("play", "steps", "before [ms a step]", "after [ms a step]", "ratio", "iterations", "same bits")
+    heads = ("program", "steps", f"{report['commit']} [ms a step]", "now [ms a step]", "times as fast", "iterations")
     rows = [
-        (item.name, str(item.steps), f"{1e3 * item.before / item.steps:.3f}", f"{1e3 * item.after / item.steps:.3f}",
-         f"{item.ratio:.3f}", "{} to {}".format(*item.iterations), "yes" if item.same else "no")
-        for item in found
+        (item["name"], str(item["steps"]), f"{1e3 * item['before'] / item['steps']:.3g}",
+         f"{1e3 * item['after'] / item['steps']:.3g}", f"{1.0 / item['ratio']:.2f}",
+         "{} to {}".format(*item["iterations"]))
+        for item in report["plays"]
     ]  # fmt: skip
     return markdown_table(heads, rows)
 
 
+def probe() -> dict[str, float]:
+    """Return the figures of the first steps of some plays."""
+    found: dict[str, float] = {}
+    for name in PROBED:
+        found |= first_steps(name, Simulation(load_scene(name)), PLAYS[name].steps)
+    return summed(found)
+
+
 def main() -> None:
-    """Compare all plays, print each comparison, and print the table."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.since", description=__doc__)
+    """Compare all plays, print each comparison, write the report and print the table."""
+    parser = options("benchmarks.since", __doc__, "since")
     parser.add_argument("commit", help="any name of a commit, or the path of a checkout with its .venv")
     parser.add_argument("plays", nargs="*", metavar="PLAY", help=f"default: all of {', '.join(PLAYS)}")
     parser.add_argument("--turns", type=int, default=TURNS, help=f"pairs of each (default: {TURNS})")
@@ -188,10 +202,12 @@ def main() -> None:
     players, found = [Player(tree, arguments.core), Player(ROOT, arguments.core)], []
     for name in arguments.plays or PLAYS:
         found.append(compare(name, *players, arguments.turns))
-        print(f"{name}: {found[-1].ratio:.3f}", file=sys.stderr, flush=True)
+        print(f"{name}: {found[-1].ratio:.3f}{', same bits' * found[-1].same}", file=sys.stderr, flush=True)
     for player in players:
         player.close()
-    print(since_table(found))
+    report = {"commit": arguments.commit, "plays": [asdict(item) for item in found]}
+    write_report(arguments.out, report, probe())
+    print(since_table(report))
 
 
 if __name__ == "__main__":

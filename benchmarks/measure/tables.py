@@ -56,6 +56,8 @@ class Table:
         return cast(Callable[[], Probe], getattr(module, self.probe))
 
 
+BEFORE = "5eecb34"
+"""Commit with which the table ``since`` compares: the solver before its loop, kernels and contact were rewritten."""
 TABLES = (
     Table(name="factors", module="benchmarks.factors", minutes=0.5),
     Table(name="skip", module="benchmarks.savings", minutes=1),
@@ -88,6 +90,7 @@ TABLES = (
         ros=True,
     ),
     Table(name="manners", module="benchmarks.manners", minutes=6, needs=("rclpy",), ros=True),
+    Table(name="since", module="benchmarks.since", arguments=(BEFORE,), minutes=12),
     Table(name="bench", module="benchmarks", minutes=9),
     Table(name="torture", module="benchmarks.torture.measure", minutes=12, needs=("xdist",)),
 )

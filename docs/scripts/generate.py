@@ -23,6 +23,7 @@ from benchmarks import (
     motion,
     robots,
     second_level,
+    since,
     streams,
     threads,
 )
@@ -86,6 +87,7 @@ TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "robots": robots.robot_table,
     "robots_level": lambda data: second_level.table(data["rows"]),
     "second_level": lambda data: second_level.table(data["rows"]),
+    "since": since.since_table,
     "skip": all_tables,
     "streams": streams.all_tables,
     "threads": threads.thread_table,

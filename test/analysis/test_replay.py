@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import runpy
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -151,3 +152,9 @@ def test_a_bag_replays_with_another_factorisation(kept_bags: dict[Path, float], 
     differences = Replay(BagRun(bag)).run().differences
     assert differences.verdict() is Difference.DIFFERENT
     assert differences.verdict(factor) is Difference.WITHIN, differences.factor_needed()
+
+
+def test_the_recorder_of_the_bags_loads(kept_bags: dict[Path, float]) -> None:
+    """The script of ``make bags`` imports only names that exist."""
+    script = next(iter(kept_bags)).parent / "record.py"
+    assert callable(runpy.run_path(str(script), run_name="record")["main"])

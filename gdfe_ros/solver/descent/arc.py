@@ -25,9 +25,9 @@ from gdfe_ros.solver.matrix.inverse import apply_free
 from gdfe_ros.solver.matrix.rotation import rotation_matrix
 from gdfe_ros.solver.matrix.unknowns import gather_rows, place
 
-MOST_TURN = 0.09
-"""Largest rotation of an element in a Newton step [rad]; longer steps are shortened. With 0.5, some steps of robots
-with contact end at other equilibria and are repeated.
+MOST_TURN = 0.2
+"""Largest rotation of an element in a Newton step [rad]; longer steps are shortened. With 0.3 and more, some steps of
+robots with contact end at other equilibria and are repeated.
 """
 
 

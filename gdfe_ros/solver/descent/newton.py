@@ -73,13 +73,15 @@ class Why(IntEnum):
     LIMIT = 1
     """The limit of iterations is reached."""
     STALE = 2
-    """The products with this factor have cost as much as a new tangent would cost."""
+    """The products with this factor have cost as much as a new tangent would cost, or the body has turned far."""
     ENDED = 3
     """No step is possible: see `End`."""
     ASTRAY = 4
     """Steps are far too long: the factor is almost singular."""
     HARD = 5
-    """The last Newton step was shortened, or conjugate gradients did not converge: the energy is far from quadratic."""
+    """The line search shortened the last Newton step, or conjugate gradients did not converge: the energy is far from
+    quadratic.
+    """
 
 
 class StepKind(IntEnum):
@@ -283,11 +285,13 @@ def iterate(problem, work, beside, kept, krylov, weight, inverse, size, spacing,
         if advance(problem, work, 0.0, first):
             return Why.ENDED, iteration
         solve_kept(kept, work.gradient, work.step)
-        smooth = solved == StepKind.FOUND and share == 1.0 and work.status[0].length == 1.0
-        if smooth and reached(work, course, far, target):
+        smooth = solved == StepKind.FOUND and work.status[0].length == 1.0
+        if smooth and share == 1.0 and reached(work, course, far, target):
             course.distance = largest(work.step) / course.least
             return Why.NEAR, iteration + 1
         course.distance = math.inf
         if not smooth:
             return Why.HARD, iteration + 1
+        if share < 1.0:
+            return Why.STALE, iteration + 1
     return Why.LIMIT, limit

@@ -93,7 +93,9 @@ class Stepper:
         if unreachable := self._unreachable(state, goal):
             return March.refused(state, unreachable)
         march, suspect, tried = self._rescued(self._march(state, goal), goal, state), state.suspect, state.tried
-        if (suspect or (march.inverted and self._displaced(state))) and not past(deadline):
+        # An equilibrium that follows an unfinished step, and is crumpled, may be far above the lowest one.
+        high = march.inverted or (march.sound and crumpled(march.state) and state.anchor is not None)
+        if (suspect or (high and self._displaced(state))) and not past(deadline):
             march, suspect, tried = self._better_from_rest(march, goal), False, True
         if march.inverted:
             march = changed(march, converged=False, message=f"{march.message}; {UNFOLD}".lstrip("; "))
