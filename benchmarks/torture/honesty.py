@@ -24,9 +24,8 @@ from gdfe_ros.solver.settings import Policy
 
 TOLERANCES = (1e-3, 1e-4, 1e-5)
 TRUTHS = (1e-8, 1e-6)
-PROMISE, STOCKY_PROMISE = 3.0, 5.0
-"""Largest allowed true error of a converged step, divided by the tolerance: for slender bodies, whose distance to the
-equilibrium is computed, and for stocky bodies, whose distance is estimated from the decrease of the iterates' steps."""
+PROMISE = 2.0
+"""Largest allowed true error of a converged step, divided by the tolerance."""
 TEXT = """
 name: honest
 mesh: {{{mesh}}}
@@ -146,7 +145,7 @@ def cases() -> list[Case]:
             policy=Policy.ENERGY,
             law="as it is",
             run=partial(_run, name, tolerance),
-            bound=STOCKY_PROMISE if name in STOCKY else PROMISE,
+            bound=PROMISE,
             may_report=True,
         )
         for name in STREAMS

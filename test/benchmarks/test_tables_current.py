@@ -14,9 +14,7 @@ from benchmarks.report import KEPT, Report, read_report
 from docs.scripts import generate
 from gdfe_ros.solver.equilibrium import slender
 
-OLDER: dict[str, str] = {
-    "torture": "measured before Newton steps followed arcs; its walks of 100 000 steps take half an hour"
-}
+OLDER: dict[str, str] = {}
 """Dict from a table made with an older solver, as its page says, to the reason; delete the entry when remeasured."""
 
 

@@ -292,6 +292,5 @@ def iterate(problem, work, beside, kept, krylov, weight, inverse, size, spacing,
         course.distance = math.inf
         if not smooth:
             return Why.HARD, iteration + 1
-        if share < 1.0:
-            return Why.STALE, iteration + 1
+        course.spent = max(course.spent, worth * (share < 1.0))  # a body that turned far needs a new tangent
     return Why.LIMIT, limit
