@@ -90,7 +90,7 @@ TABLES = (
         ros=True,
     ),
     Table(name="manners", module="benchmarks.manners", minutes=6, needs=("rclpy",), ros=True),
-    Table(name="since", module="benchmarks.since", arguments=(BEFORE,), minutes=12),
+    Table(name="since", module="benchmarks.since", arguments=(BEFORE, "--turns", "3"), minutes=7),
     Table(name="bench", module="benchmarks", minutes=9),
     Table(name="torture", module="benchmarks.torture.measure", minutes=12, needs=("xdist",)),
 )
