@@ -6,10 +6,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.compiled import kernel
+from gdfe_ros.materials.tensor import cross, perpendicular
+from gdfe_ros.mesh.triples import along, corner, minus
+from gdfe_ros.solver.contact.gap import unit
 from gdfe_ros.solver.contact.touch import Touch
-
-TINY = float(np.finfo(float).tiny)
 
 
 def touching_vertices(
@@ -74,19 +75,14 @@ def touching_vertices(
     )
 
 
-@internal
-def _cross(a, b):
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
 @kernel
 def across(normals):
     """Return two unit tangents (k, 3) of the planes with unit normals (k, 3), perpendicular to each other."""
-    axes, first, second = np.eye(3), np.empty((len(normals), 3)), np.empty((len(normals), 3))
+    first, second = np.empty((len(normals), 3)), np.empty((len(normals), 3))
     for k in range(len(normals)):
-        first[k] = _cross(normals[k], axes[np.abs(normals[k]).argmin()])
-        first[k] /= np.sqrt(np.square(first[k]).sum())
-        second[k] = _cross(normals[k], first[k])
+        normal = corner(normals, k)
+        tangent = perpendicular(normal)
+        first[k], second[k] = tangent, cross(normal, tangent)
     return first, second
 
 
@@ -100,9 +96,9 @@ def frames(x, quads):
     """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]. Columns are axes, the third the normal."""
     axes = np.empty((len(quads), 3, 3))
     for k in range(len(quads)):
-        a, b, c, d = x[quads[k, 0]], x[quads[k, 1]], x[quads[k, 2]], x[quads[k, 3]]
-        along, normal = b + c - a - d, _cross(c - a, d - b)
-        along /= np.sqrt(np.square(along).sum())
-        normal /= max(np.sqrt(np.square(normal).sum()), TINY)
-        axes[k, :, 0], axes[k, :, 1], axes[k, :, 2] = along, _cross(normal, along), normal
+        a, b, c, d = corner(x, quads[k, 0]), corner(x, quads[k, 1]), corner(x, quads[k, 2]), corner(x, quads[k, 3])
+        u, v, w = along(1.0, minus(b, a), 1.0, minus(c, d)), minus(c, a), minus(d, b)
+        first, normal = unit(u[0], u[1], u[2]), cross(v, w)
+        normal = unit(normal[0], normal[1], normal[2])
+        axes[k, :, 0], axes[k, :, 1], axes[k, :, 2] = first, cross(normal, first), normal
     return axes

@@ -93,9 +93,7 @@ class Stepper:
         if unreachable := self._unreachable(state, goal):
             return March.refused(state, unreachable)
         march, suspect, tried = self._rescued(self._march(state, goal), goal, state), state.suspect, state.tried
-        # An equilibrium that follows an unfinished step, and is crumpled, may be far above the lowest one.
-        high = march.inverted or (march.sound and crumpled(march.state) and state.anchor is not None)
-        if (suspect or (high and self._displaced(state))) and not past(deadline):
+        if (suspect or (march.inverted and self._displaced(state))) and not past(deadline):
             march, suspect, tried = self._better_from_rest(march, goal), False, True
         if march.inverted:
             march = changed(march, converged=False, message=f"{march.message}; {UNFOLD}".lstrip("; "))
@@ -207,10 +205,10 @@ class Stepper:
 
         A load path fails if the solve is unfinished, or if the path stops before its end with elements folded or nearly
         folded. The anchor is then the last equilibrium. If the elements of this equilibrium are folded or nearly
-        folded, the equilibrium at the beginning of the load path is preferred.
+        folded, the equilibrium at the beginning of the load path is preferred, or that before an unfinished beginning.
         """
         accepted = self.equilibrium.accept(attempt.solution, state)
-        before = [each for each in (state, begin) if each.unfinished is None and each.sound]
+        before = [each for each in (state, begin, begin.anchor) if each and each.unfinished is None and each.sound]
         before.sort(key=crumpled)
         crumples = attempt.verdict is AttemptOutcome.STOP and attempt.way.next < 1.0 and crumpled(accepted)
         fails = accepted.unfinished is not None or crumples

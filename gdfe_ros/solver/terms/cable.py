@@ -61,14 +61,20 @@ def point(x, reals, integers, i):
     return p0, p1, p2
 
 
+@inlined
+def segment(x, reals, integers, i):
+    """Return the vector (3,) [m] from cable point ``i`` to the next one, and the length sqrt(d^2 + e^2) [m]."""
+    a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
+    d0, d1, d2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    return d0, d1, d2, np.sqrt(d0 * d0 + d1 * d1 + d2 * d2 + reals[EYELET] * reals[EYELET])
+
+
 @kernel
 def cable_length(x, reals, integers):
     """Return the length [m] of a cable at positions ``x`` (n, 3) [m]."""
     total = -reals[EXCESS]
     for i in range(len(integers) // int(reals[CARRIERS]) - 1):
-        a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
-        stretch = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2
-        total += np.sqrt(stretch + reals[EYELET] * reals[EYELET])
+        total += segment(x, reals, integers, i)[3]
     return total
 
 
@@ -83,9 +89,7 @@ def pull(x, reals, integers, tension, force):
     """Add ``tension`` times dL/dx to ``force`` (n, 3)."""
     count = int(reals[CARRIERS])
     for i in range(len(integers) // count - 1):
-        a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
-        d0, d1, d2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2 + reals[EYELET] * reals[EYELET])
+        d0, d1, d2, length = segment(x, reals, integers, i)
         scale = tension / length if length > 0.0 else 0.0
         for corner in range(count):
             near, far = integers[count * i + corner], integers[count * (i + 1) + corner]
