@@ -17,9 +17,9 @@ def changed(value: Value, **changes: object) -> Value:
     Raises:
         TypeError: there is no such attribute.
     """
-    unknown = changes.keys() - value.__dict__.keys()
-    if unknown:
-        raise TypeError(f"a {type(value).__name__} has no {', '.join(sorted(unknown))}")
     copy = object.__new__(type(value))
     copy.__dict__.update(value.__dict__, **changes)
+    if len(copy.__dict__) != len(value.__dict__):
+        unknown = changes.keys() - value.__dict__.keys()
+        raise TypeError(f"a {type(value).__name__} has no {', '.join(sorted(unknown))}")
     return copy

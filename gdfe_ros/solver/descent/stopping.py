@@ -9,7 +9,7 @@ from __future__ import annotations
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.workspace import WINDOW
 
-LONGEST_WAY = 10.0
+LONGEST_WAY = 5.0
 """Largest estimated remaining distance at which a minimisation may end, divided by its target for one step."""
 SLOWEST = 0.95
 """Upper limit, in the estimate, of the ratio of the longest steps of two successive windows."""

@@ -21,8 +21,8 @@ MOST_SADDLES = 8
 """Largest number of saddles that one solve leaves in succession."""
 STEP, ASK, LOOK = 4, 40, 500
 """Numbers of iterations. A step counts as its own iterations plus `STEP`. Along the softest direction, the curvature is
-evaluated every `ASK` iterations, with one product. The direction is computed anew every `LOOK` iterations. Each of the
-two costs about a fortieth of the work of a stream.
+evaluated every `ASK` iterations, with one product. The direction is computed anew every `LOOK` iterations, with 20 to
+40 products.
 """
 UNSTABLE = (
     "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"

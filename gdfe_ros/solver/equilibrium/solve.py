@@ -38,8 +38,9 @@ of a driven body whose history is not full. The first number keeps the errors of
 third number is needed because the history does not yet contain the softest modes, which forces excite most.
 """
 COLD_AIM = 0.2
-"""A solve that continues no motion is solved to this fraction of the tolerance. Its history does not contain the
-softest modes yet, so its iterations become short before the distance to the equilibrium becomes small.
+"""A cold solve, one at the end of a command that continues no motion but that of the command's other increments, is
+solved to this fraction of the tolerance. Its history does not contain the softest modes yet, so its iterations become
+short before the distance does.
 """
 MOST_UPDATES = 60
 """Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
@@ -83,7 +84,7 @@ class Solve:
         self._level, self._softening = model.level, model.softening
         self.problem, self.start, self.warm = problem, start, warm
         self.anew = not prediction.ratio
-        self._aim = COLD_AIM if model.softening and not prediction.ratio else 1.0
+        self._cold = problem.ends == 1.0 and (self.anew or problem.begins > 0.0)
         self._base, self._frame, self._prediction = base, model.handles.frame(base), prediction
         self._operators = self._actuation.growths.at(problem.commands, start.operators)
         self.iterations, self._watch = 0, Watch.over(len(self._body.material))
@@ -178,7 +179,8 @@ class Solve:
         if resumed is not None:
             first = max(resumed.tolerance, tolerance)
             active.workspace.recent[...], active.status["seen"] = resumed.recent, resumed.seen
-        given = {"share": self._aim, "certified": self._minimiser.certified}
+        share = COLD_AIM if self._cold and self._softening else 1.0
+        given = {"share": share, "certified": self._minimiser.certified}
         return DescentSchedule(self._actuation, tolerance, first=first, **given)
 
     def _least_iterations(self, active: ActiveSet) -> int:
@@ -202,17 +204,32 @@ class Solve:
             still: whether the last minimisation made no iteration.
             accumulates: whether there are pressures or multipliers.
         """
+        if still and self._settled:  # the last update has not moved the equilibrium
+            return True
         # Even if no further descent is possible, new pressures and scales may make one possible.
         last = self._schedule.exact or active.ended is not End.NONE
         # Scales follow the positions alone: where these have not moved, another update changes nothing.
-        quiet = still and (self._settled or not accumulates)
+        quiet = still and not accumulates
         moved = self._update(active, still=still)
         self._settled = last and moved <= 1.0
         if last and still and not self._settled:
             self._schedule.refine()
         if not self._settled and self._level is None:  # slender bodies need few updates
             self._actuation.hasten(self.problem.tolerance)
-        return self._settled and (quiet or not self._actuation.contacts or not self._minimiser.certified)
+        if self._settled and (quiet or not self._looks(active)):
+            return True
+        if self._settled:
+            self._schedule.look()
+        return False
+
+    def _looks(self, active: ActiveSet) -> bool:
+        """Return whether a minimisation must confirm the positions after the last update of the multipliers.
+
+        New contact forces or pressures may have moved the equilibrium of a slender body by more than the tolerance, and
+        new pressures that of any body in a cold solve.
+        """
+        certified, carries = self._minimiser.certified, len(active.carried) > 0
+        return (certified and bool(self._actuation.contacts)) or (self._cold and (certified or carries))
 
     def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
         """Write energies [J] and least volume ratios of the active elements to ``stored`` and ``least`` (m,)."""
@@ -318,7 +335,8 @@ class Solve:
             return False, np.inf, TOO_DEEP
         if ROUNDING * float(active.status["outside"]) > self._body.strain_energy_scale:
             return False, np.inf, TOO_STRONG
-        tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active) / self._aim
+        share = 1.0 if self._minimiser.certified else self._schedule.share
+        tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active) / share
         if estimate <= tolerance and self._settled and (self.warm or not self._cut):
             return True, estimate, ""
         if self._cut:

@@ -174,7 +174,13 @@ class Stepper:
         (poses, commands), deadline, patience = way.aim, way.goal.deadline, self.equilibrium.patience
         limit = way.left if way.shortest else min(way.left, patience)
         problem = Increment(
-            poses=poses, commands=commands, tolerance=way.goal.tolerance, limit=limit, deadline=deadline
+            poses=poses,
+            commands=commands,
+            tolerance=way.goal.tolerance,
+            limit=limit,
+            deadline=deadline,
+            begins=way.done,
+            ends=way.next,
         )
         solution = self.equilibrium.solve(problem, state)
         spent = way.iterations + solution.iterations >= way.budget or past(deadline)

@@ -16,11 +16,11 @@ from scipy.linalg import eigh_tridiagonal
 
 MOST_PRODUCTS = 80
 """The least eigenvalue counts as unknown after this number of products."""
-LEAST_PRODUCTS = 10
+LEAST_PRODUCTS = 12
 """Least number of products before a Ritz value can count as converged."""
 LOOK_BACK, STEADY, FLAT = 4, 0.05, 1e-4
-"""The least Ritz value counts as converged if it changed over `LOOK_BACK` products by at most the fraction `STEADY`, or
-by at most `FLAT`. A value below `FLAT` counts as no curvature.
+"""The least Ritz value is computed after every `LOOK_BACK` products. It counts as converged if it changed over these by
+at most the fraction `STEADY`, or by at most `FLAT`. A value below `FLAT` counts as no curvature.
 """
 
 NOISE = 1e-4
@@ -73,21 +73,18 @@ def lowest(
     vectors = np.empty((most, len(load)), np.float32)  # pages never written use no memory
     diagonal: list[float] = []
     beside: list[float] = []
-    values: list[float] = []
-    found: tuple[float, NDArray[np.float64]] | None = None
-    known, flat = not weight > 0.0, FLAT if steady else 0.0
+    value, known, flat = np.inf, not weight > 0.0, FLAT if steady else 0.0
     while weight > 0.0 and len(diagonal) < most:
         scale = 1.0 / np.sqrt(weight)
         vector, load = scale * vector, scale * load
         vectors[len(diagonal)] = vector
         image = product(vector)
         diagonal.append(float(vector @ image))
-        if len(diagonal) >= LEAST_PRODUCTS - LOOK_BACK:
-            found = _least(diagonal, beside)
-            values.append(found[0])
-        known = len(values) > LOOK_BACK and (values[-1 - LOOK_BACK] - values[-1] <= max(steady * abs(values[-1]), flat))
-        if known:
-            break
+        if len(diagonal) % LOOK_BACK == 0:
+            last, value = value, _least(diagonal, beside)[0]
+            known = len(diagonal) >= LEAST_PRODUCTS and last - value <= max(steady * abs(value), flat)
+            if known:
+                break
         load, before = image - diagonal[-1] * load - (beside[-1] if beside else 0.0) * before, load
         precondition(load, vector)
         weight = float(load @ vector)
@@ -97,7 +94,7 @@ def lowest(
         beside.append(np.sqrt(weight))
     if not diagonal:
         return Lowest(1.0, np.zeros_like(load), True, 0)
-    value, coefficients = found or _least(diagonal, beside[: len(diagonal) - 1])
+    value, coefficients = _least(diagonal, beside[: len(diagonal) - 1])
     return Lowest(value, coefficients @ vectors[: len(diagonal)], known, len(diagonal))
 
 
