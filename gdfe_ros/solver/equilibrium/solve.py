@@ -225,11 +225,11 @@ class Solve:
     def _looks(self, active: ActiveSet) -> bool:
         """Return whether a minimisation must confirm the positions after the last update of the multipliers.
 
-        New contact forces or pressures may have moved the equilibrium of a slender body by more than the tolerance, and
-        new pressures that of any body in a cold solve.
+        New contact forces may have moved the equilibrium of a slender body by more than the tolerance, and new
+        pressures that of any body in a cold solve.
         """
-        certified, carries = self._minimiser.certified, len(active.carried) > 0
-        return (certified and bool(self._actuation.contacts)) or (self._cold and (certified or carries))
+        touches = self._minimiser.certified and bool(self._actuation.contacts)
+        return touches or (self._cold and len(active.carried) > 0)
 
     def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
         """Write energies [J] and least volume ratios of the active elements to ``stored`` and ``least`` (m,)."""

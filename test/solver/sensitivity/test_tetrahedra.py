@@ -38,7 +38,7 @@ def test_materials(key: str, value: float, step: float) -> None:
 @pytest.mark.parametrize(("kind", "value", "step"), [(CABLE, 0.004, 1e-4), (GROWTH, 0.5, 1e-2)])
 def test_actuators(kind: str, value: float, step: float) -> None:
     """Derivatives with respect to the shortening of a cable and the fraction of a growth."""
-    assert command_error(kind, value, step, mesh=MESH, solver__tolerance=1e-10) <= 1.0
+    assert command_error(kind, value, step, mesh=MESH) <= 1.0
 
 
 def test_poses() -> None:
