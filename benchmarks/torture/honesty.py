@@ -65,7 +65,7 @@ class Stream:
     played: int
 
 
-def _bar(size: tuple[float, float, float], cells: tuple[int, int, int], sag: float, **options: object) -> Scene:
+def bar(size: tuple[float, float, float], cells: tuple[int, int, int], sag: float, **options: object) -> Scene:
     """Return a clamped bar or plate whose sag according to beam theory is ``sag`` times its length."""
     length, _, thickness = size
     gravity = -sag * length * 8.0 * 1e6 * thickness**2 / (12.0 * 1000.0 * length**4)
@@ -74,10 +74,15 @@ def _bar(size: tuple[float, float, float], cells: tuple[int, int, int], sag: flo
     return scene_from_text(TEXT.format(mesh=mesh, gravity=gravity, **words))
 
 
-def _held(poisson: float, cells: tuple[int, int, int], shift: tuple[float, float, float], turn: float) -> Scene:
-    """Return a bar held at both ends; its tip is shifted by ``shift`` lengths and turned by ``turn`` deg about x, y."""
-    length = 0.01 * cells[0] / cells[1]
-    given = {"shift": [length * part for part in shift], "turn": [turn, 0.5 * turn, 0.0]}
+def held(
+    length: float,
+    cells: tuple[int, int, int],
+    poisson: float,
+    shift: tuple[float, float, float],
+    turn: tuple[float, float, float],
+) -> Scene:
+    """Return a bar of ``length`` [m] with held ends; its tip moves by ``shift`` lengths and turns by ``turn`` [deg]."""
+    given = {"shift": [length * part for part in shift], "turn": list(turn)}
     return scene_from_text(HELD.format(length=length, cells=list(cells), poisson=poisson, **given))
 
 
@@ -91,24 +96,24 @@ FORKS = {
 }
 """Dict from name to the shortenings [m] of a fork's cables in one step."""
 HELD_BARS = {
-    "held bar 1:3, nu 0.49": (0.49, (9, 3, 3), (0.1, 0.2, -0.1), 80.0),
-    "held bar 1:6, nu 0.49": (0.49, (12, 2, 2), (0.1, -0.2, 0.1), 80.0),
-    "held bar 1:8": (0.3, (24, 3, 3), (-0.1, 0.1, 0.2), 80.0),
-    "held bar 1:10": (0.45, (20, 2, 2), (-0.1, 0.1, 0.3), 100.0),
-    "held bar 1:14": (0.45, (42, 3, 3), (0.0, 0.0, 0.0), 90.0),
+    "held bar 1:3, nu 0.49": (0.03, (9, 3, 3), 0.49, (0.1, 0.2, -0.1), (80.0, 40.0, 0.0)),
+    "held bar 1:6, nu 0.49": (0.06, (12, 2, 2), 0.49, (0.1, -0.2, 0.1), (80.0, 40.0, 0.0)),
+    "held bar 1:8": (0.08, (24, 3, 3), 0.3, (-0.1, 0.1, 0.2), (80.0, 40.0, 0.0)),
+    "held bar 1:10": (0.1, (20, 2, 2), 0.45, (-0.1, 0.1, 0.3), (100.0, 50.0, 0.0)),
+    "held bar 1:14": (0.14, (42, 3, 3), 0.45, (0.0, 0.0, 0.0), (90.0, 45.0, 0.0)),
 }
-"""Dict from name to arguments of `_held`: stocky bars that are bent and turned far in one step."""
+"""Dict from name to arguments of `held`: stocky bars that are bent and turned far in one step."""
 STOCKY = ("bend5", "twist90", "two_material_bar")
 STREAMS: Mapping[str, Stream] = {
-    "bar 1:10": Stream(partial(_bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38), 50, 10),
-    "bar 1:50": Stream(partial(_bar, (0.4, 0.008, 0.008), (200, 2, 2), 0.38), 50, 6),
-    "bar 1:100": Stream(partial(_bar, (0.4, 0.004, 0.004), (400, 2, 2), 0.38), 50, 4),
-    "bar 1:10, nu 0.495": Stream(partial(_bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38, poisson=0.495), 50, 10),
-    "bar 1:10 in one step": Stream(partial(_bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38), 1, 1),
-    "bar 1:50 in one step": Stream(partial(_bar, (0.4, 0.008, 0.008), (200, 2, 2), 0.1), 1, 1),
-    "plate 1:100": Stream(partial(_bar, (0.1, 0.1, 0.001), (20, 20, 1), 0.65), 100, 5),
-    "hard links": Stream(partial(_bar, (0.2, 0.02, 0.02), (40, 4, 4), 0.5, hard=LINKS), 50, 4),
-    "hard layer": Stream(partial(_bar, (0.2, 0.02, 0.02), (40, 4, 4), 5.0, hard=LAYER), 50, 4),
+    "bar 1:10": Stream(partial(bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38), 50, 10),
+    "bar 1:50": Stream(partial(bar, (0.4, 0.008, 0.008), (200, 2, 2), 0.38), 50, 6),
+    "bar 1:100": Stream(partial(bar, (0.4, 0.004, 0.004), (400, 2, 2), 0.38), 50, 4),
+    "bar 1:10, nu 0.495": Stream(partial(bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38, poisson=0.495), 50, 10),
+    "bar 1:10 in one step": Stream(partial(bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38), 1, 1),
+    "bar 1:50 in one step": Stream(partial(bar, (0.4, 0.008, 0.008), (200, 2, 2), 0.1), 1, 1),
+    "plate 1:100": Stream(partial(bar, (0.1, 0.1, 0.001), (20, 20, 1), 0.65), 100, 5),
+    "hard links": Stream(partial(bar, (0.2, 0.02, 0.02), (40, 4, 4), 0.5, hard=LINKS), 50, 4),
+    "hard layer": Stream(partial(bar, (0.2, 0.02, 0.02), (40, 4, 4), 5.0, hard=LAYER), 50, 4),
     **{
         name: Stream(partial(load_scene, name), 100, 6)
         for name in ("tendon_finger", "gripper", "bending_tube", "pneunet", "three_chamber_arm")
@@ -118,9 +123,9 @@ STREAMS: Mapping[str, Stream] = {
         f"{name} in one step": Stream(partial(fork, dict(zip(FINGERS, pulls, strict=True))), 1, 1)
         for name, pulls in FORKS.items()
     },
-    **{f"{name}, in one step": Stream(partial(_held, *given), 1, 1) for name, given in HELD_BARS.items()},
+    **{f"{name}, in one step": Stream(partial(held, *given), 1, 1) for name, given in HELD_BARS.items()},
     **{name: Stream(partial(load_scene, name), 50, 6) for name in STOCKY},
-    "plate 1:100, fine": Stream(partial(_bar, (0.1, 0.1, 0.001), (100, 100, 1), 0.65), 100, 3),
+    "plate 1:100, fine": Stream(partial(bar, (0.1, 0.1, 0.001), (100, 100, 1), 0.65), 100, 3),
 }
 
 
@@ -128,16 +133,16 @@ STREAMS: Mapping[str, Stream] = {
 def _truth(name: str) -> tuple[StepResult, ...]:
     """Return a stream's results at the first tolerance of `TRUTHS` at which all steps converge, or at the last one."""
     for tolerance in TRUTHS:
-        results = _played(name, tolerance)
+        results = played(STREAMS[name], tolerance)
         if all(result.converged for result in results):
             break
     return results
 
 
-def _played(name: str, tolerance: float) -> tuple[StepResult, ...]:
-    scene = STREAMS[name].scene()
-    simulation = Simulation(replace(scene, solver=replace(scene.solver, tolerance=tolerance)))
-    return play(simulation, STREAMS[name])
+def played(stream: Stream, tolerance: float) -> tuple[StepResult, ...]:
+    """Return the results of the steps of a stream with another tolerance."""
+    scene = stream.scene()
+    return play(Simulation(replace(scene, solver=replace(scene.solver, tolerance=tolerance))), stream)
 
 
 def play(simulation: Simulation, stream: Stream) -> tuple[StepResult, ...]:
@@ -155,7 +160,7 @@ def error_of(found: StepResult, true: StepResult, size: float) -> float:
 
 
 def _run(name: str, tolerance: float) -> Finding:
-    size, truth, results = STREAMS[name].scene().mesh.size, _truth(name), _played(name, tolerance)
+    size, truth, results = STREAMS[name].scene().mesh.size, _truth(name), played(STREAMS[name], tolerance)
     pairs = [(found, true) for found, true in zip(results, truth, strict=True) if found.converged and true.converged]
     errors = [error_of(found, true, size) / tolerance for found, true in pairs]
     iterations = sum(result.iterations for result in results) / len(results)

@@ -197,7 +197,7 @@ class Solve:
         return runaway or self._minimiser.lost
 
     def _balanced(self, active: ActiveSet, *, still: bool, accumulates: bool) -> bool:
-        """Update pressures, multipliers and scales; return whether the solve ends with this update.
+        """Update pressures, multipliers and scales, unless the last update stands; return whether the solve ends.
 
         Args:
             active: the moving elements.
@@ -216,10 +216,9 @@ class Solve:
             self._schedule.refine()
         if not self._settled and self._level is None:  # slender bodies need few updates
             self._actuation.hasten(self.problem.tolerance)
-        if self._settled and (quiet or not self._looks(active)):
-            return True
-        if self._settled:
-            self._schedule.look()
+        if not self._settled or quiet or not self._looks(active):
+            return self._settled
+        self._schedule.look()
         return False
 
     def _looks(self, active: ActiveSet) -> bool:
