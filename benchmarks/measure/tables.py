@@ -61,16 +61,16 @@ BEFORE = "5eecb34"
 TABLES = (
     Table(name="factors", module="benchmarks.factors", minutes=0.5),
     Table(name="skip", module="benchmarks.savings", minutes=1),
-    Table(name="threads", module="benchmarks.threads", minutes=2),
+    Table(name="threads", module="benchmarks.threads", minutes=1),
     Table(name="cut_cells", module="benchmarks.cut_cells", minutes=0.5),
-    Table(name="batches", module="benchmarks.batches", minutes=2),
+    Table(name="batches", module="benchmarks.batches", minutes=1.5),
     Table(name="environments", module="benchmarks.environments", minutes=5, needs=("gymnasium",)),
-    Table(name="constant_factors", module="benchmarks.constant_factors", minutes=2),
-    Table(name="coarse_meshes", module="benchmarks.coarse_meshes", minutes=1),
-    Table(name="streams", module="benchmarks.streams", minutes=1.5),
+    Table(name="constant_factors", module="benchmarks.constant_factors", minutes=1),
+    Table(name="coarse_meshes", module="benchmarks.coarse_meshes", minutes=0.5),
+    Table(name="streams", module="benchmarks.streams", minutes=2),
     Table(name="robots", module="benchmarks.robots", minutes=1),
-    Table(name="chamber", module="benchmarks.chamber", minutes=1.5, needs=("felupe", "pypardiso")),
-    Table(name="second_level", module="benchmarks.second_level", minutes=2),
+    Table(name="chamber", module="benchmarks.chamber", minutes=1, needs=("felupe", "pypardiso")),
+    Table(name="second_level", module="benchmarks.second_level", minutes=1.5),
     Table(
         name="robots_level",
         module="benchmarks.second_level",
@@ -78,9 +78,9 @@ TABLES = (
         probe="robot_probe",
         minutes=1,
     ),
-    Table(name="motion", module="benchmarks.motion", minutes=1.5),
+    Table(name="motion", module="benchmarks.motion", minutes=1),
     Table(name="arm_grasp", module="benchmarks.arm_grasp", minutes=1.5, needs=("pinocchio",)),
-    Table(name="contact", module="benchmarks.contact", minutes=5),
+    Table(name="contact", module="benchmarks.contact", minutes=4.5),
     Table(
         name="bench_node",
         module="benchmarks.node",
@@ -92,7 +92,7 @@ TABLES = (
     Table(name="manners", module="benchmarks.manners", minutes=6, needs=("rclpy",), ros=True),
     Table(name="since", module="benchmarks.since", arguments=(BEFORE, "--turns", "3"), minutes=9.5),
     Table(name="bench", module="benchmarks", minutes=7.5),
-    Table(name="torture", module="benchmarks.torture.measure", minutes=21, needs=("xdist",)),
+    Table(name="torture", module="benchmarks.torture.measure", minutes=22, needs=("xdist",)),
 )
 """All tables, in the order in which they are measured."""
 NAMES = tuple(table.name for table in TABLES)
