@@ -137,11 +137,13 @@ class SoftDirection:
 
     Attributes:
         direction: (3 r,) direction of the unknowns.
+        curvature: curvature of the energy along the direction when the direction was computed.
         asked: number of iterations since the curvature of the energy along the direction was evaluated.
         looked: number of iterations since the direction was computed.
     """
 
     direction: Array
+    curvature: float
     asked: int
     looked: int
 

@@ -100,6 +100,14 @@ def test_an_even_stretch_that_is_a_saddle_is_left_for_less_energy(monkeypatch: p
     assert found.energy < 0.999 * even.energy
 
 
+@pytest.mark.parametrize("steps", [38, 87, 100, 150])
+def test_a_saddle_is_left_in_any_number_of_steps(steps: int) -> None:
+    """A bar that yields ends at less energy than that of the even stretch, however many steps the pull is divided into."""
+    *_, last = Simulation(load_scene("tensile_curve")).play(steps)
+    assert (last.converged, last.stable) == (True, True)
+    assert last.energy < 9.77
+
+
 def test_looking_changes_no_bit_of_what_is_stable(monkeypatch: pytest.MonkeyPatch) -> None:
     """The check for saddles changes no bit of a bar's stable states, in small, large and reversed steps."""
 

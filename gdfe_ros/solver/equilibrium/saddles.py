@@ -19,11 +19,12 @@ from gdfe_ros.solver.value import changed
 
 MOST_SADDLES = 8
 """Largest number of saddles that one solve leaves in succession."""
-STEP, ASK, LOOK = 4, 40, 500
+STEP, ASK, AGAIN, LOOK = 4, 40, 150, 500
 """Numbers of iterations. A step counts as its own iterations plus `STEP`. Along the softest direction, the curvature is
-evaluated every `ASK` iterations, with one product. The direction is computed anew every `LOOK` iterations, with 20 to
-40 products.
+evaluated every `ASK` iterations, with one product. The direction is computed anew, with 20 to 50 products, `AGAIN`
+iterations later if the curvature along it has changed by the fraction `CHANGE`, and otherwise every `LOOK` iterations.
 """
+CHANGE = 0.5
 UNSTABLE = (
     "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
 )
@@ -73,7 +74,9 @@ class Saddles:
             return _told(found, soft, stable=False)
         jumps = solve.anew or (descents.model.level is None and not solve.warm)
         if not part and (soft.asked >= ASK or jumps):
-            if self._stability.curves_down(descents.task_at(solve, found), soft.direction):
+            curvature = self._stability.curvature(descents.task_at(solve, found), soft.direction)
+            other = soft.looked >= AGAIN and abs(curvature - soft.curvature) > CHANGE * soft.curvature
+            if other or curvature < -FLAT:
                 return self._left(descents, solve, found)
             soft = changed(soft, asked=0)
         return _told(found, soft, stable=start.summary.stable)
@@ -84,14 +87,13 @@ class Saddles:
         for _ in range(MOST_SADDLES):
             task = descents.task_at(solve, found)
             seen = self._stability.look(task)
-            soft, history = SoftDirection(direction=seen.direction, asked=0, looked=0), whole.keeper.export()
+            direction, history = seen.direction, whole.keeper.export()
+            soft = SoftDirection(direction=direction, curvature=abs(seen.value), asked=0, looked=0)
             if seen.value > -FLAT:
                 return _told(found, soft, stable=True if seen.known else None)
-            if not self._stability.curves_down(
-                task, seen.direction
-            ):  # a kink misled the search, e.g. a just slack cable
+            if self._stability.curvature(task, direction) > -FLAT:  # a kink misled the search, e.g. a just slack cable
                 return _told(found, soft, stable=None)
-            down = None if past(solve.problem.deadline) else self._stability.leave(task, seen.direction)
+            down = None if past(solve.problem.deadline) else self._stability.leave(task, direction)
             if down is None or found.iterations >= solve.problem.limit:
                 break
             whole.workspace.u[...] = down.unknowns

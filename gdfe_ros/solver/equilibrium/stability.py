@@ -12,7 +12,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.minimiser import Task
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.distance import largest
-from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
+from gdfe_ros.solver.tangent.curvature import Lowest, lowest
 
 FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
 """First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers are
@@ -58,11 +58,11 @@ class Stability:
             self._product.begin(task)
             return lowest(self._product, task.precondition, self._load)
 
-    def curves_down(self, task: Task, direction: NDArray[np.float64]) -> bool:
-        """Return whether the energy has negative curvature along a direction (3 r,) that `look` found earlier."""
+    def curvature(self, task: Task, direction: NDArray[np.float64]) -> float:
+        """Return the curvature of the energy along a direction (3 r,) that `look` found, now or earlier."""
         with task.turn:
             self._product.begin(task)
-            return float(direction @ self._product(direction)) < -FLAT
+            return float(direction @ self._product(direction))
 
     def leave(self, task: Task, direction: NDArray[np.float64]) -> Downhill | None:
         """Return the point of least energy found along a direction (3 r,); None if the energy does not fall.
