@@ -30,6 +30,103 @@ Interruption = Callable[[], bool] | None
 """Function that is called repeatedly; if it returns True, an error is raised."""
 
 
+def make_differentiator(scene: Scene, stepper: Stepper | MotionStepper, orders: Orders) -> Differentiator:
+    """Return the differentiator of a scene.
+
+    Args:
+        scene: the scene.
+        stepper: the stepper of the scene's body.
+        orders: names of the scene's probes and actuators.
+    """
+    kind = Differentiator if scene.dynamics is None else MotionDifferentiator
+    return kind(scene, stepper, orders)
+
+
+class Differentiator:
+    """Makes the steps of a simulation, and computes derivatives of its equilibria."""
+
+    def __init__(self, scene: Scene, stepper: Stepper | MotionStepper, orders: Orders) -> None:
+        self._scene, self._stepper, self._orders = scene, stepper, orders
+
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """Derivatives by name."""
+        from gdfe_ros.derivatives import Derivatives  # needed here only
+
+        return Derivatives(self._scene, self._stepper)
+
+    def forget(self) -> None:
+        """Forget the last step."""
+
+    def step(
+        self,
+        state: State,
+        targets: Mapping[str, Pose],
+        commands: Mapping[str, float],
+        *,
+        duration: float,
+        deadline: Deadline | None,
+    ) -> March:
+        """Make a step with the arguments of the stepper; update the derivatives if `follow` requested them."""
+        return self._stepper.step(state, targets, commands, duration=duration, deadline=deadline)
+
+    def follow(self, state: State, parameters: Sequence[str] | None) -> None:
+        """Update derivatives with respect to ``parameters`` in all further steps from ``state``."""
+        self._require_rigid_joints()
+        if not self.derivatives.named(parameters):
+            known = ", ".join(self.derivatives.parameters.names)
+            raise CommandError(f"nothing to follow; parameters of this scene: {known}")
+
+    def sensitivities(
+        self,
+        state: State,
+        outputs: Sequence[str] | None,
+        parameters: Sequence[str] | None,
+        *,
+        solved: bool,
+        interrupted: Interruption,
+    ) -> Sensitivities:
+        """Return d(output)/d(parameter) at ``state``; ``solved`` is False before the first commands are solved."""
+        self._require_rigid_joints()
+        if not solved:
+            raise GdfeError("no derivative: the first commands, as of loads, are not solved yet; remedy: step first")
+        return self.derivatives.found(state, outputs, parameters, interrupted=interrupted)
+
+    def jacobian(
+        self,
+        state: State,
+        probes: Sequence[str] | None,
+        actuators: Sequence[str] | None,
+        *,
+        interrupted: Interruption,
+    ) -> NDArray[np.float64]:
+        """Return d(probe position)/d(command) (probes, 3, actuators) at ``state``, of a motion over the last step."""
+        self._require_rigid_joints()
+        points = list(self._scene.probes) if probes is None else list(probes)
+        names = [each.name for each in self._scene.actuators] if actuators is None else list(actuators)
+        self._orders.probes(points)
+        for name in names:
+            self._orders.actuator(name)
+        if not names:
+            return np.zeros((len(points), 3, 0))
+        return self._jacobian(state, points, names, interrupted)
+
+    def _jacobian(
+        self, state: State, probes: list[str], actuators: list[str], interrupted: Interruption
+    ) -> NDArray[np.float64]:
+        from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
+
+        points, chosen = self._orders.probes(probes), [self._orders.actuator(name) for name in actuators]
+        return np.stack(jacobian(self._stepper, state, points, chosen, interrupted=interrupted), axis=2)
+
+    def _require_rigid_joints(self) -> None:
+        """Raise `GdfeError` if an arm has yielding joints: derivatives assume that its flange does not move."""
+        for arm in self._scene.arms:
+            if arm.springs is not None:
+                remedy = f"remedy: an arm {arm.name!r} without `compliance`"
+                raise GdfeError(f"no derivative: it would leave out the yielding joints of arm {arm.name!r}; {remedy}")
+
+
 class _Step(NamedTuple):
     """Inputs of a step with dynamics, and the states before and after it."""
 
@@ -47,28 +144,13 @@ class _Step(NamedTuple):
         stepper.step(self.start, self.targets, self.commands, **given)
 
 
-class Differentiator:
-    """Makes the steps of a simulation, and computes derivatives of its state.
+class MotionDifferentiator(Differentiator):
+    """Derivatives of a motion: those of the last step, which is repeated for them, or of all steps since `follow`."""
 
-    The derivatives of a motion are those of the last step, which is repeated for them, or of all steps since `follow`.
-
-    Args:
-        scene: the scene.
-        stepper: the stepper of the scene's body.
-        orders: names of the scene's probes and actuators.
-    """
-
-    def __init__(self, scene: Scene, stepper: Stepper | MotionStepper, orders: Orders) -> None:
-        self._scene, self._stepper, self._orders = scene, stepper, orders
+    def __init__(self, scene: Scene, stepper: MotionStepper, orders: Orders) -> None:
+        super().__init__(scene, stepper, orders)
         self._trail: Trail | None = None
         self._last: _Step | None = None
-
-    @cached_property
-    def derivatives(self) -> Derivatives:
-        """Derivatives by name."""
-        from gdfe_ros.derivatives import Derivatives  # needed here only
-
-        return Derivatives(self._scene, self._stepper)
 
     def forget(self) -> None:
         """Forget the last step."""
@@ -89,18 +171,13 @@ class Differentiator:
             self._trail.begin(state)
             given["observer"] = self._trail.observe
         march = self._stepper.step(state, targets, commands, **given)
-        if isinstance(self._stepper, MotionStepper):
-            self._last = _Step(state, march.state, targets, commands, duration)
+        self._last = _Step(state, march.state, targets, commands, duration)
         return march
 
     def follow(self, state: State, parameters: Sequence[str] | None) -> None:
         """Update derivatives with respect to ``parameters`` in all further steps from ``state``."""
-        self._require_rigid_joints()
-        if not self.derivatives.named(parameters):
-            known = ", ".join(self.derivatives.parameters.names)
-            raise CommandError(f"nothing to follow; parameters of this scene: {known}")
-        if isinstance(self._stepper, MotionStepper):
-            self._trail = self.derivatives.trail(state, parameters)
+        super().follow(state, parameters)
+        self._trail = self.derivatives.trail(state, parameters)
 
     def sensitivities(
         self,
@@ -111,44 +188,21 @@ class Differentiator:
         solved: bool,
         interrupted: Interruption,
     ) -> Sensitivities:
-        """Return d(output)/d(parameter) at ``state``; ``solved`` is False before the first commands are solved."""
+        """Return d(output)/d(parameter) at ``state``, which a step in motion has reached."""
         self._require_rigid_joints()
         derivatives, trail = self.derivatives, self._trail
-        if not isinstance(self._stepper, MotionStepper):
-            if not solved:
-                raise GdfeError(
-                    "no derivative: the first commands, as of loads, are not solved yet; remedy: step first"
-                )
-            return derivatives.found(state, outputs, parameters, interrupted=interrupted)
         if trail is None or trail.state.positions is not state.positions:
             trail = self._last_step_followed(state, parameters, interrupted)
         return derivatives.along(trail, outputs, parameters)
 
-    def jacobian(
-        self,
-        state: State,
-        probes: Sequence[str] | None,
-        actuators: Sequence[str] | None,
-        *,
-        interrupted: Interruption,
+    def _jacobian(
+        self, state: State, probes: list[str], actuators: list[str], interrupted: Interruption
     ) -> NDArray[np.float64]:
-        """Return d(probe position)/d(command) (probes, 3, actuators) at ``state``, of a motion over the last step."""
-        self._require_rigid_joints()
-        points = self._orders.probes(probes)
-        names = [each.name for each in self._scene.actuators] if actuators is None else actuators
-        chosen = [self._orders.actuator(name) for name in names]
-        if not chosen:
-            return np.zeros((len(points), 3, 0))
-        if not isinstance(self._stepper, MotionStepper):
-            from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
-
-            return np.stack(jacobian(self._stepper, state, points, chosen, interrupted=interrupted), axis=2)
-        outputs = [f"probes.{name}" for name in (self._scene.probes if probes is None else probes)]
-        wanted = [f"actuators.{name}" for name in names]
-        derivatives = self.derivatives
+        outputs, wanted = [f"probes.{name}" for name in probes], [f"actuators.{name}" for name in actuators]
         # A new trail over the last step only, without the effects of earlier steps.
-        found = derivatives.along(self._last_step_followed(state, wanted, interrupted), outputs, wanted)
-        return found.matrix.reshape(len(points), 3, len(chosen))
+        trail = self._last_step_followed(state, wanted, interrupted)
+        found = self.derivatives.along(trail, outputs, wanted)
+        return found.matrix.reshape(len(probes), 3, len(actuators))
 
     def _last_step_followed(self, state: State, parameters: Sequence[str] | None, interrupted: Interruption) -> Trail:
         """Repeat the last step, which led to ``state``, and return the trail with its derivatives."""
@@ -163,10 +217,3 @@ class Differentiator:
         if not np.array_equal(trail.state.positions, state.positions):
             raise GdfeError("no derivative: the last step was cut by a deadline; remedy: step without one")
         return trail
-
-    def _require_rigid_joints(self) -> None:
-        """Raise `GdfeError` if an arm has yielding joints: derivatives assume that its flange does not move."""
-        for arm in self._scene.arms:
-            if arm.springs is not None:
-                remedy = f"remedy: an arm {arm.name!r} without `compliance`"
-                raise GdfeError(f"no derivative: it would leave out the yielding joints of arm {arm.name!r}; {remedy}")

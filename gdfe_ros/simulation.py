@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -20,7 +19,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.coupling.joint_coupling import JointCoupling
-from gdfe_ros.differentiator import Differentiator
+from gdfe_ros.differentiator import make_differentiator
 from gdfe_ros.errors import CommandError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
@@ -30,7 +29,6 @@ from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import ElementFields, element_fields
 from gdfe_ros.solver.motion.imu import ImuReading, later_readings
 from gdfe_ros.solver.motion.putting import require_free
-from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.state import Snapshot
@@ -96,7 +94,7 @@ class Simulation:
             tolerance=self.settings.tolerance,
             origin=self.origin,
         )
-        self._differentiator = Differentiator(scene, self.stepper, self._orders)
+        self._differentiator = make_differentiator(scene, self.stepper, self._orders)
         self.reset()
 
     @property
@@ -171,10 +169,7 @@ class Simulation:
         moved, positions = moved_along(self.stepper.body, self.stepper.equilibrium.handles, self.state, poses)
         found = self.stepper.place(moved, positions)
         require_free(self.stepper.body, found, self._rigid)
-        if isinstance(self.stepper, MotionStepper):
-            kept = replace(found.ledger, work=self.state.ledger.work, lost=self.state.ledger.lost)
-            found = self.stepper.continued(found.with_(ledger=kept), self.stepper.unbalanced(self.state))
-        self.state, self._joints, self._cuts = found, motions, {}
+        self.state, self._joints, self._cuts = self.stepper.carried(found, self.state), motions, {}
         self._links = self._coupling.at_rest()
         self.targets = {**self.targets, **poses}
 
@@ -294,11 +289,8 @@ class Simulation:
     @property
     def settled(self) -> bool:
         """Whether the state stays constant without a new command."""
-        if not (self._carriers.arrived(self._joints) and self._coupling.rests(self._joints, self._links)):
-            return False
-        if isinstance(self.stepper, MotionStepper):
-            return self.stepper.settled(self.state, self.targets, self.commands)
-        return self.result.converged if self.result else self.state.summary.converged
+        still = self._carriers.arrived(self._joints) and self._coupling.rests(self._joints, self._links)
+        return still and self.stepper.settled(self.state, self.targets, self.commands)
 
     def remarks(self) -> list[str]:
         """Return remarks on the scene, e.g. on unstable materials or contrasts beyond the policy's calibration."""

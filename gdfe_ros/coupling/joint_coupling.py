@@ -162,9 +162,9 @@ class JointCoupling:
             deadline: of the step; None for none.
         """
         count, halvings = 1, HALVINGS
-        if isinstance(self._stepper, MotionStepper):
+        if self._dynamics is not None:
             count, halvings = max(1, math.ceil(duration / self._dynamics.step - ROUNDING)), MOVING_HALVINGS
-            state = self._stepper.started(state, commands)
+        state = self._stepper.started(state, commands)
         task = _Task(state=state, links=links, motors=motors, targets=targets, commands=commands)
         return self._in_parts(task, count, duration, deadline, halvings)
 

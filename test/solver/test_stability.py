@@ -102,7 +102,7 @@ def test_an_even_stretch_that_is_a_saddle_is_left_for_less_energy(monkeypatch: p
 
 @pytest.mark.parametrize("steps", [38, 87, 100, 150])
 def test_a_saddle_is_left_in_any_number_of_steps(steps: int) -> None:
-    """A bar that yields ends at less energy than that of the even stretch, however many steps the pull is divided into."""
+    """A bar that yields ends at less energy than an even stretch has, however many steps it is pulled in."""
     *_, last = Simulation(load_scene("tensile_curve")).play(steps)
     assert (last.converged, last.stable) == (True, True)
     assert last.energy < 9.77

@@ -21,10 +21,11 @@ MOST_SADDLES = 8
 """Largest number of saddles that one solve leaves in succession."""
 STEP, ASK, AGAIN, LOOK = 4, 40, 150, 500
 """Numbers of iterations. A step counts as its own iterations plus `STEP`. Along the softest direction, the curvature is
-evaluated every `ASK` iterations, with one product. The direction is computed anew, with 20 to 50 products, `AGAIN`
-iterations later if the curvature along it has changed by the fraction `CHANGE`, and otherwise every `LOOK` iterations.
+evaluated every `ASK` iterations, with one product. The direction is computed anew every `LOOK` iterations, with 20 to
+50 products, or every `AGAIN` iterations if the curvature along it has changed much.
 """
 CHANGE = 0.5
+"""Relative change of the curvature along the softest direction that counts as much: another direction may be softer."""
 UNSTABLE = (
     "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
 )

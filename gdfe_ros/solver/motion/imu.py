@@ -26,6 +26,7 @@ from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.stepping.stepper import Stepper
 
 Vector = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ class ImuReading:
 def later_readings(
     points: Mapping[str, Embedding],
     loads: Iterable[Load],
-    stepper: object,
+    stepper: Stepper | MotionStepper,
     state: State,
     commands: Mapping[str, float],
 ) -> Callable[[], dict[str, ImuReading]]:
@@ -67,13 +68,14 @@ def later_readings(
     Raises:
         CommandError: the body has no mass.
     """
-    if not isinstance(stepper, MotionStepper):
+    velocities = stepper.velocities(state)
+    if velocities is None:
         raise CommandError("an inertial unit needs a body with mass; remedy: give the scene the key `dynamics`")
     weights = (commands[load.name] * load.acceleration for load in loads if isinstance(load, Gravity))
     gravity = sum(weights, start=np.zeros(3))
 
     def read() -> dict[str, ImuReading]:
-        motion = (state.positions, stepper.velocities(state), stepper.accelerations(state))
+        motion = (state.positions, velocities, stepper.accelerations(state))
         reading = partial(imu_reading, stepper.body.shape, gravity=gravity)
         return {name: reading(point, *motion) for name, point in points.items()}
 

@@ -212,6 +212,11 @@ class MotionStepper:
         work = found.ledger.work + self.unbalanced(found) - unbalanced
         return found.with_(ledger=changed(found.ledger, work=work))
 
+    def carried(self, state: State, before: State) -> State:
+        """Return ``state`` with the account of energies of ``before``: the body was carried here without work."""
+        ledger = changed(state.ledger, work=before.ledger.work, lost=before.ledger.lost)
+        return self.continued(state.with_(ledger=ledger), self.unbalanced(before))
+
     def completed(self, state: State) -> State:
         """Return a state that was read from an archive, with the operators that follow from its commands."""
         require_own(state, self.at_rest())

@@ -68,6 +68,14 @@ class Stepper:
         settled = state.poses == targets and state.commands == commands
         return settled and state.summary.converged and Skip.SOLVE in self._settings.skip
 
+    def settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
+        """Return whether a state does not change at these commands: it is an equilibrium."""
+        return state.summary.converged
+
+    def started(self, state: State, commands: Mapping[str, float]) -> State:
+        """Return ``state``: equilibria do not depend on the beginning of a motion."""
+        return state
+
     def step(
         self,
         state: State,
@@ -123,6 +131,10 @@ class Stepper:
         """
         there = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return there.with_(suspect=not there.sound, tried=state.tried)
+
+    def carried(self, state: State, before: State) -> State:
+        """Return ``state``: equilibria have no account of energies."""
+        return state
 
     def completed(self, state: State) -> State:
         """Return a state that was read from an archive, with the operators that follow from its commands.
