@@ -27,7 +27,7 @@ distinguish it from a stocky body; docs/theory/solve.md has the figures.
 """
 SLENDER = 1.5e-3
 """A body counts as slender if its softness after 40 Lanczos steps is below this; steps of the constant matrix alone are
-then too short. The softness of stocky scenes is 3.9e-3 to 6.9e-3, of a bar six times as long as thick 8e-4, and of the
+then too short. The softness of stocky scenes is 3.9e-3 to 8.4e-3, of a bar six times as long as thick 8e-4, and of the
 robots 2e-4 to 1e-3.
 """
 SLENDER_IN_MOTION = 2e-2
