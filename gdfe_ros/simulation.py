@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -324,19 +325,25 @@ class Simulation:
         self.stepper.equilibrium.observe(observer)
 
     def play(self, steps: int | None = None) -> Iterator[StepResult]:
-        """Play the scene's program, and yield the result of each step. The first step starts at the present time.
+        """Play the scene's program from the present time on, and yield the result of each step.
 
         Args:
-            steps: number of equal load steps; None: the number in the settings, or else `usual_steps`.
+            steps: number of equal load steps of the whole program; None: the number in the settings, or else
+                `usual_steps`. Those that end before the present time are left out.
 
         Raises:
-            CommandError: the scene has no program.
+            CommandError: the scene has no program, the program has ended, or ``steps`` is not 1 or more.
         """
         program = self.scene.program
         if program is None:
             raise CommandError(f"scene {self.scene.name!r} has no program to play; add the key 'program'")
+        if steps is not None and not (isinstance(steps, Integral) and steps >= 1):
+            raise CommandError(f"steps is {steps!r}; allowed: whole numbers from 1 on")
         steps = steps or self.settings.steps or usual_steps(self.scene, self.policy)
-        for moment in program.moments(steps):
+        left = [moment for moment in program.moments(steps) if moment > self.time]
+        if not left:
+            raise CommandError(f"the program has ended at {program.duration:g} s; remedy: reset() before play()")
+        for moment in left:
             command = Command(
                 program.handle_poses(moment),
                 program.actuator_values(moment),

@@ -380,6 +380,23 @@ def test_the_relative_policy_takes_twenty_steps(simulate: MakeSimulation) -> Non
     assert all(result.converged for result in results)
 
 
+def test_a_program_is_played_from_the_present_time_on(simulate: MakeSimulation) -> None:
+    """Steps that end before the present time are left out; a program that has ended is not played."""
+    simulation = simulate()
+    duration = simulation.scene.program.duration
+    simulation.step(dt=0.5 * duration)
+    assert [result.time / duration for result in simulation.play(4)] == pytest.approx([0.75, 1.0])
+    with pytest.raises(CommandError, match=r"has ended at .* s; remedy"):
+        next(simulation.play(4))
+
+
+@pytest.mark.parametrize("steps", [0, -3, 2.5, "a"])
+def test_a_number_of_steps_that_is_none_is_refused(simulate: MakeSimulation, steps: object) -> None:
+    """A number of steps must be a whole number from 1 on."""
+    with pytest.raises(CommandError, match="allowed: whole numbers from 1 on"):
+        next(simulate().play(steps))
+
+
 def test_a_scene_without_a_program_cannot_be_played() -> None:
     """Playing a scene without a program raises an error with the missing key."""
     text = SCENE[: SCENE.index("program:")] + SCENE[SCENE.index("solver:") :]

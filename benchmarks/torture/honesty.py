@@ -48,6 +48,17 @@ program:
   handles: {{tip: [{{time: 0.0}}, {{time: 1.0, translation: {shift}, rotation_deg: {turn}}}]}}
 solver: {{max_iterations: 5000}}
 """
+TENDON = """
+name: tendon_bar
+mesh: {{bar: {{size: [{length}, {thickness}, {thickness}], cells: {cells}}}}}
+materials: {{soft: {{{law}}}}}
+regions: [{{material: soft}}]
+handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
+actuators: {{tendon: {{cable: {{points: {points}, command: {command}}}}}}}
+program: {{duration: 1.0, actuators: {{tendon: [{{time: 0.0, value: 0.0}}, {{time: 1.0, value: {value}}}]}}}}
+solver: {{max_iterations: 5000}}
+"""
+RUBBER = "law: neo_hookean, young: 5.0e5, poisson: 0.499"
 
 
 @dataclass(frozen=True)
@@ -86,6 +97,18 @@ def held(
     return scene_from_text(HELD.format(length=length, cells=list(cells), poisson=poisson, **given))
 
 
+def tendon_bar(ratio: float, cells: tuple[int, int, int], law: str, command: str, value: float) -> Scene:
+    """Return a clamped bar 0.01 m thick and ``ratio`` times as long, with a tendon beside its axis.
+
+    The final command ``value`` is a shortening over the thickness, or a tension over 50 N.
+    """
+    length, thickness = 0.01 * ratio, 0.01
+    points = [[share * length, side * thickness, 0.4 * thickness] for share, side in ((0, 0), (0.5, 0), (0.95, 0.2))]
+    final = value * (thickness if command == "shortening" else 50.0)
+    given = {"length": length, "thickness": thickness, "cells": list(cells), "law": law, "points": points}
+    return scene_from_text(TENDON.format(**given, command=command, value=final))
+
+
 LINKS = "".join(f", {{material: hard, where: {{box: {{x: [{x}, {x + 0.04}]}}}}}}" for x in (0.0, 0.06, 0.12))
 LAYER = ", {material: hard, where: {box: {z: [-1, -0.0045]}}}"
 FORKS = {
@@ -112,6 +135,10 @@ STREAMS: Mapping[str, Stream] = {
     "bar 1:10 in one step": Stream(partial(bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38), 1, 1),
     "bar 1:50 in one step": Stream(partial(bar, (0.4, 0.008, 0.008), (200, 2, 2), 0.1), 1, 1),
     "plate 1:100": Stream(partial(bar, (0.1, 0.1, 0.001), (20, 20, 1), 0.65), 100, 5),
+    "tendon bar 1:40, one cell across": Stream(
+        partial(tendon_bar, 40.0, (20, 1, 1), "preset: dragon_skin_30", "shortening", 0.5), 3, 3
+    ),
+    "tendon bar 1:20, nu 0.499": Stream(partial(tendon_bar, 20.0, (30, 2, 2), RUBBER, "tension", 0.02), 10, 5),
     "hard links": Stream(partial(bar, (0.2, 0.02, 0.02), (40, 4, 4), 0.5, hard=LINKS), 50, 4),
     "hard layer": Stream(partial(bar, (0.2, 0.02, 0.02), (40, 4, 4), 5.0, hard=LAYER), 50, 4),
     **{

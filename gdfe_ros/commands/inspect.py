@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gdfe_ros.commands.number_option import require_number
-from gdfe_ros.commands.picture_file import require_picture
+from gdfe_ros.commands.output_file import require_picture
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.inspection import Inspection, inspect_file

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from gdfe_ros.analysis.result_file import write_result
 from gdfe_ros.commands.convergence import convergence, print_failures
+from gdfe_ros.commands.output_file import require_folder, require_picture
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.commands.play_progress import PlayProgress
 from gdfe_ros.commands.waiting import waiting
@@ -43,6 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve a scene; return 0, or 3 if a step did not converge."""
+    require_folder("--out", arguments.out)
+    require_picture(arguments.picture)
     with waiting(f"loading {arguments.scene}"):
         scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
         simulation = Simulation(scene, settings=_settings(scene, arguments))

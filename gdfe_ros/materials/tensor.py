@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined
+from gdfe_ros.mesh.triples import cross, dot
 
 NEWTON_STEPS = 40
 """Limit of Newton steps for the sum of the stretches; three to five steps are usual."""
@@ -183,18 +184,6 @@ def times(f, v):
         f[3] * v[0] + f[4] * v[1] + f[5] * v[2],
         f[6] * v[0] + f[7] * v[1] + f[8] * v[2],
     )
-
-
-@inlined
-def dot(a, b):
-    """Return a . b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inlined
-def cross(a, b):
-    """Return a x b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @inlined

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled vector algebra of triples, for searches among triangles."""
+"""Compiled vector algebra of triples."""
 
 from __future__ import annotations
 

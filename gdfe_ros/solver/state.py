@@ -140,12 +140,15 @@ class SoftDirection:
         curvature: curvature of the energy along the direction when the direction was computed.
         asked: number of iterations since the curvature of the energy along the direction was evaluated.
         looked: number of iterations since the direction was computed.
+        asked_at, looked_at: strain energy [J] of the equilibria at which this was done.
     """
 
     direction: Array
     curvature: float
     asked: int
     looked: int
+    asked_at: float
+    looked_at: float
 
     def after(self, iterations: int) -> SoftDirection:
         """Return the direction with both counts increased by ``iterations``."""

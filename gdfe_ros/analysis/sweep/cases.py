@@ -80,10 +80,11 @@ def _values(key: str, text: str) -> list[Any]:
     parts = text.split(":")
     try:
         if len(parts) == 3:
-            return np.linspace(float(parts[0]), float(parts[1]), int(parts[2])).tolist()
-        values = yaml.safe_load(text)
+            values = np.linspace(float(parts[0]), float(parts[1]), int(parts[2])).tolist()
+        else:
+            values = yaml.safe_load(text)
     except (ValueError, yaml.YAMLError) as error:
         raise GdfeError(f"--grid {key}: {text!r} is no list and no low:high:count: {error}") from error
     if not isinstance(values, list) or not values:
-        raise GdfeError(f"--grid {key}: {text!r} must be a list such as [1, 2, 3], or low:high:count")
+        raise GdfeError(f"--grid {key}: {text!r} must be a list such as [1, 2, 3], or low:high:count from 1 on")
     return values

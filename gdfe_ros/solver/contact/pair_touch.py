@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
-from gdfe_ros.materials.tensor import cross, perpendicular
-from gdfe_ros.mesh.triples import along, corner, minus
+from gdfe_ros.materials.tensor import perpendicular
+from gdfe_ros.mesh.triples import along, corner, cross, minus
 from gdfe_ros.solver.contact.gap import unit
 from gdfe_ros.solver.contact.touch import Touch
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gdfe_ros.compiled import inlined, internal
 from gdfe_ros.materials.table import SHEAR
-from gdfe_ros.materials.tensor import cross, dot
+from gdfe_ros.mesh.triples import cross, dot
 from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, wall
 from gdfe_ros.solver.elements.hexahedra import corner, edge
 

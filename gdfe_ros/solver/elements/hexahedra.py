@@ -6,7 +6,8 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, internal
-from gdfe_ros.materials.tensor import cofactor, cross, determinant, dot
+from gdfe_ros.materials.tensor import cofactor, determinant
+from gdfe_ros.mesh.triples import cross, dot
 
 
 @inlined

@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined
-from gdfe_ros.materials.tensor import dot, scaled, times
+from gdfe_ros.materials.tensor import scaled, times
+from gdfe_ros.mesh.triples import dot
 
 AMPLITUDE = 8.0**-0.5
 """Amplitude, at the corners, of a mode whose projection on its unit hourglass vector is 1."""

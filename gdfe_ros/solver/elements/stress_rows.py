@@ -24,9 +24,7 @@ from gdfe_ros.materials.stress import (
 from gdfe_ros.materials.tensor import (
     NEWTON_STEPS,
     cofactor,
-    cross,
     determinant,
-    dot,
     jacobi_sweep,
     off_diagonal,
     perpendicular,
@@ -36,6 +34,7 @@ from gdfe_ros.materials.tensor import (
     stretch_sum_step,
     times,
 )
+from gdfe_ros.mesh.triples import cross, dot
 from gdfe_ros.solver.elements.blocks import LANES
 from gdfe_ros.solver.elements.lanes import (
     COORDINATES,

@@ -9,7 +9,8 @@ import numpy as np
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.table import SHEAR
-from gdfe_ros.materials.tensor import cofactor, cross, determinant, dot
+from gdfe_ros.materials.tensor import cofactor, determinant
+from gdfe_ros.mesh.triples import cross, dot
 from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, wall
 from gdfe_ros.solver.elements.blocks import LANES
 from gdfe_ros.solver.elements.tet_blocks import NODES, STORED_ENERGY, TET_ROWS, TOTAL

@@ -26,6 +26,11 @@ evaluated every `ASK` iterations, with one product. The direction is computed an
 """
 CHANGE = 0.5
 """Relative change of the curvature along the softest direction that counts as much: another direction may be softer."""
+RISE, GROWTH = 1.25, 10.0
+"""The curvature is also evaluated if the strain energy has risen by the factor `RISE` since it was evaluated last, and
+the direction is computed anew if the energy has grown by the factor `GROWTH` since then: a few steps, each of few
+iterations, may lead far beyond a buckling load.
+"""
 UNSTABLE = (
     "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
 )
@@ -68,18 +73,21 @@ class Saddles:
         start, soft = solve.start, solve.start.soft
         if soft is not None:
             soft = soft.after(STEP + found.iterations)
-        refused = found.state.tangent is not None and found.state.tangent.softest == 0.0
-        if not part and (soft is None or refused or soft.looked >= LOOK):
+        refused, energy = (
+            found.state.tangent is not None and found.state.tangent.softest == 0.0,
+            found.state.summary.energy,
+        )
+        if not part and (soft is None or refused or soft.looked >= LOOK or energy > GROWTH * soft.looked_at):
             return self._left(descents, solve, found)
         if start.summary.stable is False:  # no descent was found from there, at great cost
             return _told(found, soft, stable=False)
         jumps = solve.anew or (descents.model.level is None and not solve.warm)
-        if not part and (soft.asked >= ASK or jumps):
+        if not part and (soft.asked >= ASK or jumps or energy > RISE * soft.asked_at):
             curvature = self._stability.curvature(descents.task_at(solve, found), soft.direction)
             other = soft.looked >= AGAIN and abs(curvature - soft.curvature) > CHANGE * soft.curvature
             if other or curvature < -FLAT:
                 return self._left(descents, solve, found)
-            soft = changed(soft, asked=0)
+            soft = changed(soft, asked=0, asked_at=energy)
         return _told(found, soft, stable=start.summary.stable)
 
     def _left(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
@@ -89,7 +97,8 @@ class Saddles:
             task = descents.task_at(solve, found)
             seen = self._stability.look(task)
             direction, history = seen.direction, whole.keeper.export()
-            soft = SoftDirection(direction=direction, curvature=abs(seen.value), asked=0, looked=0)
+            here = dict.fromkeys(("asked_at", "looked_at"), found.state.summary.energy)
+            soft = SoftDirection(direction=direction, curvature=abs(seen.value), asked=0, looked=0, **here)
             if seen.value > -FLAT:
                 return _told(found, soft, stable=True if seen.known else None)
             if self._stability.curvature(task, direction) > -FLAT:  # a kink misled the search, e.g. a just slack cable

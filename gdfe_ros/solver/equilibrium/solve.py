@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,8 +27,15 @@ from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 
 SCALE_SLACK = 10.0
-"""Allowed change of an hourglass scale in the last update, divided by the tolerance. Positions then stay within the
-tolerance.
+"""Allowed change of an hourglass scale of a stocky body in the last update, divided by the tolerance. Positions then
+stay within the tolerance.
+"""
+SLENDER_SCALE = 0.3
+"""`SCALE_SLACK` for a slender body: with a single cell across, its whole bending stiffness follows the scale."""
+SLENDER_VOLUME = 5.0
+"""Allowed volume error of a slender body's elements, divided by the tolerance and by the square root of the softness,
+which is a seventh of the thickness t over the length L of a bar. If the volumes on one side of the bar are wrong by a
+fraction e, its end is displaced by up to e L / (2 t) of its length.
 """
 WARM_SLACK = 10.0
 """Factor that increases the allowed volume error and the allowed change of hourglass scales in a step that continues a
@@ -300,14 +309,17 @@ class Solve:
         """Update pressures, multipliers and scales; return the largest change divided by the allowed change."""
         x, moved = active.workspace.x, [0.0]
         tolerance = self.problem.keeping or self.problem.tolerance
-        slack = WARM_SLACK if self.warm and not self._minimiser.certified else 1.0
+        volumes = scales = WARM_SLACK if self.warm else 1.0
+        scales *= SCALE_SLACK
+        if self._minimiser.certified:
+            volumes, scales = min(1.0, SLENDER_VOLUME * math.sqrt(self._level.first_shift)), SLENDER_SCALE
         if len(active.carried):
             change = self.pressures.update(x, active.carried, self._operators.shape, still=still)
-            moved.append(change / (slack * (self.problem.volumes or tolerance)))
+            moved.append(change / (volumes * (self.problem.volumes or tolerance)))
         if self._actuation.updates:
             moved.append(self._actuation.update(x) / tolerance)
         if self._softens(active):
-            moved.append(self._update_scales(active) / (SCALE_SLACK * slack * tolerance))
+            moved.append(self._update_scales(active) / (scales * tolerance))
         return float(np.max(moved))
 
     def _nearly_folded(self) -> NDArray[np.int32]:

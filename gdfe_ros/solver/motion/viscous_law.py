@@ -11,7 +11,7 @@ import numpy as np
 from numpy import uint64
 
 from gdfe_ros.compiled import inlined, kernel, vector_kernel
-from gdfe_ros.materials.tensor import dot
+from gdfe_ros.mesh.triples import dot
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 STRAINS = 18

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState, Chamber
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.materials.tensor import cross, dot
 from gdfe_ros.mesh.tetrahedra import face_slopes, face_weights, triangle_rule
+from gdfe_ros.mesh.triples import cross, dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved

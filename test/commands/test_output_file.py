@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures that cannot be written are refused in one line."""
+"""Files that cannot be written are refused in one line."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gdfe_ros.commands.picture_file import require_picture
+from gdfe_ros.commands.output_file import require_folder, require_picture
 from gdfe_ros.errors import GdfeError
 
 
@@ -31,3 +31,10 @@ def test_a_fit_path_is_accepted(name: str, tmp_path: Path) -> None:
     """Known formats in either case, a path without a suffix, and no picture are accepted."""
     assert require_picture(tmp_path / name) is None
     assert require_picture(None) is None
+
+
+def test_a_result_without_a_folder_is_refused(tmp_path: Path) -> None:
+    """The folder of --out is checked before the solve."""
+    with pytest.raises(GdfeError, match=r"--out .*x\.npz: there is no folder .*missing; remedy: make it"):
+        require_folder("--out", tmp_path / "missing" / "x.npz")
+    assert require_folder("--out", tmp_path / "x.npz") is None
