@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.errors import CommandError
+from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.real_number import is_finite, is_number
@@ -58,6 +58,9 @@ class Orders:
 
     Attributes:
         text: scene file, policy and torsion, which together determine the equilibria.
+
+    Raises:
+        SceneError: a keyframe of the program is farther than `FARTHEST`.
     """
 
     def __init__(self, scene: Scene, settings: SolverSettings) -> None:
@@ -66,6 +69,12 @@ class Orders:
         self._handles = {handle.name: handle for handle in scene.handles}
         self._actuators = {actuator.name: actuator for actuator in scene.actuators}
         self._loads = {load.name: load for load in scene.loads}
+        tracks = scene.program.keyframes.items() if scene.program else ()
+        frames = [
+            (f"program: {name!r} at {frame.time:g} s is", frame.pose) for name, track in tracks for frame in track
+        ]
+        if defects := [text for text in (self._distance(*each) for each in frames) if text]:
+            raise SceneError(f"scene {scene.name}", defects)
 
     def handle(self, name: str) -> Handle:
         """Return the handle of this name.
@@ -158,13 +167,19 @@ class Orders:
             )
 
     def _require_near(self, what: str, pose: Pose) -> None:
+        if text := self._distance(what, pose):
+            raise CommandError(text)
+
+    def _distance(self, what: str, pose: Pose) -> str:
+        """Return what is wrong with a pose that is too far from the rest pose; empty if it is near enough."""
         far = math.hypot(*pose.translation) / self._scene.mesh.size
         turns = math.hypot(*pose.rotation) / (2.0 * math.pi)
-        if far > FARTHEST or turns > FARTHEST:
-            raise CommandError(
-                f"{what} {far:.3g} body lengths and {turns:.3g} turns away; at most {FARTHEST:g} of each are allowed; "
-                "remedy: check the units (metres, radians)"
-            )
+        if far <= FARTHEST and turns <= FARTHEST:
+            return ""
+        return (
+            f"{what} {far:.3g} body lengths and {turns:.3g} turns away; at most {FARTHEST:g} of each are allowed; "
+            "remedy: check the units (metres, radians)"
+        )
 
     def values(self, command: Command | None, last: Mapping[str, float]) -> dict[str, float]:
         """Return dict from actuator or load to its target value after a command, given the ``last`` values.

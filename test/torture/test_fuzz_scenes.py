@@ -98,6 +98,7 @@ def _check(text: str) -> None:
 @example(("mesh", "bar", "size"), [1e-300, 1.0, 1.0])
 @example(("materials", "soft", "young"), float("nan"))
 @example(("program", "duration"), float("inf"))
+@example(("program", "handles", "tip", 1, "translation", 1), 213.0)
 @QUICK
 def test_one_odd_value(place: tuple[Any, ...], value: Any) -> None:
     """A valid scene with one value replaced by anything loads or is refused."""
