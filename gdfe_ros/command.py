@@ -70,10 +70,9 @@ class Orders:
         self._actuators = {actuator.name: actuator for actuator in scene.actuators}
         self._loads = {load.name: load for load in scene.loads}
         tracks = scene.program.keyframes.items() if scene.program else ()
-        frames = [
-            (f"program: {name!r} at {frame.time:g} s is", frame.pose) for name, track in tracks for frame in track
-        ]
-        if defects := [text for text in (self._distance(*each) for each in frames) if text]:
+        frames = [(name, frame) for name, track in tracks for frame in track]
+        texts = [self._distance(f"program: {name!r} at {frame.time:g} s is", frame.pose) for name, frame in frames]
+        if defects := [text for text in texts if text]:
             raise SceneError(f"scene {scene.name}", defects)
 
     def handle(self, name: str) -> Handle:

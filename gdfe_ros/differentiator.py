@@ -58,17 +58,9 @@ class Differentiator:
     def forget(self) -> None:
         """Forget the last step."""
 
-    def step(
-        self,
-        state: State,
-        targets: Mapping[str, Pose],
-        commands: Mapping[str, float],
-        *,
-        duration: float,
-        deadline: Deadline | None,
-    ) -> March:
+    def step(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float], **given: Any) -> March:
         """Make a step with the arguments of the stepper; update the derivatives if `follow` requested them."""
-        return self._stepper.step(state, targets, commands, duration=duration, deadline=deadline)
+        return self._stepper.step(state, targets, commands, **given)
 
     def follow(self, state: State, parameters: Sequence[str] | None) -> None:
         """Update derivatives with respect to ``parameters`` in all further steps from ``state``."""
@@ -156,22 +148,13 @@ class MotionDifferentiator(Differentiator):
         """Forget the last step."""
         self._last = None
 
-    def step(
-        self,
-        state: State,
-        targets: Mapping[str, Pose],
-        commands: Mapping[str, float],
-        *,
-        duration: float,
-        deadline: Deadline | None,
-    ) -> March:
+    def step(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float], **given: Any) -> March:
         """Make a step with the arguments of the stepper; update the derivatives if `follow` requested them."""
-        given: dict[str, Any] = {"duration": duration, "deadline": deadline}
         if self._trail is not None:
             self._trail.begin(state)
             given["observer"] = self._trail.observe
-        march = self._stepper.step(state, targets, commands, **given)
-        self._last = _Step(state, march.state, targets, commands, duration)
+        march = super().step(state, targets, commands, **given)
+        self._last = _Step(state, march.state, targets, commands, given["duration"])
         return march
 
     def follow(self, state: State, parameters: Sequence[str] | None) -> None:

@@ -46,12 +46,17 @@ def errors(seed: int) -> list[float]:
     return found
 
 
+def show(found: list[float]) -> None:
+    """Print the number of errors, how many are beyond the tolerance, and the largest ones; all over the tolerance."""
+    largest = ", ".join(f"{error:.2f}" for error in sorted(found)[-5:])
+    print(f"{len(found)} converged steps, {sum(error > 1.0 for error in found)} of them beyond the tolerance;", end=" ")
+    print("largest errors, divided by the tolerance:", largest)
+
+
 def main() -> None:
     """Print the number of steps, how many end farther away than the tolerance, and the largest errors."""
     seeds = [int(text) for text in sys.argv[1:]] or [1, 2]
-    found = np.sort([error for seed in seeds for error in errors(seed)])
-    print(f"{len(found)} converged steps, {np.count_nonzero(found > 1.0)} of them beyond the tolerance;", end=" ")
-    print("largest errors, divided by the tolerance:", ", ".join(f"{error:.2f}" for error in found[-5:]))
+    show([error for seed in seeds for error in errors(seed)])
 
 
 if __name__ == "__main__":

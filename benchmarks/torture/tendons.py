@@ -11,20 +11,17 @@ from collections.abc import Iterator
 from functools import partial
 from itertools import product
 
-import numpy as np
-
+from benchmarks.torture.far_steps import ELSEWHERE, show
 from benchmarks.torture.honesty import RUBBER, TRUTHS, Stream, error_of, played, tendon_bar
 
 TOLERANCE = 1e-4
 RATIOS, CELLS, STEPS = (10.0, 20.0, 40.0), ((20, 1, 1), (30, 2, 2)), (3, 10)
 LAWS = (RUBBER.replace("0.499", "0.45"), RUBBER, "preset: dragon_skin_30")
 COMMANDS = (("shortening", 0.3), ("shortening", 1.0), ("tension", 0.02))
-ELSEWHERE = 0.03
-"""Distance of another equilibrium, divided by the body's size. Later steps of such a stream are not compared."""
 
 
 def errors(stream: Stream) -> Iterator[float]:
-    """Yield the true error of each converged step of a stream, divided by the tolerance."""
+    """Yield the true error of each converged step of a stream, divided by the tolerance, up to another equilibrium."""
     size = stream.scene().mesh.size
     for found, true in zip(played(stream, TOLERANCE), played(stream, TRUTHS[0]), strict=True):
         error = error_of(found, true, size)
@@ -38,9 +35,7 @@ def main() -> None:
     """Print the number of steps, how many end farther away than the tolerance, and the largest errors."""
     chosen = product(RATIOS, CELLS, LAWS, COMMANDS, STEPS)
     streams = [Stream(partial(tendon_bar, *bar, *command), steps, steps) for *bar, command, steps in chosen]
-    found = np.sort([error for stream in streams for error in errors(stream)])
-    print(f"{len(found)} converged steps, {np.count_nonzero(found > 1.0)} of them beyond the tolerance;", end=" ")
-    print("largest errors, divided by the tolerance:", ", ".join(f"{error:.2f}" for error in found[-5:]))
+    show([error for stream in streams for error in errors(stream)])
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.commands.number_option import require_number
+from gdfe_ros.commands.output_file import require_folder
 from gdfe_ros.errors import GdfeError, MeshError
 from gdfe_ros.materials.presets import LIBRARY, PRESETS
 from gdfe_ros.mesh.cavities import find_cavities
@@ -70,8 +71,7 @@ def _require_options(arguments: argparse.Namespace) -> None:
     scene = arguments.scene
     if scene.exists():
         raise MeshError(f"scene {scene}", ["there is such a file already; remedy: another name"])
-    if not scene.parent.is_dir():
-        raise MeshError(f"scene {scene}", [f"there is no folder {scene.parent}; remedy: make it, or another path"])
+    require_folder("scene", scene)
     require_number("--size", arguments.size, SIZE)
     require_number("--least-size", arguments.least_size, LEAST_SIZE)
     require_number("--scale", arguments.scale, SCALE)

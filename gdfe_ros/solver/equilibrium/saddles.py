@@ -14,7 +14,7 @@ from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.equilibrium.stability import Stability
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import SoftDirection
-from gdfe_ros.solver.tangent.curvature import FLAT
+from gdfe_ros.solver.tangent.curvature import FLAT, Lowest
 from gdfe_ros.solver.value import changed
 
 MOST_SADDLES = 8
@@ -73,10 +73,8 @@ class Saddles:
         start, soft = solve.start, solve.start.soft
         if soft is not None:
             soft = soft.after(STEP + found.iterations)
-        refused, energy = (
-            found.state.tangent is not None and found.state.tangent.softest == 0.0,
-            found.state.summary.energy,
-        )
+        energy, tangent = found.state.summary.energy, found.state.tangent
+        refused = tangent is not None and tangent.softest == 0.0
         if not part and (soft is None or refused or soft.looked >= LOOK or energy > GROWTH * soft.looked_at):
             return self._left(descents, solve, found)
         if start.summary.stable is False:  # no descent was found from there, at great cost
@@ -96,14 +94,13 @@ class Saddles:
         for _ in range(MOST_SADDLES):
             task = descents.task_at(solve, found)
             seen = self._stability.look(task)
-            direction, history = seen.direction, whole.keeper.export()
-            here = dict.fromkeys(("asked_at", "looked_at"), found.state.summary.energy)
-            soft = SoftDirection(direction=direction, curvature=abs(seen.value), asked=0, looked=0, **here)
+            soft, history = _found_at(found, seen), whole.keeper.export()
             if seen.value > -FLAT:
                 return _told(found, soft, stable=True if seen.known else None)
-            if self._stability.curvature(task, direction) > -FLAT:  # a kink misled the search, e.g. a just slack cable
+            # A kink may mislead the search, e.g. that of a cable that is just slack.
+            if self._stability.curvature(task, seen.direction) > -FLAT:
                 return _told(found, soft, stable=None)
-            down = None if past(solve.problem.deadline) else self._stability.leave(task, direction)
+            down = None if past(solve.problem.deadline) else self._stability.leave(task, seen.direction)
             if down is None or found.iterations >= solve.problem.limit:
                 break
             whole.workspace.u[...] = down.unknowns
@@ -116,6 +113,13 @@ class Saddles:
                 return _told(changed(found, iterations=spent), soft, stable=False)
             found = changed(again, iterations=spent)
         return _told(found, soft, stable=False)
+
+
+def _found_at(found: Solution, seen: Lowest) -> SoftDirection:
+    """Return the direction that a search at a solution has found."""
+    energy = found.state.summary.energy
+    since = {"asked": 0, "asked_at": energy, "looked": 0, "looked_at": energy}
+    return SoftDirection(direction=seen.direction, curvature=abs(seen.value), **since)
 
 
 def _told(found: Solution, soft: SoftDirection | None, *, stable: bool | None) -> Solution:

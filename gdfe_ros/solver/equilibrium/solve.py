@@ -309,10 +309,11 @@ class Solve:
         """Update pressures, multipliers and scales; return the largest change divided by the allowed change."""
         x, moved = active.workspace.x, [0.0]
         tolerance = self.problem.keeping or self.problem.tolerance
-        volumes = scales = WARM_SLACK if self.warm else 1.0
-        scales *= SCALE_SLACK
         if self._minimiser.certified:
             volumes, scales = min(1.0, SLENDER_VOLUME * math.sqrt(self._level.first_shift)), SLENDER_SCALE
+        else:
+            volumes = WARM_SLACK if self.warm else 1.0
+            scales = SCALE_SLACK * volumes
         if len(active.carried):
             change = self.pressures.update(x, active.carried, self._operators.shape, still=still)
             moved.append(change / (volumes * (self.problem.volumes or tolerance)))

@@ -68,14 +68,13 @@ def later_readings(
     Raises:
         CommandError: the body has no mass.
     """
-    velocities = stepper.velocities(state)
-    if velocities is None:
+    if state.ledger is None:
         raise CommandError("an inertial unit needs a body with mass; remedy: give the scene the key `dynamics`")
     weights = (commands[load.name] * load.acceleration for load in loads if isinstance(load, Gravity))
     gravity = sum(weights, start=np.zeros(3))
 
     def read() -> dict[str, ImuReading]:
-        motion = (state.positions, velocities, stepper.accelerations(state))
+        motion = (state.positions, stepper.velocities(state), stepper.accelerations(state))
         reading = partial(imu_reading, stepper.body.shape, gravity=gravity)
         return {name: reading(point, *motion) for name, point in points.items()}
 
