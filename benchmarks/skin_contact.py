@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A voxel ball between plates, with contact of its skin or its cells' faces: ``python -m benchmarks.skin_contact``."""
+"""Voxel balls on plates and on each other, by skins or by faces of cells: ``python -m benchmarks.skin_contact``."""
 
 from __future__ import annotations
 
@@ -32,6 +32,21 @@ CALCULIX = {0.06: 6.027, 0.1: 13.586}
 """Dict from approach of each plate, divided by the radius, to CalculiX' force [N] with the neo-Hookean law
 (docs/theory/contact.md).
 """
+GAP = 1e-5
+"""Gap [m] between two balls before they are pressed on each other."""
+CORE = 0.4
+"""Radius of the held core of a ball that is pressed on another one, divided by the ball's radius."""
+CORED = """
+name: balls
+meshes:
+{meshes}
+materials: {{soft: {{law: neo_hookean, young: 1.0e5, poisson: 0.3}}}}
+regions: [{{material: soft}}]
+handles:
+{handles}
+obstacles: {{floor: {{plane: [0, 0, 1], at: [0, 0, -{radius}]}}}}
+{more}
+"""
 KINDS = {"skin": ("cut", "skin: {file: ball.stl}"), "staircase": ("whole", "")}
 COUNTS = (8, 12, 16)
 
@@ -55,8 +70,49 @@ def press_ball(cells_across: int, kind: str, detail: int = 5) -> dict[float, flo
     return forces
 
 
+def press_on_plate(cells_across: int) -> dict[float, float]:
+    """Return dict from approach, divided by the radius, to the force [N] of a ball with a held core on a plate."""
+    return _press_cored(cells_across, {"upper": 0.0}, 1.0)
+
+
+def press_on_ball(cells_across: int) -> dict[float, float]:
+    """Return dict from half the approach of two equal balls, divided by the radius, to the force [N] between them.
+
+    Both balls have held cores. The lower ball touches nothing but the upper one, whose cells are turned by 30 degrees.
+    """
+    return _press_cored(cells_across, {"lower": 1.2 * RADIUS, "upper": 3.2 * RADIUS + GAP}, 2.0)
+
+
+def _press_cored(cells_across: int, centres: dict[str, float], moves: float) -> dict[float, float]:
+    """Return dict from approach, divided by the radius, to the force [N] on the upper ball, which moves down.
+
+    ``centres`` are the heights [m] of the balls. The upper ball moves by ``moves`` times the approach.
+    """
+    cell = 2.0 * RADIUS / cells_across
+    place = "at: [0, 0, %s], rotation_deg: [0, 0, %s]"
+    body = f"{{voxels: {{surface: ball.stl, cell: {cell}, cells: cut}}, skin: {{file: ball.stl}}, {place}}}"
+    core = "{where: {mesh: %s, sphere: {center: [0, 0, 0], radius: " + f"{CORE * RADIUS}" + "}}}"
+    text = CORED.format(
+        meshes="\n".join(f"  {name}: {body % (height, 30.0 * (name == 'upper'))}" for name, height in centres.items()),
+        handles="\n".join(f"  {name}: {core % name}" for name in centres),
+        radius=RADIUS,
+        more="self_contact: {}" if len(centres) > 1 else "",
+    )
+    with TemporaryDirectory() as folder:
+        trimesh.creation.icosphere(5, RADIUS).export(Path(folder) / "ball.stl")
+        (Path(folder) / "balls.yaml").write_text(text)
+        simulation, forces = Simulation(load_scene(Path(folder) / "balls.yaml")), {}
+    for share in CALCULIX:
+        way = moves * share * RADIUS + (GAP if len(centres) > 1 else 0.0)
+        result = simulation.step(Command(handles={"upper": Pose((0.0, 0.0, -way))}))
+        if not result.converged:
+            raise RuntimeError(result.message)
+        forces[share] = float(-result.reactions["upper"][2])
+    return forces
+
+
 def main() -> None:
-    """Print the table of docs/contact.md."""
+    """Print the tables of docs/contact.md."""
     rows = []
     for count in COUNTS:
         found = {kind: press_ball(count, kind) for kind in KINDS}
@@ -64,6 +120,16 @@ def main() -> None:
         rows.append([str(count), *errors])
     heads = ["cells over the diameter", *(f"{kind}, {share:g} R" for kind in KINDS for share in CALCULIX)]
     print(markdown_table(heads, rows))
+    rows = []
+    for count in COUNTS:
+        pairs = zip(press_on_plate(count).items(), press_on_ball(count).values(), strict=True)
+        rows.append([str(count), *(text for (_, plate), ball in pairs for text in _compared(plate, ball))])
+    heads = [f"{text}, {share:g} R" for share in CALCULIX for text in ("plate [N]", "ball [N]", "difference")]
+    print(markdown_table(["cells over the diameter", *heads], rows))
+
+
+def _compared(plate: float, ball: float) -> tuple[str, str, str]:
+    return f"{plate:.2f}", f"{ball:.2f}", f"{ball / plate - 1.0:+.1%}"
 
 
 if __name__ == "__main__":

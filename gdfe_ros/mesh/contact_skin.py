@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cavities import open_edges
+from gdfe_ros.mesh.contact_faces import contact_faces
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.shells import inside, shell_numbers, shells
 from gdfe_ros.mesh.skin_points import SkinPoints
@@ -44,7 +45,7 @@ def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray
     some = lined.touching(mesh)
     corners, weights = np.ascontiguousarray(lined.corners[some], dtype=np.int32), lined.weights[some]
     everything = np.arange(mesh.n_vertices, dtype=np.int32)
-    return replace(mesh, touching=Touching(corners, weights, everything, mesh.skin))
+    return replace(mesh, touching=Touching(corners, weights, contact_faces(lined, some), everything, mesh.skin))
 
 
 def is_closed(triangles: NDArray[np.int64]) -> bool:

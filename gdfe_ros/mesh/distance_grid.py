@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from gdfe_ros.compiled import inlined, internal, kernel
-from gdfe_ros.mesh.triples import along, dot, minus
+from gdfe_ros.mesh.triples import along, corner, dot, minus
 
 
 @inlined
@@ -34,6 +34,16 @@ def squared_distance(p, corners):
     u = min(max(dot(bc, bp) / dot(bc, bc), 0.0), 1.0)
     rest = minus(bp, along(u, bc, 0.0, bc))
     return min(least, dot(rest, rest))
+
+
+@kernel
+def least_distances(points, corners, out):
+    """Write the distance [m] of each of ``points`` (k, 3) from the nearest of triangles (t, 3, 3) to ``out`` (k,)."""
+    for k in range(len(points)):
+        point, least = corner(points, k), math.inf
+        for t in range(len(corners)):
+            least = min(least, squared_distance(point, corners[t]))
+        out[k] = math.sqrt(least)
 
 
 @internal

@@ -34,7 +34,9 @@ def mirrored(mesh: Mesh, axis: int) -> Mesh:
     if filling is not None:
         filling = Filling(filling.share, filling.centre * _BACK, filling.spread)
     skin = None if mesh.skin is None else _reversed(mesh.skin)
-    touching = None if mesh.touching is None else replace(mesh.touching, surface=skin)
+    touching = mesh.touching
+    if touching is not None:
+        touching = replace(touching, faces=np.ascontiguousarray(touching.faces[:, ::-1]), surface=skin)
     return replace(
         mesh,
         vertices=mesh.vertices * signs,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Overlap of two meshes, found from separating axes between pairs of cells, which count as convex."""
+"""Overlap of two meshes, found from separating axes between pairs of cells, which count as convex, or from skins."""
 
 from __future__ import annotations
 
@@ -35,6 +35,8 @@ class Overlap(NamedTuple):
 def find_overlap(first: Mesh, second: Mesh) -> Overlap | None:
     """Return the overlap of two meshes; None if they are apart or touch.
 
+    If a mesh touches by its skin, the skin counts instead of the faces of its cells.
+
     Args:
         first: a sound mesh.
         second: another sound mesh, in the same frame.
@@ -43,6 +45,12 @@ def find_overlap(first: Mesh, second: Mesh) -> Overlap | None:
     low, high = np.maximum(first.bounds[0], second.bounds[0]), np.minimum(first.bounds[1], second.bounds[1])
     if (low > high).any():
         return None
+    if first.touching is not None or second.touching is not None:
+        from gdfe_ros.mesh.skin_overlap import deepest_point  # loads numba
+
+        depth, point = deepest_point(first, second)
+        shortest = min(float(_edges(corners).min()) for corners in (ours, theirs))
+        return Overlap(depth, point) if depth > TOUCHING * shortest else None
     ours, theirs = _within(ours, low, high), _within(theirs, low, high)
     for i, j in _blocks(ours, theirs):
         a, b = ours[i], theirs[j]

@@ -112,7 +112,7 @@ def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
         case Face(side):
             return _ids(_on_side(mesh, side))
         case BoxSelection() | SphereSelection():
-            return _ids(_inside(mesh, mesh.vertices, where))
+            return _ids(inside_of(mesh, mesh.vertices, where))
         case Vertices(ids):
             return _checked(ids, mesh.n_vertices, "vertex")
         case CellSelection(ids):
@@ -122,7 +122,7 @@ def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
             own = np.arange(part.mesh.n_vertices) if inner is None else select_vertices(part.mesh, inner)
             return (own + part.first_vertex).astype(np.int32)
         case AnyOf(places):
-            return _together(select_vertices(mesh, place) for place in places)
+            return united(select_vertices(mesh, place) for place in places)
         case NamedSet(name) if name in mesh.vertex_sets:
             return mesh.vertex_sets[name]
         case NamedSet(name) if name in mesh.cell_sets:
@@ -150,7 +150,7 @@ def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
         case Face(side):
             return _ids(_on_side(mesh, side)[mesh.cells].any(axis=1))
         case BoxSelection() | SphereSelection():
-            return _ids(_inside(mesh, mesh.centroids, where))
+            return _ids(inside_of(mesh, mesh.centroids, where))
         case Vertices(ids):
             return _cells_within(mesh, _checked(ids, mesh.n_vertices, "vertex"))
         case CellSelection(ids):
@@ -160,7 +160,7 @@ def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
             own = np.arange(part.mesh.n_cells) if inner is None else select_cells(part.mesh, inner)
             return (own + part.first_cell).astype(np.int32)
         case AnyOf(places):
-            return _together(select_cells(mesh, place) for place in places)
+            return united(select_cells(mesh, place) for place in places)
         case NamedSet(name) if name in mesh.cell_sets:
             return mesh.cell_sets[name]
         case NamedSet(name) if name in mesh.vertex_sets:
@@ -204,65 +204,16 @@ def part_of(mesh: Mesh, name: str) -> MeshPart:
     raise MeshError("the selection does not fit the mesh", [f"mesh {name!r} does not exist; {known}"])
 
 
-def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
-    """Return the triangles (t, 3) int32 of a mesh's skin whose three points are selected; there may be none.
-
-    A `Face` refers to the bounding box of the skin.
-
-    Raises:
-        MeshError: the selection is by ids, sets or the name of a mesh; these refer to cells and not to a skin.
-    """
-    points = mesh.skin.at(mesh.vertices)
-    match where:
-        case AnyOf(places):
-            return np.unique(np.concatenate([select_skin(mesh, place) for place in places]), axis=0)
-        case Face(side):
-            chosen = _at_end(points, side, FACE_SLACK * mesh.size)
-        case BoxSelection() | SphereSelection():
-            chosen = _inside(mesh, points, where)
-        case _:
-            raise _of_cells()
-    return mesh.skin.faces[chosen[mesh.skin.faces].all(axis=1)]
-
-
-def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
-    """Return the sorted indices of the selected contact points of a mesh's skin; there may be none.
-
-    A `Face` refers to the bounding box of the skin.
-
-    Raises:
-        MeshError: the selection is by ids or sets, which refer to cells and not to a skin, or a mesh is unknown.
-    """
-    if isinstance(where, Within):
-        part = part_of(mesh, where.part)
-        before = [each.mesh.touching for each in mesh.parts.values() if each.first_vertex < part.first_vertex]
-        first = sum(len(touching.corners) for touching in before if touching is not None)
-        count = 0 if part.mesh.touching is None else len(part.mesh.touching.corners)
-        own = np.arange(count) if where.where is None or not count else select_touching(part.mesh, where.where)
-        return (own + first).astype(np.int32)
-    if isinstance(where, AnyOf):
-        return _together(select_touching(mesh, place) for place in where.places)
-    points = mesh.touching.at(mesh.vertices)
-    match where:
-        case Face(side):
-            ends = mesh.outside.at(mesh.vertices)
-            return _ids(_at_end(np.concatenate([points, ends]), side, FACE_SLACK * mesh.size)[: len(points)])
-        case BoxSelection() | SphereSelection():
-            return _ids(_inside(mesh, points, where))
-        case _:
-            raise _of_cells()
-
-
-def _together(selected: Iterable[NDArray[np.int32]]) -> NDArray[np.int32]:
+def united(selected: Iterable[NDArray[np.int32]]) -> NDArray[np.int32]:
     """Return the sorted union of several selections."""
     return np.unique(np.concatenate([np.zeros(0, np.int32), *selected])).astype(np.int32)
 
 
 def _on_side(mesh: Mesh, side: Side) -> NDArray[np.bool_]:
-    return _at_end(mesh.vertices, side, FACE_SLACK * mesh.size)
+    return at_end(mesh.vertices, side, FACE_SLACK * mesh.size)
 
 
-def _at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np.bool_]:
+def at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np.bool_]:
     """Return whether each point is on a side of the bounding box of all points, within ``slack`` [m]."""
     coordinate = points[:, "xyz".index(side.value[0])]
     if side.value[1] == "-":
@@ -270,7 +221,8 @@ def _at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np
     return coordinate >= coordinate.max() - slack
 
 
-def _inside(mesh: Mesh, points: NDArray[np.float64], where: BoxSelection | SphereSelection) -> NDArray[np.bool_]:
+def inside_of(mesh: Mesh, points: NDArray[np.float64], where: BoxSelection | SphereSelection) -> NDArray[np.bool_]:
+    """Return whether each point lies in a box or sphere, extended by 1e-9 of the mesh size."""
     slack = INSIDE_SLACK * mesh.size
     if isinstance(where, SphereSelection):
         return np.linalg.norm(points - where.center, axis=1) <= where.radius + slack
@@ -303,13 +255,6 @@ def _cells_within(mesh: Mesh, vertices: NDArray[np.int32]) -> NDArray[np.int32]:
     chosen = np.zeros(mesh.n_vertices, dtype=bool)
     chosen[vertices] = True
     return _ids(chosen[mesh.cells].all(axis=1))
-
-
-def _of_cells() -> MeshError:
-    return MeshError(
-        "the selection does not fit the skin",
-        ["ids, sets and names of meshes are those of cells, not of a skin; allowed: face, box, sphere"],
-    )
 
 
 def _unknown_set(mesh: Mesh, name: str) -> MeshError:

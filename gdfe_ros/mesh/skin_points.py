@@ -44,6 +44,8 @@ class SkinPoints:
     Attributes:
         places: (k, 3) positions [m].
         normals: (k, 3) unit vectors out of the material.
+        triangles: (t, 3) triangles of these points.
+        creases: (e, 2) ends of the edges at which neighbouring triangles form a crease.
         kinds: (k,) 0 for a corner, 1 for a crease point, 2 for any other point.
         corners: (k, 8) vertices of the cell that carries each point.
         weights: (k, 8) weights of these vertices.
@@ -52,6 +54,8 @@ class SkinPoints:
 
     places: NDArray[np.float64]
     normals: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    creases: NDArray[np.int64]
     kinds: NDArray[np.int64]
     corners: NDArray[np.int32]
     weights: NDArray[np.float64]
@@ -69,10 +73,20 @@ class SkinPoints:
         slopes = np.zeros_like(points)
         for i in range(3):
             np.add.at(slopes, triangles[:, i], areas)
-        used = np.unique(triangles)
-        kinds = _kinds(triangles, _unit(areas), len(points))[used]
+        used, local = np.unique(triangles, return_inverse=True)
+        triangles = local.reshape(triangles.shape)
+        creases = _creases(triangles, _unit(areas))
         cells, weights = hang(mesh.vertices, mesh.cells, points[used], within=PLACE)
-        return cls(points[used], _unit(slopes[used]), kinds, mesh.cells[cells], weights, sizes[cells])
+        return cls(
+            places=points[used],
+            normals=_unit(slopes[used]),
+            triangles=triangles,
+            creases=creases,
+            kinds=_kinds(creases, len(used)),
+            corners=mesh.cells[cells],
+            weights=weights,
+            sizes=sizes[cells],
+        )
 
     def touching(self, mesh: HexMesh) -> NDArray[np.intp]:
         """Return the indices (p,) of the contact points among the skin points.
@@ -125,14 +139,19 @@ class SkinPoints:
         return np.concatenate([chosen, np.array(added, dtype=np.intp)])
 
 
-def _kinds(triangles: NDArray[np.int64], normals: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the kind of each point as in `SkinPoints`: crease point with 2 creases, corner with 1 or more than 2."""
+def _creases(triangles: NDArray[np.int64], normals: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the edges (e, 2) at which two triangles (t, 3) with unit ``normals`` (t, 3) form a crease."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges, owner = edges[order], order // 3
     paired = (edges[:-1] == edges[1:]).all(axis=1)
     bent = np.einsum("ei,ei->e", normals[owner[:-1]], normals[owner[1:]]) < CREASE
-    creases = np.bincount(edges[:-1][paired & bent].ravel(), minlength=count)
+    return edges[:-1][paired & bent]
+
+
+def _kinds(creases: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Return the kind of each of ``count`` points: 1, a crease point, with two creases, 0 with one or more than two."""
+    creases = np.bincount(creases.ravel(), minlength=count)
     return np.where(creases == 0, 2, np.where(creases == 2, 1, 0))
 
 

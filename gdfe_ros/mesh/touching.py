@@ -19,12 +19,14 @@ class Touching:
     Attributes:
         corners: (p, 8) int32 vertices of the cell that carries each contact point.
         weights: (p, 8) weights of these vertices, which sum to one for each point.
+        faces: (f, 3) int32 closed surface of triangles of contact points, with which skins touch each other.
         vertices: (v,) int32 all vertices of these meshes.
         surface: the skins of these meshes.
     """
 
     corners: NDArray[np.int32]
     weights: NDArray[np.float64]
+    faces: NDArray[np.int32]
     vertices: NDArray[np.int32]
     surface: Outside
 
@@ -36,9 +38,11 @@ class Touching:
         cell in the assembly.
         """
         each, vertices, cells = zip(*parts, strict=True)
+        before = np.cumsum([0, *(len(one.corners) for one in each[:-1])])
         return cls(
             np.concatenate([one.corners + np.int32(first) for one, first in zip(each, vertices, strict=True)]),
             np.concatenate([one.weights for one in each]),
+            np.concatenate([one.faces + np.int32(first) for one, first in zip(each, before, strict=True)]),
             np.concatenate([one.vertices + np.int32(first) for one, first in zip(each, vertices, strict=True)]),
             Outside.joined([one.surface for one in each], vertices, cells),
         )

@@ -22,7 +22,7 @@ from gdfe_ros.scene.skin_schema import SkinModel
 Entries = tuple[dict[str, Any] | None, dict[str, Any] | None]
 """Scene entries of a mesh and of its skin, with the contents of their files; None for an entry without a file."""
 _MESH, _SKIN, _TOUCHING, _ENTRIES = "mesh:", "skin:", "touching:", "entries"
-_CONTACT = ("corners", "weights", "vertices")
+_CONTACT = ("corners", "weights", "faces", "vertices")
 
 
 class BodyStore:

@@ -33,7 +33,7 @@ class SkinModel(Choice):
     scale: Annotated[float, SCALE] | None = None
     contact: bool | None = Field(
         None,
-        description="true: the skin touches obstacles and rigid bodies in place of the cells' faces; default: true if "
+        description="true: the skin touches in place of the cells' faces; default: true if "
         "cells are cut and the skin is closed",
     )
 

@@ -99,10 +99,8 @@ def _converted(mesh: Mesh) -> list[str]:
 def _to_touch(mesh: Mesh) -> str:
     """Return a text with the changes of a scene file after which the parts of a body touch each other."""
     steps = ["self_contact: {friction: 0.5}"]
-    if cut_key(mesh):
-        steps.append("cells: whole, because cut cells have no faces that touch")
-    if mesh.touching is not None:
-        steps.append("no contact: true of a skin, because parts touch by their faces")
+    if _touch_by_cut_faces(mesh):
+        steps.append("`skin: {file: ...}` for each mesh with cut cells, whose faces are not on the surface")
     return ", and ".join(steps)
 
 
@@ -135,7 +133,6 @@ def unsolvable(
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
         (("bodies",), _still(handles) if dynamics is None else _inside(handles, mesh)),
         (cut, _beside(handles, actuators, self_contact, policy, mesh) if cut else ""),
-        (("self_contact",), _by_skin(mesh) if self_contact is not None and not cut else ""),
         (("mesh",), _tetrahedra(mesh, policy)),
     ]
     return [(key, text) for key, text in found if text]
@@ -257,11 +254,12 @@ def _beside(
     bare = _touch_by_cut_faces(mesh)
     names = [item.name for item in actuators if isinstance(item, Chamber) and item.points is None]
     touched = [handle.name for handle in handles if bare and isinstance(handle, Obstacle)]
-    names += [*touched, *(["self_contact"] if self_contact is not None else [])]
+    touched += ["self_contact"] * (bare and self_contact is not None)
+    names += touched
     if not names:
         return ""
     text = f"{', '.join(names)} would act on the faces of cut cells, up to a cell outside of the surface"
-    if touched and self_contact is None:
+    if touched:
         return (
             f"{text}; remedy: `skin: {{file: ...}}` with the mesh's closed surface, which then touches, or cells: whole"
         )
@@ -274,17 +272,6 @@ def _touch_by_cut_faces(mesh: Mesh | None) -> bool:
         return False
     meshes = [part.mesh for part in mesh.parts.values()] or [mesh]
     return any(each.filling is not None and each.touching is None for each in meshes)
-
-
-def _by_skin(mesh: Mesh | None) -> str:
-    """Return a message if the body has self-contact and a touching skin, which exclude each other; empty if not."""
-    if mesh is None or mesh.touching is None:
-        return ""
-    names = [f"meshes.{name}.skin" for name, part in mesh.parts.items() if part.mesh.touching is not None]
-    return (
-        f"parts of the body touch each other by the faces of their cells, not by {', '.join(names) or 'skin'}, which "
-        "has contact: true; remedy: leave out that key, then the faces touch everything; or leave out self_contact"
-    )
 
 
 def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Embedding
 from gdfe_ros.constraints.form import TriangleMesh
@@ -13,7 +14,8 @@ from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, select_faces
-from gdfe_ros.mesh.selection import select_touching
+from gdfe_ros.mesh.selection import Where
+from gdfe_ros.mesh.skin_selection import select_touching, select_touching_faces
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.scene.builder import holder_of, select
@@ -85,11 +87,28 @@ def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Defects) -> S
     model = draft.self_contact
     if model is None or mesh is None:
         return None
-    quads = mesh.surface()
+    faces = _touching_faces(mesh)
     if model.where is not None:
-        quads = select(select_faces, mesh, model.where, ("self_contact", "where"), "boundary face", report)
+        faces = select(_touching_faces, mesh, model.where, ("self_contact", "where"), "boundary face", report)
+    if faces is None:
+        return None
+    lined = faces[:, 0] >= mesh.n_vertices
+    triangles = faces[lined, :3] - np.int32(mesh.n_vertices)
     parts = {name: part.first_vertex for name, part in mesh.parts.items()}
-    return None if quads is None else SelfContact(quads=flat_quads(quads), friction=model.friction, parts=parts)
+    return SelfContact(quads=faces[~lined], triangles=triangles, friction=model.friction, parts=parts)
+
+
+def _touching_faces(mesh: HexMesh, where: Where | None = None) -> NDArray[np.int32]:
+    """Return the faces (q, 4) of cells and skins that touch in a place; without a place, all of them.
+
+    Indices from the number of vertices on are those of contact points.
+    """
+    quads = flat_quads(mesh.surface() if where is None else select_faces(mesh, where))
+    if mesh.touching is None:
+        return quads
+    bare = quads[~np.isin(quads[:, 0], mesh.touching.vertices)]
+    lined = mesh.touching.faces if where is None else select_touching_faces(mesh, where)
+    return np.concatenate([bare, lined[:, [0, 1, 2, 2]] + np.int32(mesh.n_vertices)])
 
 
 def build_sensors(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, ContactSensor]:

@@ -243,9 +243,7 @@ def test_the_remedy_for_meshes_that_do_not_touch_is_none_that_is_refused(tmp_pat
     path.write_text(PAIR.replace("meshes:", f"meshes:\n{ball}") + "dynamics: {}\n")
     (remark,) = [text for text in remarks(load_scene(path), Policy.ENERGY) if "pass through each other" in text]
     overrides: dict[str, object] = {"self_contact": {"friction": 0.5}}
-    if "cells: whole" in remark:
-        overrides["meshes.ball.voxels.cells"] = "whole"
-    if "no contact: true" in remark:
-        overrides["meshes.ball.skin.contact"] = False
+    if "skin: {file: ...}" in remark:
+        overrides["meshes.ball.skin"] = {"file": str(tmp_path / "ball.stl")}
     scene = load_scene(path, overrides=overrides)
     assert not [text for text in remarks(scene, Policy.ENERGY) if "pass through each other" in text]

@@ -209,6 +209,62 @@ def test_of_several_meshes_each_touches_by_what_it_has(folder: Path) -> None:
     assert set(touch.vertices[touch.points < 0]) <= set(scene.sensors["bar"].vertices)
 
 
+RODS = """
+name: rods
+meshes:
+  low: {{voxels: {{surface: rod.stl, cell: 0.004, cells: cut}}, skin: {{file: rod.stl}}}}
+  high: {{voxels: {{surface: rod.stl, cell: 0.004, cells: cut}}, skin: {{file: rod.stl}}, at: [0, 0, {height}]}}
+  bar: {{bar: {{size: [0.03, 0.02, 0.02], cells: [3, 2, 2]}}, at: [-0.015, 0, 0.041]}}
+materials: {{soft: {{law: neo_hookean, young: 5.0e5, poisson: 0.4, density: 1000}}}}
+regions: [{{material: soft}}]
+handles: {{low: {{where: {{mesh: low}}}}, high: {{where: {{mesh: high}}}}, bar: {{where: {{mesh: bar, face: z+}}}}}}
+self_contact: {where}
+"""
+
+
+@pytest.mark.parametrize(
+    ("where", "quads", "skins"),
+    [
+        ("{}", 32, {"low", "high"}),
+        ("{where: {mesh: low}}", 0, {"low"}),
+        ("{where: {mesh: high, box: {z: [-1, 0]}}}", 0, {"high"}),
+        ("{where: {mesh: bar, face: z-}}", 6, set()),
+        ("{where: {box: {z: [0.0, 0.032]}}}", 6, {"low", "high"}),
+    ],
+)
+def test_a_place_selects_skins_and_faces_that_touch(folder: Path, where: str, quads: int, skins: set[str]) -> None:
+    """The key `where` of self-contact selects triangles of skins, and faces of the meshes without a skin."""
+    (folder / "rods.yaml").write_text(RODS.format(height=0.0202, where=where))
+    scene = load_scene(folder / "rods.yaml")
+    assert len(scene.self_contact.quads) == quads
+    corners = scene.mesh.touching.corners[np.unique(scene.self_contact.triangles)]
+    parts = {
+        name
+        for name, part in scene.mesh.parts.items()
+        if ((corners >= part.first_vertex) & (corners < part.first_vertex + part.mesh.n_vertices)).any()
+    }
+    assert parts == skins
+
+
+@pytest.mark.parametrize(
+    ("height", "where", "expected"),
+    [
+        (
+            0.0185,
+            "{}",
+            r"meshes\.high\.at.*mesh 'high' lies in mesh 'low' initially, 0\.001\d* m deep or more.*remedy: move",
+        ),
+        (0.0202, "{where: {vertices: [0, 1]}}", r"self_contact\.where.*not of a skin; allowed: face, box, sphere"),
+        (0.0202, "{where: {box: {z: [5, 6]}}}", r"self_contact\.where.*no boundary face is there"),
+    ],
+)
+def test_skins_that_cannot_touch_are_refused(folder: Path, height: float, where: str, expected: str) -> None:
+    """Skins in each other, and places that select no skin, are refused with the depth or the allowed selections."""
+    (folder / "rods.yaml").write_text(RODS.format(height=height, where=where))
+    with pytest.raises(SceneError, match=f"(?s:.*){expected}"):
+        load_scene(folder / "rods.yaml")
+
+
 def test_the_mesh_without_a_skin_is_named(folder: Path) -> None:
     """Of a rod with a skin and a cut rod without one, above a floor, the second is reported, in either order."""
     bare = "  bare: {voxels: {surface: rod.stl, cell: 0.004, cells: cut}, at: [0, -0.1, 0]}\n"
@@ -228,12 +284,11 @@ def test_the_mesh_without_a_skin_is_named(folder: Path) -> None:
         ("skin: {file: open.stl}", "cut", "", r"floor would act on the faces of cut.*remedy: `skin: .*closed surface"),
         ("", "cut", "", r"floor would act on the faces of cut.*remedy: `skin: .*closed surface"),
         ("skin: {file: rod.stl, contact: false}", "cut", "", r"floor would act on the faces of cut"),
-        (CONTACT, "whole", "self_contact: {}", r"self_contact.*not by skin, which.*remedy: leave out that key.*"),
-        ("skin: {file: rod.stl}", "cut", "self_contact: {}", r"self_contact would act on the faces.*cells: whole"),
+        ("", "cut", "self_contact: {}", r"floor, self_contact would act on the faces of cut.*remedy: `skin: .*closed"),
     ],
 )
 def test_bad_input_is_refused(folder: Path, skin: str, cells: str, more: str, expected: str) -> None:
-    """Contact of a missing or open skin, or with self-contact, is refused with its key and remedy."""
+    """Contact or self-contact with a missing or open skin is refused with its key and remedy."""
     with pytest.raises(SceneError, match=f"(?s:.*){expected}"):
         load(folder, skin, cells=cells, cell=RADIUS / 6.0, more=more)
 

@@ -126,6 +126,14 @@ def among(starts, values, row, value):
 
 
 @kernel
+def are_apart(pairs, faces, surface, out):
+    """Write to ``out`` (p,) whether the vertex of each pair is not near its face, as `Topology` defines it."""
+    for pair in range(len(pairs)):
+        vertex = surface.vertices[pairs[pair]]
+        out[pair] = not among(surface.near_starts, surface.near, faces[pair], vertex)
+
+
+@kernel
 def nearest_faces(
     x, last, sunk, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap, support
 ):
@@ -154,8 +162,6 @@ def nearest_faces(
     for pair in range(len(pairs)):
         i, f = pairs[pair], faces[pair]
         vertex = surface.vertices[i]
-        if among(surface.near_starts, surface.near, f, vertex):
-            continue
         size = math.sqrt(areas[f, 0] ** 2 + areas[f, 1] ** 2 + areas[f, 2] ** 2)
         if not size > 0.0:
             continue

@@ -7,13 +7,16 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.mesh.faces import vertex_pieces
+from gdfe_ros.mesh.triples import corner, cross, dot, minus
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import among, closest_on, point_on
-from gdfe_ros.solver.contact.own_surface import Topology, flat_boundary, vertices_about
+from gdfe_ros.solver.contact.own_points import OwnPoints, incidence
+from gdfe_ros.solver.contact.own_surface import Topology, flat_boundary
 
 MOST_STEPS = 25
 """Largest number of Newton iterations in one cell."""
@@ -27,41 +30,46 @@ MOST_BINS = 4
 class Inside:
     """Search for surface vertices that have penetrated into other cells of the body.
 
+    Where a part touches by its skin, contact points and their triangles replace the vertices and faces of its cells.
+
     Args:
         body: the discretised body.
+        points: the vertices and contact points of the body.
         surface: faces that may touch each other, and their vertices.
         meant: the self-contact definition, which gives the names of the parts.
     """
 
-    def __init__(self, body: Body, surface: Topology, meant: SelfContact) -> None:
-        self._meant = meant
-        simple, (faces, _) = body.cell_type.simple, flat_boundary(body)
+    def __init__(self, body: Body, points: OwnPoints, surface: Topology, meant: SelfContact) -> None:
+        self._meant, self._points = meant, points
+        simple, (faces, around) = body.cell_type.simple, _whole_surface(body, points)
         pieces = vertex_pieces(body.cells, len(body.rest))
-        near = vertices_about(body.cells, np.repeat(np.arange(len(body.cells)), len(simple)), len(body.rest))
+        near = points.about(body.cells, np.repeat(body.cells, len(simple), axis=0))
         cells = np.ascontiguousarray(body.cells[:, simple].reshape(-1, 8))
         chosen = {tuple(quad) for quad in surface.quads.tolist()}
         touchable = np.array([tuple(quad) in chosen for quad in faces.tolist()])
-        order = np.argsort(pieces[faces[:, 0]], kind="stable")
-        quads, count = faces[order], int(pieces.max()) + 1
-        starts = np.searchsorted(pieces[quads[:, 0]], np.arange(count + 1)).astype(np.int64)
-        self._skin = (surface.vertices, np.ascontiguousarray(quads, dtype=np.int32), touchable[order], starts)
-        self._cells = (cells, pieces[cells[:, 0]].astype(np.int64), near.indptr.astype(np.int64))
-        self._near = near.indices.astype(np.int64)
+        owners = pieces[points.main[faces[:, 0]]]
+        order, count = np.argsort(owners, kind="stable"), int(pieces.max()) + 1
+        starts = np.searchsorted(owners[order], np.arange(count + 1)).astype(np.int64)
+        quads = np.ascontiguousarray(faces[order], dtype=np.int32)
+        around = around[:, order].tocsr()[np.repeat(np.arange(len(body.cells)), len(simple))]
+        self._skin = (surface.vertices, quads, touchable[order], starts, *_ragged(around))
+        self._cells = (cells, pieces[cells[:, 0]].astype(np.int64), *_ragged(near))
 
     def depths(self, x: NDArray[np.float64], bound: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the penetration depth [m] of each surface vertex (k,), and the cell in which it lies (k,).
 
         Depth and cell are 0 and -1 in three cases: the vertex is in no foreign cell, it is less than ``bound`` [m]
-        below the surface, or its nearest face takes no part in self-contact.
+        below the surface, or its nearest face takes no part in self-contact. Contact points count only where cells are:
+        a skin that lies beyond its cells may enter another one by this distance.
 
         Args:
-            x: (n, 3) [m] positions.
+            x: (n + p, 3) [m] positions.
             bound: [m] least depth that is reported.
         """
         count = len(self._skin[0])
         depth, cell = np.zeros(count), np.full(count, -1, dtype=np.int64)
         if np.isfinite(x).all():
-            find_inside(x, *self._skin, *self._cells, self._near, bound, depth, cell)
+            find_inside(x, *self._skin, *self._cells, bound, depth, cell)
         return depth, cell
 
     def told(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
@@ -79,21 +87,42 @@ class Inside:
 
     def _sentence(self, vertex: int, within: int, place: NDArray[np.float64], depth: float) -> str:
         """Return a sentence about a vertex that lies inside of the part of another vertex, deepest at ``place`` [m]."""
-        own, other = self._meant.owner(vertex), self._meant.owner(within)
+        own, other = (self._meant.owner(self._points.main[point]) for point in (vertex, within))
         where = ", ".join(f"{value:.4g}" for value in place + self._meant.origin)
         inside = f"{depth:.3g} m inside of {'itself' if own == other else other}"
         return f"{own} lies {inside}, deepest at [{where}] m; {SEPARATE}"
 
 
+def _whole_surface(body: Body, points: OwnPoints) -> tuple[NDArray[np.int32], sparse.csr_matrix]:
+    """Return all faces (q, 4) of a body, and for each cell, the triangles of skins around it, as a matrix (m, q).
+
+    The faces are triangles of contact points, and the boundary faces of other parts.
+    """
+    quads, _ = flat_boundary(body)
+    if body.skin is None:
+        return quads, sparse.csr_matrix((len(body.cells), len(quads)))
+    quads = quads[~np.isin(quads[:, 0], body.skin.vertices)]
+    lined = body.skin.faces[:, [0, 1, 2, 2]] + np.int32(points.count)
+    carrying = incidence(points.corners[body.skin.faces].reshape(len(lined), -1), points.count)
+    none = sparse.csr_matrix((len(body.cells), len(quads)), dtype=carrying.dtype)
+    around = sparse.hstack([none, incidence(body.cells, points.count) @ carrying.T])
+    return np.concatenate([quads, lined]), around.tocsc()
+
+
+def _ragged(rows: sparse.csr_matrix) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the offsets (m + 1,) and values of the list of columns in each of m rows."""
+    return rows.indptr.astype(np.int64), rows.indices.astype(np.int64)
+
+
 @inlined
-def corner_shape(corner, u, v, w):
+def corner_shape(which, u, v, w):
     """Return a corner's shape function (VTK's order) at u, v, w in [0, 1], and its three derivatives."""
-    a = u if corner in (1, 2, 5, 6) else 1.0 - u
-    b = v if corner in (2, 3, 6, 7) else 1.0 - v
-    c = w if corner >= 4 else 1.0 - w
-    da = 1.0 if corner in (1, 2, 5, 6) else -1.0
-    db = 1.0 if corner in (2, 3, 6, 7) else -1.0
-    dc = 1.0 if corner >= 4 else -1.0
+    a = u if which in (1, 2, 5, 6) else 1.0 - u
+    b = v if which in (2, 3, 6, 7) else 1.0 - v
+    c = w if which >= 4 else 1.0 - w
+    da = 1.0 if which in (1, 2, 5, 6) else -1.0
+    db = 1.0 if which in (2, 3, 6, 7) else -1.0
+    dc = 1.0 if which >= 4 else -1.0
     return a * b * c, da * b * c, a * db * c, a * b * dc
 
 
@@ -104,9 +133,9 @@ def within_cell(x, cells, e, px, py, pz):
     for _ in range(MOST_STEPS):
         r0, r1, r2 = px, py, pz
         a00, a01, a02, a10, a11, a12, a20, a21, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for corner in range(8):
-            q = cells[e, corner]
-            s, du, dv, dw = corner_shape(corner, u, v, w)
+        for a in range(8):
+            q = cells[e, a]
+            s, du, dv, dw = corner_shape(a, u, v, w)
             r0, r1, r2 = r0 - s * x[q, 0], r1 - s * x[q, 1], r2 - s * x[q, 2]
             a00, a01, a02 = a00 + du * x[q, 0], a01 + dv * x[q, 0], a02 + dw * x[q, 0]
             a10, a11, a12 = a10 + du * x[q, 1], a11 + dv * x[q, 1], a12 + dw * x[q, 1]
@@ -164,6 +193,30 @@ def depth_below(x, quads, touchable, first, last, vertex, bound):
 
 
 @internal
+def in_front(x, quads, starts, around, e, px, py, pz):
+    """Return whether a point p [m] in cell ``e`` is in front of the skin around this cell, outside of the material.
+
+    The nearest of the triangles ``around`` the cell decides. If several are equally near, at an edge or a corner, it is
+    the one whose plane is farthest from the point. A cell without such triangles is full of material.
+    """
+    least, height = np.inf, 0.0
+    for i in range(starts[e], starts[e + 1]):
+        f = around[i]
+        u, v = closest_on(x, quads, f, px, py, pz)
+        c0, c1, c2 = point_on(x, quads, f, u, v)
+        away = math.sqrt((px - c0) ** 2 + (py - c1) ** 2 + (pz - c2) ** 2)
+        if away >= (1.0 + EXACT) * least:
+            continue
+        a, b, c = corner(x, quads[f, 0]), corner(x, quads[f, 1]), corner(x, quads[f, 2])
+        n = cross(minus(b, a), minus(c, a))
+        above = dot(n, (px - c0, py - c1, pz - c2)) / max(math.sqrt(dot(n, n)), 1e-300)
+        if away < (1.0 - EXACT) * least or abs(above) > abs(height):
+            height = above
+        least = min(least, away)
+    return height > 0.0
+
+
+@internal
 def sorted_into_bins(x, vertices, low, edge, n0, n1, n2):
     """Return the offset of each bin of the search grid, and the indices of the vertices (k,), sorted by bin."""
     count = len(vertices)
@@ -198,15 +251,32 @@ def boxes_of(x, cells):
 
 
 @kernel
-def find_inside(x, vertices, quads, touchable, quad_starts, cells, pieces, near_starts, near, bound, depth, cell):
+def find_inside(
+    x,
+    vertices,
+    quads,
+    touchable,
+    quad_starts,
+    around_starts,
+    around,
+    cells,
+    pieces,
+    near_starts,
+    near,
+    bound,
+    depth,
+    cell,
+):
     """Find the surface vertices inside cells, and their depth below the faces of the cell's connected piece.
 
     Args:
-        x: (n, 3) [m] positions, finite.
+        x: (n + p, 3) [m] positions, finite.
         vertices: (k,) surface vertices.
-        quads: (q, 4) all boundary faces, ordered by piece.
+        quads: (q, 4) all faces, ordered by piece.
         touchable: (q,) whether each face takes part in self-contact.
         quad_starts: (p + 1,) index at which the faces of each piece begin.
+        around_starts: (m + 1,) index into ``around`` at which the list of each cell begins.
+        around: triangles of a skin around each cell, as indices of ``quads``.
         cells: (m, 8) corners of the cells.
         pieces: (m,) connected piece of each cell.
         near_starts: (m + 1,) index into ``near`` at which the list of each cell begins.
@@ -242,8 +312,11 @@ def find_inside(x, vertices, quads, touchable, quad_starts, cells, pieces, near_
                         continue
                     if p2 < boxes[e, 0, 2] or p2 > boxes[e, 1, 2] or among(near_starts, near, e, v):
                         continue
-                    if within_cell(x, cells, e, p0, p1, p2):
-                        first, last = quad_starts[pieces[e]], quad_starts[pieces[e] + 1]
-                        found = depth_below(x, quads, touchable, first, last, v, bound)
-                        if found > depth[k]:
-                            depth[k], cell[k] = found, e
+                    if not within_cell(x, cells, e, p0, p1, p2):
+                        continue
+                    if in_front(x, quads, around_starts, around, e, p0, p1, p2):
+                        continue
+                    first, last = quad_starts[pieces[e]], quad_starts[pieces[e] + 1]
+                    found = depth_below(x, quads, touchable, first, last, v, bound)
+                    if found > depth[k]:
+                        depth[k], cell[k] = found, e

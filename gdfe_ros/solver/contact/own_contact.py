@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,9 @@ from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.crossing import SEATS
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import OwnPairs
+from gdfe_ros.solver.contact.own_points import OwnPoints
 from gdfe_ros.solver.contact.own_surface import Nearest
-from gdfe_ros.solver.contact.pair_touch import across, frames, tangential, touching_vertices
+from gdfe_ros.solver.contact.pair_touch import across, frames, tangential, touching_points
 from gdfe_ros.solver.contact.settling import Settling, parted
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -55,14 +57,17 @@ class OwnContact(ContactTerm):
     kernel, potential = law.pair_entry, staticmethod(law.pair_energy)
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
-        self.pairs = OwnPairs(body, meant.quads)
+        self.points = OwnPoints.of(body)
+        self.pairs = OwnPairs(body, self.points, meant)
         self.surface = self.pairs.surface
-        self.penetration = Inside(body, self.surface.topology, meant)
+        self.penetration = Inside(body, self.points, self.surface.topology, meant)
         count, vertices = self.pairs.count, len(self.surface.topology.vertices)
-        reals = np.zeros(law.HEAD + law.STRIDE * count)
-        reals[law.FRICTION] = meant.friction
-        super().__init__(NAME, body, reals, np.zeros(law.VERTICES + law.WIDTH * count, dtype=np.int32))
-        self._yielding = np.zeros(len(body.rest))
+        reals = np.concatenate([np.zeros(law.HEAD + law.STRIDE * count), self.points.weights.ravel()])
+        ends = np.zeros(law.VERTICES + law.WIDTH * count, dtype=np.int32)
+        ends[law.BODY], ends[law.CARRIERS] = len(body.rest), len(ends)
+        reals[law.FRICTION], ends[law.CARRIED] = meant.friction, law.HEAD + law.STRIDE * count
+        super().__init__(NAME, body, reals, np.concatenate([ends, self.points.corners.ravel()]))
+        self._yielding = np.zeros(0)
         self._chosen, self._on = np.zeros(0, dtype=np.int64), False
         self._last: State | None = None
         self._reach, self._sunk = 0.0, np.zeros(vertices, dtype=np.bool_)
@@ -78,11 +83,8 @@ class OwnContact(ContactTerm):
         return self._on
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set the vertices' compliances from the constant matrix' diagonal; vertices that handles drive have none."""
-        self._yielding = 1.0 / matrix.assembled.diagonal()
-        for handle in self._body.handles:
-            if not handle.loose:
-                self._yielding[handle.vertices] = 0.0
+        """Set the points' compliances from the constant matrix' diagonal; vertices that handles drive have none."""
+        self._yielding = self.points.yielding(self._body, matrix.assembled.diagonal())
 
     def springs(self, positions: NDArray[np.float64]) -> Springs:
         """Return the penalties as springs: one normal to each pressing pair, two tangential to each sticking pair."""
@@ -98,7 +100,7 @@ class OwnContact(ContactTerm):
             (np.sqrt(stiffness)[:, None, None] * np.insert(-weights, 0, 1.0, axis=1)[:, :, None] * way[:, None, :])[on]
             for on, _, weights, way, stiffness in parts
         ]
-        return Springs.between(np.concatenate(ends), np.concatenate(ways))
+        return Springs.between(*self.points.carried(np.concatenate(ends), np.concatenate(ways)))
 
     def neutral(self) -> Saved:
         """Return the stored state without contact: no forces, no faces, no dissipated energy."""
@@ -110,27 +112,28 @@ class OwnContact(ContactTerm):
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Search the pairs. Start from the multipliers of the last step, rotated with their faces."""
-        last = positions if self._last is None else self._last.positions
+        self._settling, self._scale = Settling(positions, held=self.reals[law.FRICTION] > 0.0), 0.0
+        x = self.points.at(positions)
+        last = x if self._last is None else self.points.at(self._last.positions)
         self._from, size = last, self._body.size
-        moved = positions - last
+        moved = x - last
         far = float(np.abs(moved - moved[self.surface.topology.vertices].mean(axis=0)).max(initial=0.0))
         self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
-        self.missed, entered = 0.0, self._entered(positions)
+        self.missed, entered = 0.0, self._entered(x)
         found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), self._sunk)
         self.hopeless = self.gives_up and bool(((entered > 0.0) & (found.face[: len(entered)] < 0)).any())
         kept = saved["slips"] == 0.0
         face = np.where(kept, saved["face"], found.face).astype(np.int64)
         some, every = saved["face"] >= 0.0, np.arange(self.pairs.count)
-        axes = frames(positions, self.pairs.carriers(every[some], saved["face"][some].astype(np.int64)))
+        axes = frames(x, self.pairs.carriers(every[some], saved["face"][some].astype(np.int64)))
         self._press, self._shear, self._normal = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
-        self._settling, self._scale = Settling(positions, held=self.reals[law.FRICTION] > 0.0), 0.0
         self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
         self._hold, self._hold_weights = face, np.where(kept[:, None], saved["weights"], found.weights)
         self._offset = tangential(self._away(last, every, face, self._hold_weights), found.normal)
         self._offset[kept] = np.einsum("kij,kj->ki", axes[kept[some]], saved["offset"][kept])
         self._began = self._hold.copy(), self._hold_weights.copy(), self._offset.copy()
         on = found.face >= 0
-        before, after = (frames(x, self.pairs.carriers(every[on], found.face[on])) for x in (last, positions))
+        before, after = (frames(at, self.pairs.carriers(every[on], found.face[on])) for at in (last, x))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
         self._pack(found, last)
         self._on, rows = bool(self._press.any()), self._rows()
@@ -150,9 +153,10 @@ class OwnContact(ContactTerm):
         press = rows[:, law.PRESS].copy()
         pushed, given_up = press > 0.0, press / rows[:, law.PENALTY]
         self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
-        found = self.pairs.look(positions, self._from, self._reach, self._partners, self._sunk)
-        self._follow(found, positions)
-        self._pack(found, positions)
+        x = self.points.at(positions)
+        found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
+        self._follow(found, x)
+        self._pack(found, x)
         kept = pushed & (self._press[chosen] > 0.0)
         shifted = np.abs(found.gap[chosen] - gaps)[kept].max(initial=0.0)
         miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
@@ -181,11 +185,12 @@ class OwnContact(ContactTerm):
         """Search the pairs again if no pair touched so far; return whether one touches at ``positions`` (n, 3) [m]."""
         if self._on:
             return False
-        found = self.pairs.look(positions, self._from, self._reach, self._partners, self._sunk)
-        self._pack(found, positions)
+        x = self.points.at(positions)
+        found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
+        self._pack(found, x)
         self._on = bool((found.gap[self._chosen] < 0.0).any())
         if self._on and self.gives_up:
-            self.hopeless = self._entered(positions).max() > self.surface.topology.depth
+            self.hopeless = self._entered(x).max() > self.surface.topology.depth
         return self._on
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
@@ -200,8 +205,8 @@ class OwnContact(ContactTerm):
         slips |= ~(presses > 0.0)
         face, weights = self._hold[chosen], self._hold_weights[chosen]
         face, weights = np.where(slips, self._face, face), np.where(slips[:, None], self._weights, weights)
-        axes = frames(positions, self.pairs.carriers(chosen, face))
-        offset = self._away(positions, chosen, face, weights)
+        x = self.points.at(positions)
+        axes, offset = frames(x, self.pairs.carriers(chosen, face)), self._away(x, chosen, face, weights)
         offset[~slips] = rows[~slips, law.OFFSET : law.SUPPORT]
         offset = tangential(offset, rows[:, law.NORMAL : law.WEIGHTS])
         kept["press"][chosen], kept["slips"][chosen] = presses, slips
@@ -218,10 +223,10 @@ class OwnContact(ContactTerm):
         on = np.flatnonzero(saved["press"])
         if not len(on):
             return NOTHING
-        quads = self.pairs.carriers(on, saved["face"][on].astype(np.int64))
-        shears = np.einsum("kij,kj->ki", frames(state.positions, quads), saved["shear"][on])
-        return touching_vertices(
-            state.positions,
+        x, quads = self.points.at(state.positions), self.pairs.carriers(on, saved["face"][on].astype(np.int64))
+        shears = np.einsum("kij,kj->ki", frames(x, quads), saved["shear"][on])
+        found = touching_points(
+            x,
             origin,
             self.pairs.first[on],
             quads,
@@ -231,6 +236,10 @@ class OwnContact(ContactTerm):
             shears=-saved["share"] * shears,
             slips=saved["slips"][on] > 0.0,
         )
+        if not len(self.points.corners):
+            return found
+        main, numbers = self.points.main, self.points.numbers
+        return replace(found, vertices=main[found.vertices], others=main[found.others], points=numbers[found.vertices])
 
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a sentence about the deepest penetration, or an empty string if its depth is within `DEEPEST`.
@@ -238,24 +247,24 @@ class OwnContact(ContactTerm):
         Every surface vertex is checked, also a vertex without a pair in the solve, and every crossing of edges, also of
         two edges that have passed each other since the last state. The attribute ``buried`` is set.
         """
-        bound = DEEPEST * self._body.size
-        depth, text = self.penetration.told(positions, bound)
-        crossed = self.pairs.edges.look(positions, self._from, self._reach, self._partners[len(self._sunk) :])
+        bound, x = DEEPEST * self._body.size, self.points.at(positions)
+        depth, text = self.penetration.told(x, bound)
+        crossed = self.pairs.edges.look(x, self._from, self._reach, self._partners[len(self._sunk) :])
         deepest = int(crossed.gap.argmin()) if len(crossed.gap) else -1
         if deepest >= 0 and -crossed.gap[deepest] > max(depth, bound):
             depth, other = -float(crossed.gap[deepest]), crossed.face[deepest]
-            text = self.penetration.told_of(positions, self.pairs.edges.topology.ends[[deepest // SEATS, other]], depth)
+            text = self.penetration.told_of(x, self.pairs.edges.topology.ends[[deepest // SEATS, other]], depth)
         self.buried = depth > BURIED * self._body.size
         return text
 
-    def _entered(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the penetration depths (k,) [m] of the surface vertices that were outside in the last accepted state.
+    def _entered(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the penetration depths (k,) [m] of the surface's points that were outside in the last accepted state.
 
-        The depth of a vertex that already penetrated in this state is 0. ``_sunk`` marks such a vertex. Contact pushes
-        it out through its nearest face.
+        ``x`` (n + p, 3) [m] are the positions of the points. The depth of a point that already penetrated in this state
+        is 0. ``_sunk`` marks such a point. Contact pushes it out through its nearest face.
         """
         within = min(REACH * self._body.size, self.surface.topology.depth)
-        depths = self.penetration.depths(positions, within)[0]
+        depths = self.penetration.depths(x, within)[0]
         self._sunk = np.zeros(len(depths), dtype=np.bool_)
         if not depths.any():
             return depths
@@ -296,13 +305,16 @@ class OwnContact(ContactTerm):
     def _before(
         self, x: NDArray[np.float64], pairs: NDArray[np.int64], face: NDArray[np.int64], weights: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the result of `_away` in the last state, rotated with the faces to the positions ``x`` (n, 3) [m]."""
+        """Return the result of `_away` in the last state, rotated with the faces to the points ``x`` (n + p, 3) [m]."""
         quads, last = self.pairs.carriers(pairs, face), self._from
         away = self._away(last, pairs, face, weights)
         return np.einsum("kij,klj,kl->ki", frames(x, quads), frames(last, quads), away)
 
     def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
-        """Write the pairs found at ``x`` (n, 3) [m] to the kernels' arrays; persisting pairs keep their multipliers."""
+        """Write the pairs found at the points ``x`` (n + p, 3) [m] to the kernels' arrays.
+
+        Persisting pairs keep their multipliers.
+        """
         on = found.face >= 0
         corners = self.pairs.carriers(np.arange(self.pairs.count), found.face)
         give = self.pairs.give(self._yielding, corners, found.weights)

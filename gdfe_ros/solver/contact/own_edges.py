@@ -39,7 +39,7 @@ class OwnEdges:
     Elsewhere, vertices and faces carry all contact.
 
     Args:
-        rest: (n, 3) [m] undeformed positions.
+        rest: (n + p, 3) [m] undeformed positions of the points.
         surface: the faces that may touch each other.
 
     Attributes:

@@ -8,9 +8,11 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.crossing import SEATS
 from gdfe_ros.solver.contact.own_edges import OwnEdges
+from gdfe_ros.solver.contact.own_points import OwnPoints
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
 
 
@@ -23,7 +25,8 @@ class OwnPairs:
 
     Args:
         body: the discretised body.
-        quads: (q, 4) int32 faces that may touch.
+        points: the points of the body.
+        meant: the self-contact definition.
 
     Attributes:
         surface: the vertices and faces.
@@ -32,9 +35,10 @@ class OwnPairs:
         first: (k,) int32 vertex v of each pair.
     """
 
-    def __init__(self, body: Body, quads: NDArray[np.int32]) -> None:
-        self.surface = OwnSurface(body, quads)
-        self.edges = OwnEdges(body.rest, self.surface.topology)
+    def __init__(self, body: Body, points: OwnPoints, meant: SelfContact) -> None:
+        lined = meant.triangles[:, [0, 1, 2, 2]] + np.int32(points.count)
+        self.surface = OwnSurface(body, points, np.concatenate([meant.quads, lined]))
+        self.edges = OwnEdges(points.at(body.rest), self.surface.topology)
         vertices, faces, ends = self.surface.topology.vertices, self.surface.topology.quads, self.edges.topology.ends
         self._vertices, seats = len(vertices), np.repeat(ends, SEATS, axis=0)
         self.first = np.concatenate([vertices, seats[:, 0]])
@@ -80,7 +84,7 @@ class OwnPairs:
     ) -> NDArray[np.float64]:
         """Return the compliance (k,) [m/N] of all pairs with four vertices and weights (k, 4) each.
 
-        ``yielding`` (n,) [m/N] are the compliances of the vertices.
+        ``yielding`` (n + p,) [m/N] are the compliances of the points.
         """
         own = carriers == self.first[:, None]
         whole = 1.0 - np.where(own, weights, 0.0).sum(axis=1)

@@ -50,33 +50,35 @@ class DifferentiableOwnContact(OwnContact):
             self._chosen = self._face = np.zeros(0, dtype=np.int64)
             self._weights, self.integers[law.COUNT] = np.zeros((0, 4)), 0
             return
-        near = self.pairs.look(positions, positions, REACH * self._body.size, found["face"].astype(np.int64))
+        x = self.points.at(positions)
+        near = self.pairs.look(x, x, REACH * self._body.size, found["face"].astype(np.int64))
         near.face[~(found["press"] > 0.0)] = -1
         on = near.face >= 0
         self._hold, self._hold_weights = found["face"].astype(np.int64), found["weights"].copy()
-        axes = frames(positions, self.pairs.carriers(np.flatnonzero(on), self._hold[on]))
+        axes = frames(x, self.pairs.carriers(np.flatnonzero(on), self._hold[on]))
         self._press, self._normal = found["press"].copy(), found["normal"]
         self._shear, self._offset = np.zeros_like(found["shear"]), np.zeros_like(found["offset"])
         self._shear[on] = np.einsum("kij,kj->ki", axes, found["shear"][on])
         self._offset[on] = np.einsum("kij,kj->ki", axes, found["offset"][on])
-        self._pack(near, positions)
-        self._moved()[...], self._from = 0.0, self._last.positions
+        self._pack(near, x)
+        self._moved()[...], self._from = 0.0, self.points.at(self._last.positions)
         self._slips = found["slips"][self._chosen] > 0.0
-        self._set_anchors(positions)
+        self._set_anchors(x)
         self._kept = ~self._slips & (saved["slips"][self._chosen] == 0.0)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
         """Update the anchors of the chosen pairs; keep the choice of pairs."""
         if not self._on:
             return
-        self._from, chosen, rows = self._last.positions, self._chosen, self._rows()
+        x, self._from = self.points.at(positions), self.points.at(self._last.positions)
+        chosen, rows = self._chosen, self._rows()
         kept, slips, face = self._kept, self._slips, self._hold[chosen]
         weights = self._nearest(self._from, face).weights
         weights[kept] = saved["weights"][chosen[kept]]
         rows[~slips, law.HOLD : law.OFFSET] = self._hold_weights[chosen[~slips]] = weights[~slips]
-        axes = frames(positions, self.pairs.carriers(chosen[kept], face[kept]))
+        axes = frames(x, self.pairs.carriers(chosen[kept], face[kept]))
         rows[kept, law.OFFSET : law.SUPPORT] = np.einsum("kij,kj->ki", axes, saved["offset"][chosen[kept]])
-        moved = self._slid(positions, rows) - self._anchors
+        moved = self._slid(x, rows) - self._anchors
         rows[slips, law.OFFSET : law.SUPPORT] = (self._ends + moved)[slips]
 
     @property
@@ -115,7 +117,8 @@ class DifferentiableOwnContact(OwnContact):
         if not len(held):
             return held
         law.update_pairs(positions, self.reals, self.integers)
-        found, near, slips = self._rows().copy(), self._nearest(positions, self._face), self._slips
+        x = self.points.at(positions)
+        found, near, slips = self._rows().copy(), self._nearest(x, self._face), self._slips
         self.hold(held)
         on = near.face >= 0  # a vertex that leaves its face sideways keeps its normal
         found[on, law.NORMAL : law.WEIGHTS], found[on, law.WEIGHTS : law.SHEAR] = near.normal[on], near.weights[on]
@@ -123,7 +126,7 @@ class DifferentiableOwnContact(OwnContact):
         found[:, law.SHEAR : law.HOLD] = tangential(found[:, law.SHEAR : law.HOLD], found[:, law.NORMAL : law.WEIGHTS])
         found[:, law.HOLD : law.OFFSET] = self._hold_weights[self._chosen]
         found[slips, law.HOLD : law.OFFSET] = found[slips, law.WEIGHTS : law.SHEAR]
-        moved = (self._slid(positions, found) - self._anchors) * slips[:, None]
+        moved = (self._slid(x, found) - self._anchors) * slips[:, None]
         return np.hstack([found[:, HELD], moved]).ravel()
 
     def _nearest(self, x: NDArray[np.float64], face: NDArray[np.int64]) -> Nearest:
@@ -133,21 +136,22 @@ class DifferentiableOwnContact(OwnContact):
     def _slid(self, x: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tangential vectors (k, 3) [m] from face points to vertices in the last state.
 
-        They are rotated with the faces to ``x`` (n, 3) [m]. The face points have the corner weights of ``rows``.
+        They are rotated with the faces to the points ``x`` (n + p, 3) [m]. The face points have the corner weights of
+        ``rows``.
         """
         weights = rows[:, law.HOLD : law.OFFSET]
         before = self._before(x, self._chosen, self._hold[self._chosen], weights)
         return tangential(before, rows[:, law.NORMAL : law.WEIGHTS])
 
-    def _set_anchors(self, positions: NDArray[np.float64]) -> None:
-        """Set the offsets of slipping pairs.
+    def _set_anchors(self, x: NDArray[np.float64]) -> None:
+        """Set the offsets of slipping pairs at the points ``x`` (n + p, 3) [m].
 
         Each slip has the direction of the friction force. Its length is the length in the solve, but at least `SLIP`
         times the body's size.
         """
         chosen, rows, slips = self._chosen, self._rows(), self._slips
-        self._anchors = self._slid(positions, rows)
-        away = self._away(positions, chosen, self._hold[chosen], self._hold_weights[chosen])
+        self._anchors = self._slid(x, rows)
+        away = self._away(x, chosen, self._hold[chosen], self._hold_weights[chosen])
         slid = tangential(away - self._anchors, rows[:, law.NORMAL : law.WEIGHTS])
         shears = rows[:, law.SHEAR : law.HOLD]
         length = np.linalg.norm(shears, axis=1)[:, None]

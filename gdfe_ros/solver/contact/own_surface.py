@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.spatial import cKDTree
 
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_faces
+from gdfe_ros.solver.contact.closest import are_apart, corner_normals, face_areas, nearest_faces
+from gdfe_ros.solver.contact.own_points import OwnPoints
 
 CREASE = 0.7
 """The surface counts as smooth at an edge if the cosine between the rest normals of its two faces exceeds this."""
@@ -21,15 +21,21 @@ DEPTH, RIM = 0.25, 0.05
 """Two distances divided by the shortest edge. A vertex up to `DEPTH` behind a face touches this face even if it was
 never in front of it. A vertex up to `RIM` beside a face still counts as above it.
 """
+MARGIN = 0.01
+"""Candidate pairs are searched up to this distance, divided by the body's size, beyond the search distance. They are
+searched again after the points have moved by half of it relative to each other.
+"""
 
 
 class Topology(NamedTuple):
     """Neighbourhoods of the undeformed surface; lists of different lengths are stored as offsets and values.
 
+    A vertex is a vertex of the body, or a contact point of a skin (`OwnPoints`).
+
     Attributes:
         vertices: (k,) int32 vertices of the faces, sorted.
         quads: (q, 4) int32 faces.
-        about_starts, about: (n + 1,) faces around each vertex of the body.
+        about_starts, about: (n + p + 1,) faces around each vertex.
         smooth_starts, smooth: (4 q + 1,) faces over which the normal at each face corner is averaged.
         near_starts, near: (q + 1,) vertices that can never touch each face, ascending: the vertices of all cells that
             share a vertex with the face's own cell.
@@ -78,14 +84,16 @@ class OwnSurface:
 
     Args:
         body: the discretised body.
-        quads: (q, 4) int32 boundary faces; triangles repeat their last corner.
+        points: the vertices and contact points of the body.
+        quads: (q, 4) int32 boundary faces, and triangles of contact points; triangles repeat their last corner.
 
     Attributes:
         topology: neighbourhoods of the undeformed surface.
     """
 
-    def __init__(self, body: Body, quads: NDArray[np.int32]) -> None:
-        count, corners = len(body.rest), quads.ravel().astype(np.int64)
+    def __init__(self, body: Body, points: OwnPoints, quads: NDArray[np.int32]) -> None:
+        whole = points.at(body.rest)
+        count, corners = len(whole), quads.ravel().astype(np.int64)
         faces = np.repeat(np.arange(len(quads), dtype=np.int64), 4)
         once = np.ones(quads.shape, dtype=bool)
         once[:, 3] = quads[:, 3] != quads[:, 2]  # a triangle repeats its last corner
@@ -93,14 +101,14 @@ class OwnSurface:
         order = own[np.argsort(corners[own], kind="stable")]
         about, about_starts = faces[order], _starts(np.bincount(corners[own], minlength=count))
         rest = np.empty((len(quads), 3))
-        face_areas(body.rest, quads, rest)
+        face_areas(whole, quads, rest)
         normals = rest / np.linalg.norm(rest, axis=1)[:, None]
         shared = np.diff(about_starts)[corners]
         owner, other = np.repeat(np.arange(4 * len(quads)), shared), np.concatenate(
             [about[about_starts[v] : about_starts[v + 1]] for v in corners]
         )  # fmt: skip
         on = np.einsum("ij,ij->i", normals[faces[owner]], normals[other]) > CREASE
-        near = _near(body, quads)
+        near = points.about(body.cells, _cells_of(body, points, quads))
         edges = body.rest[body.cells]
         shortest = min(float(np.linalg.norm(edges[:, a] - edges[:, b], axis=1).min()) for a, b in body.cell_type.edges)
         self.topology = Topology(
@@ -115,6 +123,7 @@ class OwnSurface:
             depth=DEPTH * shortest,
             rim=RIM * shortest,
         )
+        self._searched, self._within, self._margin = whole, -np.inf, MARGIN * body.size
 
     def look(
         self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, sunk: NDArray[np.bool_] | None = None
@@ -125,18 +134,32 @@ class OwnSurface:
         side of a wall are thus excluded.
 
         Args:
-            x: (n, 3) [m] positions.
-            last: (n, 3) [m] positions of the last accepted state.
+            x: (n + p, 3) [m] positions.
+            last: (n + p, 3) [m] positions of the last accepted state.
             reach: [m] search distance.
             sunk: (k,) whether each surface vertex already penetrated at ``last``; None if none did.
         """
         surface = self.topology
         sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk
-        points, quads = x[surface.vertices], surface.quads
-        centres = x[quads].mean(axis=1)
-        radius = float(np.sqrt(np.square(x[quads] - centres[:, None]).sum(axis=2).max()))
-        near = cKDTree(points).sparse_distance_matrix(cKDTree(centres), reach + radius, output_type="ndarray")
-        return self.nearest(x, last, np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"]), reach, sunk)
+        centres = x[surface.quads].mean(axis=1)
+        radius = float(np.sqrt(np.square(x[surface.quads] - centres[:, None]).sum(axis=2).max()))
+        if not reach + radius + self._moved(x) <= self._within:
+            self._find_candidates(x, centres, reach + radius)
+        return self.nearest(x, last, *self._candidates, reach, sunk)
+
+    def _moved(self, x: NDArray[np.float64]) -> float:
+        """Return an upper bound of the change [m] of the distance between any two points since the last search."""
+        moved = x - self._searched
+        return 2.0 * float(np.sqrt(np.square(moved - moved.mean(axis=0)).sum(axis=1).max()))
+
+    def _find_candidates(self, x: NDArray[np.float64], centres: NDArray[np.float64], reach: float) -> None:
+        """Find the pairs of vertices and faces that can touch now, or after a small motion."""
+        self._searched, self._within = x.copy(), reach + self._margin
+        tree, found = cKDTree(x[self.topology.vertices]), cKDTree(centres)
+        near = tree.sparse_distance_matrix(found, self._within, output_type="ndarray")
+        pairs, apart = (np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"])), np.empty(len(near), np.bool_)
+        are_apart(*pairs, self.topology, apart)
+        self._candidates = tuple(each[apart] for each in pairs)
 
     def nearest(
         self,
@@ -150,8 +173,8 @@ class OwnSurface:
         """Return, for each surface vertex, the nearest of the candidate faces that it can touch.
 
         Args:
-            x: (n, 3) [m] positions.
-            last: (n, 3) [m] positions of the last accepted state.
+            x: (n + p, 3) [m] positions.
+            last: (n + p, 3) [m] positions of the last accepted state.
             pairs: (p,) vertex of each candidate pair, as an index into the surface's vertices.
             faces: (p,) face of each candidate pair.
             reach: [m] search distance.
@@ -173,11 +196,15 @@ def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
-def _near(body: Body, quads: NDArray[np.int32]) -> sparse.csr_matrix:
-    """Return the vertices (q, n) of all cells that share a vertex with the cell of each face, as a sparse matrix."""
+def _cells_of(body: Body, points: OwnPoints, quads: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the vertices (q, 3 c) of the cells of each face, which are three for a triangle of contact points."""
     faces, cells = flat_boundary(body)
     owner = {tuple(quad): cell for quad, cell in zip(faces.tolist(), cells.tolist(), strict=True)}
-    return vertices_about(body.cells, np.array([owner[tuple(quad)] for quad in quads.tolist()]), len(body.rest))
+    lined, found = quads[:, 0] >= points.count, np.empty((len(quads), 3 * body.cells.shape[1]), dtype=np.int32)
+    found[~lined] = np.tile(body.cells[[owner[tuple(quad)] for quad in quads[~lined].tolist()]], 3)
+    if lined.any():
+        found[lined] = points.corners[quads[lined, :3] - points.count].reshape(-1, found.shape[1])
+    return found
 
 
 def flat_boundary(body: Body) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -185,12 +212,3 @@ def flat_boundary(body: Body) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     boundary = body.cell_type.boundary(body.cells)
     quads = flat_quads(boundary.quads)
     return quads, np.repeat(boundary.cells, len(quads) // max(len(boundary.quads), 1))
-
-
-def vertices_about(cells: NDArray[np.int32], chosen: NDArray[np.int64], count: int) -> sparse.csr_matrix:
-    """Return the vertices (k, n) of all cells that share a vertex with each of the ``chosen`` cells (k,)."""
-    rows = np.repeat(np.arange(len(cells)), cells.shape[1])
-    incidence = sparse.csr_matrix((np.ones(cells.size, np.int32), (rows, cells.ravel())), shape=(len(cells), count))
-    near = (incidence[chosen] @ incidence.T @ incidence).tocsr()
-    near.sort_indices()
-    return near

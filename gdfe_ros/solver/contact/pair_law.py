@@ -26,37 +26,65 @@ PENALTY, PRESS, NORMAL, WEIGHTS, SHEAR, HOLD, OFFSET, SUPPORT, STRIDE = 0, 1, 2,
 """Layout of a pair's row: offsets of the penalty k [N/m], normal force l [N], normal n (3,), weights w (4,), friction
 force t (3,) [N], weights v (4,), offset o (3,) [m] and support c. `STRIDE` is the row's length.
 """
-COUNT, VERTICES = 0, 1
-"""Layout of the term's integers: offsets of the number of pairs and of the first pair's vertices."""
-VERTEX, FACE, HELD, WIDTH = 0, 1, 5, 9
-"""Layout of a pair's integers: offsets of the vertex, of its face's corners (4,), and of the corners (4,) of the face
-to which friction ties the vertex. `WIDTH` is the number of integers of a pair.
+COUNT, BODY, CARRIERS, CARRIED, VERTICES = 0, 1, 2, 3, 4
+"""Layout of the term's integers: offsets of the number of pairs, of the number n of vertices, of two offsets, and of
+the first pair's points. A point below n is a vertex. Other points are points of skins: each has eight carriers in the
+integers from the offset at `CARRIERS` on, with eight weights in the reals from the offset at `CARRIED` on.
 """
+VERTEX, FACE, HELD, WIDTH = 0, 1, 5, 9
+"""Layout of a pair's points: offsets of the vertex, of its face's corners (4,), and of the corners (4,) of the face to
+which friction ties the vertex. `WIDTH` is the number of integers of a pair.
+"""
+
+
+@inlined
+def place_of(x, reals, integers, q):
+    """Return the position (3,) [m] of a point."""
+    p0, p1, p2 = 0.0, 0.0, 0.0
+    if q < integers[BODY]:
+        p0, p1, p2 = x[q, 0], x[q, 1], x[q, 2]
+    else:
+        i, r = integers[CARRIERS] + 8 * (q - integers[BODY]), integers[CARRIED] + 8 * (q - integers[BODY])
+        for a in range(8):
+            w, v = reals[r + a], integers[i + a]
+            p0, p1, p2 = p0 + w * x[v, 0], p1 + w * x[v, 1], p2 + w * x[v, 2]
+    return p0, p1, p2
+
+
+@inlined
+def pull(reals, integers, q, f0, f1, f2, force):
+    """Add the gradient f [N] of a point to ``force`` (n, 3) [N], at its vertex or at its carriers."""
+    if q < integers[BODY]:
+        force[q, 0] += f0
+        force[q, 1] += f1
+        force[q, 2] += f2
+    else:
+        i, r = integers[CARRIERS] + 8 * (q - integers[BODY]), integers[CARRIED] + 8 * (q - integers[BODY])
+        for a in range(8):
+            w, v = reals[r + a], integers[i + a]
+            force[v, 0] += w * f0
+            force[v, 1] += w * f1
+            force[v, 2] += w * f2
 
 
 @inlined
 def away(x, reals, integers, weights, vertex, corners):
     """Return the vector (3,) [m] from a face point with four corner weights to a vertex."""
-    v = integers[vertex]
-    d0, d1, d2 = x[v, 0], x[v, 1], x[v, 2]
+    d0, d1, d2 = place_of(x, reals, integers, integers[vertex])
     for a in range(4):
-        w, q = reals[weights + a], integers[corners + a]
-        d0, d1, d2 = d0 - w * x[q, 0], d1 - w * x[q, 1], d2 - w * x[q, 2]
+        w = reals[weights + a]
+        p0, p1, p2 = place_of(x, reals, integers, integers[corners + a])
+        d0, d1, d2 = d0 - w * p0, d1 - w * p1, d2 - w * p2
     return d0, d1, d2
 
 
 @inlined
 def push(reals, integers, weights, vertex, corners, f0, f1, f2, force):
     """Add the gradient f = dE/d(away) [N] to ``force`` (n, 3) [N], at the vertex and, negated, at the face corners."""
-    v = integers[vertex]
-    force[v, 0] += f0
-    force[v, 1] += f1
-    force[v, 2] += f2
+    pull(reals, integers, integers[vertex], f0, f1, f2, force)
     for a in range(4):
-        w, q = reals[weights + a], integers[corners + a]
-        force[q, 0] -= w * f0
-        force[q, 1] -= w * f1
-        force[q, 2] -= w * f2
+        w = reals[weights + a]
+        pull(reals, integers, integers[corners + a], -w * f0, -w * f1, -w * f2, force)
 
 
 @inlined

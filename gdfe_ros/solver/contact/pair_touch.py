@@ -13,7 +13,7 @@ from gdfe_ros.solver.contact.gap import unit
 from gdfe_ros.solver.contact.touch import Touch
 
 
-def touching_vertices(
+def touching_points(
     x: NDArray[np.float64],
     origin: NDArray[np.float64],
     vertices: NDArray[np.int32],
@@ -25,10 +25,12 @@ def touching_vertices(
     shears: NDArray[np.float64],
     slips: NDArray[np.bool_],
 ) -> Touch:
-    """Return the contact forces at all vertices that touch; a face's force is distributed to its corners.
+    """Return the contact forces at all points that touch; a face's force is distributed to its corners.
+
+    The indices in the result are those of points, not of vertices.
 
     Args:
-        x: (n, 3) [m] positions, relative to ``origin``.
+        x: (n + p, 3) [m] positions of the points, relative to ``origin``.
         origin: (3,) [m] world position of the origin of ``x``.
         vertices: (k,) vertex of each pair.
         quads: (k, 4) corners of each pair's face.

@@ -70,16 +70,35 @@ class Skin(ContactSurface):
     def stiffness(self, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the stiffness (k,) [N/m] of the points, from the constant matrix' diagonal (n,) [N/m].
 
-        A point's compliance is the sum of its free carriers' compliances times their squared weights. Points with a
-        common carrier divide its stiffness: together they are at most as stiff as the carrier.
+        Together, the points with a common carrier are at most as stiff as this carrier.
         """
-        squares = np.where(self.driven[self.carriers], 0.0, self.weights**2)
-        alone = 1.0 / (squares / diagonal[self.carriers]).sum(axis=1)
-        asked = np.zeros_like(diagonal)
-        np.add.at(asked, self.carriers, alone[:, None] * squares)
-        crowd = np.where(squares > 0.0, (asked / diagonal)[self.carriers], 0.0).max(axis=1)
-        return alone / np.maximum(crowd, 1.0)
+        return 1.0 / compliances(self.carriers, self.weights, self.driven, diagonal)
 
     def about(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the faces that have one of ``points`` as a corner; skin points are ignored."""
         return super().about(points[self.points[points] < 0])
+
+
+def compliances(
+    carriers: NDArray[np.int32],
+    weights: NDArray[np.float64],
+    driven: NDArray[np.bool_],
+    diagonal: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the compliances (k,) [m/N] of points with carriers and weights (k, 8).
+
+    A point's compliance is the sum of its free carriers' compliances times their squared weights. Points with a common
+    carrier divide its stiffness. The compliance is 0 if all carriers are driven.
+
+    Args:
+        carriers: (k, 8) vertices that carry each point.
+        weights: (k, 8) their weights.
+        driven: (n,) whether handles drive each vertex.
+        diagonal: (n,) [N/m] diagonal of the constant matrix.
+    """
+    squares = np.where(driven[carriers], 0.0, weights**2)
+    alone = (squares / diagonal[carriers]).sum(axis=1)
+    asked = np.zeros_like(diagonal)
+    np.add.at(asked, carriers, squares / np.where(alone > 0.0, alone, np.inf)[:, None])
+    crowd = np.where(squares > 0.0, (asked / diagonal)[carriers], 0.0).max(axis=1, initial=0.0)
+    return alone * np.maximum(crowd, 1.0)

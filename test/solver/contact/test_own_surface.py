@@ -11,6 +11,7 @@ from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law
 from gdfe_ros.solver.contact.own_contact import OwnContact
+from gdfe_ros.solver.contact.own_points import OwnPoints
 from gdfe_ros.solver.contact.own_surface import OwnSurface
 from gdfe_ros.steppers import scene_body
 
@@ -24,7 +25,7 @@ def skin_of(name: str) -> tuple[Body, OwnSurface]:
     """Return the body and the whole surface of a shipped scene."""
     scene = load_scene(name)
     body = scene_body(scene, np.zeros(3))
-    return body, OwnSurface(body, scene.mesh.surface())
+    return body, OwnSurface(body, OwnPoints.of(body), scene.mesh.surface())
 
 
 def test_cells_across_a_notch_face_each_other() -> None:

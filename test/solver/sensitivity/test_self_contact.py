@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
-from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.scene import scene_from_text
 
 BLOCKS = """
@@ -89,6 +91,31 @@ def test_with_friction(friction: float) -> None:
         assert simulation.step(lid(at + step)).converged
         slopes.append((seen(simulation) - began) / step)
     agree(exact, 2.0 * slopes[0] - slopes[1])
+
+
+@pytest.mark.parametrize("friction", [0.0, 2.0])
+def test_of_skins(tmp_path: Path, friction: float) -> None:
+    """With two balls that touch by their skins, the derivative by a modulus equals differences."""
+    trimesh.creation.icosphere(3, 0.01).export(tmp_path / "ball.stl")
+    ball = "{voxels: {surface: ball.stl, cell: 0.004, cells: cut}, skin: {file: ball.stl}"
+    meshes = f"meshes:\n  lower: {ball}}}\n  upper: {ball}, at: [0.001, 0.002, 0.0201], rotation_deg: [5, 9, 20]}}\n"
+    text = meshes + BLOCKS[BLOCKS.index("materials:") :]
+    text = text.replace("face: z-", "box: {z: [-1, -0.004]}").replace("face: z+", "box: {z: [0.004, 1]}")
+    text = text.replace("[0.009, 0.001, 0.005]", "[0, 0, 0.006]").replace("[0.003, 0.002, -0.005]", "[0, 0, -0.006]")
+    (tmp_path / "balls.yaml").write_text(f"name: balls\n{text}")
+
+    def pressed_balls(young: float) -> Simulation:
+        overrides = {"self_contact.friction": friction, "materials.soft.young": young}
+        simulation = Simulation(load_scene(tmp_path / "balls.yaml", overrides=overrides))
+        for x in (0.0, 2e-5):
+            assert simulation.step(lid(x)).converged, simulation.result.message
+        return simulation
+
+    outputs = ["probes.top", "probes.under", "reactions.lid"]
+    exact = pressed_balls(1e5).sensitivities(outputs, ["materials.soft.young"]).matrix[:, 0]
+    sides = [seen(pressed_balls(young)) for young in (1e5 + 30.0, 1e5 - 30.0)]
+    difference = (sides[0] - sides[1]) / 60.0
+    agree(exact, difference, NEAR if friction == 0.0 else ROUGH)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 2.0])

@@ -15,7 +15,6 @@ from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.scene.document import write_document
-from gdfe_ros.solver.contact.inside import Inside
 
 GAP = 1e-4
 
@@ -87,8 +86,7 @@ def test_a_slit_closes_on_itself(dynamics: dict[str, Any] | None) -> None:
     squeezed = result.reactions["low"][2]
     assert squeezed > 0.5
     term = next(term for term in simulation.stepper.equilibrium.actuation.contacts if term.name == "(self)")
-    meant = simulation.stepper.body.self_contact
-    depths, _ = Inside(simulation.stepper.body, term.surface.topology, meant).depths(simulation.state.positions, 1e-5)
+    depths, _ = term.penetration.depths(simulation.state.positions, 1e-5)
     assert depths.max() < 2e-4
 
 
@@ -99,7 +97,7 @@ def test_how_deep_a_body_is_inside_of_another_one_is_known() -> None:
     term = next(term for term in simulation.stepper.equilibrium.actuation.contacts if term.name == "(self)")
     x = body.rest.copy()
     x[meant.parts["high"] :, 2] -= GAP + 1e-3
-    depths, cells = Inside(body, term.surface.topology, meant).depths(x, 1e-5)
+    depths, cells = term.penetration.depths(x, 1e-5)
     found = depths[depths > 0.0]
     assert len(found) > 20
     np.testing.assert_allclose(found, 1e-3, rtol=1e-6)
