@@ -6,10 +6,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
 from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.solver.contact import pair_law
+from gdfe_ros.solver.contact.own_contact import OwnContact
 
 CUBE = """
 name: cube
@@ -49,3 +52,27 @@ def cube() -> Callable[..., Simulation]:
 def slider() -> Callable[..., Simulation]:
     """Give a function that makes a free slab on a floor, with dynamics; keyword arguments override scene keys."""
     return _maker(SLIDER)
+
+
+@pytest.fixture
+def pair_slopes() -> Callable[..., np.ndarray]:
+    """Give a function that compares the forces of self-contact with differences of its energy, and returns them.
+
+    Its arguments are the term, positions (n, 3) [m], and ``every``: each of this many forces is compared.
+    """
+
+    def compare(term: OwnContact, x: np.ndarray, every: int = 1) -> np.ndarray:
+        def energy(positions: np.ndarray, force: np.ndarray) -> float:
+            return pair_law.pair_energy(positions, term.reals, term.integers, force, np.zeros(1))
+
+        force = np.zeros_like(x)
+        energy(x, force)
+        np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-13 * np.abs(force).sum())
+        for vertex, axis in np.argwhere(force != 0.0)[::every]:
+            beside = np.zeros_like(x)
+            beside[vertex, axis] = 1e-7
+            above, below = (energy(x + sign * beside, np.zeros_like(x)) for sign in (1, -1))
+            assert (above - below) / 2e-7 == pytest.approx(force[vertex, axis], abs=2e-5 * np.abs(force).max())
+        return force
+
+    return compare
