@@ -119,7 +119,7 @@ def _piece(mesh: HexMesh, vertices: NDArray[np.intp]) -> str:
 def build_program(
     model: ProgramModel,
     draft: Draft,
-    movers: Mapping[str, list[str]],
+    named: Mapping[str, list[str]],
     report: Defects,
     *,
     actuators: Sequence[Actuator] = (),
@@ -132,7 +132,8 @@ def build_program(
     Args:
         model: the program of the file.
         draft: valid parts of the file.
-        movers: dict from section (`handles`, `obstacles`) to the names of all its items in the file.
+        named: dict from section (handles, obstacles, actuators and loads) to the names of all its items in the file,
+            also of those with defects.
         report: collects the defects.
         actuators: actuators of the scene.
         loads: loads of the scene.
@@ -140,7 +141,8 @@ def build_program(
         arms: arms of the scene; None if an arm has defects.
     """
     carriers = {arm.handle: arm.name for arm in arms or ()}
-    for section, names in movers.items():
+    for section in ("handles", "obstacles"):
+        names = named[section]
         known: Mapping[str, HandleModel | ObstacleModel] = getattr(draft, section)
         for name, frames in getattr(model, section).items():
             path = ("program", section, name)
@@ -155,8 +157,8 @@ def build_program(
                 report.add(path, "there is no keyframe; give e.g. [{time: 1.0, translation: [0, 0, 0.1]}]")
             _check_times(frames, model.duration, path, report)
     ranges = {actuator.name: (actuator.low, actuator.high) for actuator in actuators}
-    driven = _tracks(model.actuators, "actuators", list(draft.actuators), ranges, model.duration, report)
-    factors = _tracks(model.loads, "loads", list(draft.loads), {}, model.duration, report)
+    driven = _tracks(model.actuators, "actuators", named["actuators"], ranges, model.duration, report)
+    factors = _tracks(model.loads, "loads", named["loads"], {}, model.duration, report)
     joints = _joint_tracks(model, arms, report)
     moved = {**model.handles, **model.obstacles}
     keyframes = {name: tuple(frame.build() for frame in frames) for name, frames in moved.items()}

@@ -93,6 +93,9 @@ def _document(text: str, heading: str, overrides: Mapping[str, Any] | None) -> t
     """Return the document of a text with the overrides applied, and a report with the defects found so far."""
     document = parse_document(text, heading=heading)
     report = Defects(heading, document)
+    if not isinstance(overrides or {}, Mapping) or not all(isinstance(key, str) for key in overrides or {}):
+        text = f"overrides = {overrides!r}: allowed is a dict from dotted key to value, {{'mesh.bar.cells': [9, 2, 2]}}"
+        raise SceneError(heading, [text])
     for key, without in (("dynamics", "equilibria"), ("self_contact", "surfaces that pass through each other")):
         if document.data.get(key, {}) is None:
             report.add((key,), f"it is empty; write {{}} for the defaults, or leave it out for {without}")
@@ -177,8 +180,8 @@ def _program(
     """Return the program of a draft; ``start`` are the commands before it. Joints are checked if no arm has defects."""
     complete = len(arms) == len(_names(document, "arms")) + ("arm" in document.data)
     driven = {"actuators": actuators, "loads": loads, "start": start, "arms": arms if complete else None}
-    movers = {section: _names(document, section) for section in ("handles", "obstacles")}
-    return build_program(draft.program, draft, movers, report, **driven)
+    named = {section: _names(document, section) for section in ("handles", "obstacles", "actuators", "loads")}
+    return build_program(draft.program, draft, named, report, **driven)
 
 
 def _on_arms(handles: Sequence[Handle], arms: Sequence[Arm]) -> tuple[Handle, ...]:

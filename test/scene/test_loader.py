@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -133,6 +134,13 @@ def test_overrides_that_lead_nowhere_are_defects(sound: str, key: str, expected:
     with pytest.raises(SceneError) as caught:
         scene_from_text(sound, overrides={key: 1.0})
     assert expected in str(caught.value)
+
+
+@pytest.mark.parametrize("overrides", [["solver.tolerance"], {1: 2.0}, "solver.tolerance=1e-6"])
+def test_overrides_that_are_no_dict_are_refused(sound: str, overrides: Any) -> None:
+    """Overrides without dotted keys are refused with the form that is allowed."""
+    with pytest.raises(SceneError, match=r"overrides = .*allowed is a dict from dotted key to value"):
+        scene_from_text(sound, overrides=overrides)
 
 
 def test_an_override_of_none_leaves_a_key_out(sound: str) -> None:

@@ -6,7 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gdfe_ros import load_scene
 from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import Keyframe, Program
 
 UP = Pose((0.0, 0.0, 0.2), (4.0, 0.0, 0.0))
@@ -43,3 +45,11 @@ def test_a_late_first_keyframe_starts_from_rest_at_time_zero() -> None:
 def test_times_are_all_moments_of_change() -> None:
     """The program's times are 0, the keyframes and the duration, once each."""
     assert PROGRAM.times == (0.0, 2.0, 3.0, 4.0, 5.0)
+
+
+def test_an_item_with_a_defect_is_known_to_the_program() -> None:
+    """A typo inside of an actuator is one defect; the program's commands for this actuator are none."""
+    with pytest.raises(SceneError) as caught:
+        load_scene("tendon_finger", overrides={"actuators.flexor.cable.rang": [0, 1]})
+    assert len(caught.value.defects) == 1
+    assert "did you mean 'range'?" in str(caught.value)
