@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from gdfe_ros.mesh.edge_ids import number_edges
 from gdfe_ros.mesh.faces import enclosed_volume, turned
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.shells import shell_numbers, shells
@@ -98,8 +99,8 @@ def open_edges(quads: NDArray[np.int32]) -> NDArray[np.int32]:
     """
     start, end = quads.astype(np.int64), np.roll(quads, -1, axis=1).astype(np.int64)
     low, high = np.minimum(start, end).ravel(), np.maximum(start, end).ravel()
-    edges, index = np.unique(np.stack([low, high], axis=1), axis=0, return_inverse=True)
-    balance = np.bincount(index.ravel(), np.where((start < end).ravel(), 1, -1), minlength=len(edges))
+    edges, index = number_edges(np.stack([low, high], axis=1))
+    balance = np.bincount(index, np.where((start < end).ravel(), 1, -1), minlength=len(edges))
     return edges[balance != 0].astype(np.int32)
 
 

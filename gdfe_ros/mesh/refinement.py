@@ -8,6 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.mesh.edge_ids import number_edges
+
 Levels = tuple[int, int, int]
 """Number of halvings of each edge of a triangle; edge j is opposite to corner j."""
 
@@ -31,7 +33,7 @@ def refine(
         Points [m], the given points first, and ids of the points of each new triangle, with the same orientation.
     """
     ends = np.sort(np.stack([triangles[:, [1, 2, 0]], triangles[:, [2, 0, 1]]], axis=2), axis=2)
-    edges, which = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    edges, which = number_edges(ends.reshape(-1, 2))
     which = which.reshape(-1, 3)
     lengths = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
     levels = np.ceil(np.log2(np.maximum(lengths / longest, 1.0))).astype(np.int64)

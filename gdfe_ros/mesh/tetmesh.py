@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.mesh.edge_ids import number_edges
 from gdfe_ros.mesh.faces import HEX_FACES, Faces
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.mesh import Mesh
@@ -65,7 +66,7 @@ def raised(
         linear: as in `TetMesh`.
     """
     ends = np.sort(corners[:, EDGES].reshape(-1, 2), axis=1)
-    edges, number = np.unique(ends, axis=0, return_inverse=True)
+    edges, number = number_edges(ends)
     middles = len(vertices) + number.reshape(-1, 6)
     sets = {}
     for name, ids in (vertex_sets or {}).items():

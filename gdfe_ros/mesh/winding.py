@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.mesh.edge_ids import number_edges
+
 
 def edge_counts(triangles: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return the edges (e, 2) of triangles (t, 3), how many triangles each has, and by how much directions differ.
@@ -14,8 +16,7 @@ def edge_counts(triangles: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDAr
     number of the other ones.
     """
     ends = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    edges, which = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
-    which = which.reshape(-1)
+    edges, which = number_edges(np.sort(ends, axis=1))
     balance = np.bincount(which, np.where(ends[:, 0] < ends[:, 1], 1, -1), minlength=len(edges))
     return edges, np.bincount(which, minlength=len(edges)), balance.astype(np.int64)
 

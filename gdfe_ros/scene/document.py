@@ -96,7 +96,8 @@ def parse_value(text: str) -> Any:
 
 def write_document(data: dict[str, Any]) -> str:
     """Return data as YAML text, from which `parse_document` reads equal data."""
-    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)
+    layout = {"sort_keys": False, "default_flow_style": None, "width": 110, "allow_unicode": True}
+    return yaml.dump(data, Dumper=getattr(yaml, "CSafeDumper", yaml.SafeDumper), **layout)
 
 
 def _construct(reader: _Reader, node: yaml.Node, path: KeyPath, document: Document) -> Any:
