@@ -56,7 +56,7 @@ def test_a_ball_presses_a_ball_like_a_plate(cells: int) -> None:
 
 @pytest.mark.parametrize(("low", "high", "turn"), [(CUT, CUT, 0.0), (CUT, BAR, 0.0), (BAR, CUT, 0.0), (CUT, CUT, 90.0)])
 def test_a_cube_presses_a_cube(tmp_path: Path, low: str, high: str, turn: float) -> None:
-    """Skins and faces press each other with the force of two cubes, 25.66 N in CalculiX' limit, and forces cancel."""
+    """Skins and faces press each other with the force of cubes that touch by their faces; all forces cancel."""
     simulation = stacked(tmp_path, low, high, turn=turn)
     result = simulation.step(Command(handles={"high": Pose((0.0, 0.0, -PRESSED))}))
     assert result.converged, result.message
