@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -45,7 +46,6 @@ regions: [{{material: soft}}]
 handles:
 {handles}
 obstacles: {{floor: {{plane: [0, 0, 1], at: [0, 0, -{radius}]}}}}
-{more}
 """
 KINDS = {"skin": ("cut", "skin: {file: ball.stl}"), "staircase": ("whole", "")}
 COUNTS = (8, 12, 16)
@@ -56,23 +56,29 @@ def press_ball(cells_across: int, kind: str, detail: int = 5) -> dict[float, flo
     cells, skin = KINDS[kind]
     cell = 2.0 * RADIUS / cells_across
     text = BALL.format(cell=cell, cells=cells, skin=skin, radius=RADIUS, near=0.9 * cell)
+    return _forces(text, lambda way: {"top": Pose((0.0, 0.0, -way)), "bottom": Pose((0.0, 0.0, way))}, "bottom", detail)
+
+
+def _forces(text: str, moved: Callable[[float], dict[str, Pose]], name: str, detail: int = 5) -> dict[float, float]:
+    """Return dict from approach, divided by the radius, to the vertical force [N] at the handle or obstacle ``name``.
+
+    ``text`` is a scene with balls from ``ball.stl``. ``moved`` returns the poses for an approach [m].
+    """
     with TemporaryDirectory() as folder:
         trimesh.creation.icosphere(detail, RADIUS).export(Path(folder) / "ball.stl")
         (Path(folder) / "ball.yaml").write_text(text)
         simulation, forces = Simulation(load_scene(Path(folder) / "ball.yaml")), {}
     for share in CALCULIX:
-        way = share * RADIUS
-        plates = {"top": Pose((0.0, 0.0, -way)), "bottom": Pose((0.0, 0.0, way))}
-        result = simulation.step(Command(handles=plates))
+        result = simulation.step(Command(handles=moved(share * RADIUS)))
         if not result.converged:
             raise RuntimeError(result.message)
-        forces[share] = float(result.reactions["bottom"][2])
+        forces[share] = abs(float(result.reactions[name][2]))
     return forces
 
 
 def press_on_plate(cells_across: int) -> dict[float, float]:
     """Return dict from approach, divided by the radius, to the force [N] of a ball with a held core on a plate."""
-    return _press_cored(cells_across, {"upper": 0.0}, 1.0)
+    return _forces(_cored(cells_across, upper=0.0), lambda way: {"upper": Pose((0.0, 0.0, -way))}, "upper")
 
 
 def press_on_ball(cells_across: int) -> dict[float, float]:
@@ -80,35 +86,21 @@ def press_on_ball(cells_across: int) -> dict[float, float]:
 
     Both balls have held cores. The lower ball touches nothing but the upper one, whose cells are turned by 30 degrees.
     """
-    return _press_cored(cells_across, {"lower": 1.2 * RADIUS, "upper": 3.2 * RADIUS + GAP}, 2.0)
+    text = _cored(cells_across, lower=1.2 * RADIUS, upper=3.2 * RADIUS + GAP) + "self_contact: {}\n"
+    return _forces(text, lambda way: {"upper": Pose((0.0, 0.0, -2.0 * way - GAP))}, "upper")
 
 
-def _press_cored(cells_across: int, centres: dict[str, float], moves: float) -> dict[float, float]:
-    """Return dict from approach, divided by the radius, to the force [N] on the upper ball, which moves down.
-
-    ``centres`` are the heights [m] of the balls. The upper ball moves by ``moves`` times the approach.
-    """
+def _cored(cells_across: int, **heights: float) -> str:
+    """Return a scene of balls with held cores above a floor, from the name of each ball and its height [m]."""
     cell = 2.0 * RADIUS / cells_across
     place = "at: [0, 0, %s], rotation_deg: [0, 0, %s]"
     body = f"{{voxels: {{surface: ball.stl, cell: {cell}, cells: cut}}, skin: {{file: ball.stl}}, {place}}}"
     core = "{where: {mesh: %s, sphere: {center: [0, 0, 0], radius: " + f"{CORE * RADIUS}" + "}}}"
-    text = CORED.format(
-        meshes="\n".join(f"  {name}: {body % (height, 30.0 * (name == 'upper'))}" for name, height in centres.items()),
-        handles="\n".join(f"  {name}: {core % name}" for name in centres),
+    return CORED.format(
+        meshes="\n".join(f"  {name}: {body % (height, 30.0 * (name == 'upper'))}" for name, height in heights.items()),
+        handles="\n".join(f"  {name}: {core % name}" for name in heights),
         radius=RADIUS,
-        more="self_contact: {}" if len(centres) > 1 else "",
     )
-    with TemporaryDirectory() as folder:
-        trimesh.creation.icosphere(5, RADIUS).export(Path(folder) / "ball.stl")
-        (Path(folder) / "balls.yaml").write_text(text)
-        simulation, forces = Simulation(load_scene(Path(folder) / "balls.yaml")), {}
-    for share in CALCULIX:
-        way = moves * share * RADIUS + (GAP if len(centres) > 1 else 0.0)
-        result = simulation.step(Command(handles={"upper": Pose((0.0, 0.0, -way))}))
-        if not result.converged:
-            raise RuntimeError(result.message)
-        forces[share] = float(-result.reactions["upper"][2])
-    return forces
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from gdfe_ros.mesh.edge_ids import number_edges
 from gdfe_ros.mesh.faces import enclosed_volume, turned
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.shells import shell_numbers, shells
-from gdfe_ros.mesh.tet_faces import six_node_volume
+from gdfe_ros.mesh.tet_faces import flat_quads, six_node_volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def skin_cavities(mesh: Mesh) -> list[Cavity]:
     found = []
     for shell, depth in zip(np.unique(number), shells(points, triangles).depths, strict=True):
         own = number == shell
-        quads = triangles[own][:, [0, 1, 2, 2]].astype(np.int32)
+        quads = flat_quads(triangles[own]).astype(np.int32)
         volume = enclosed_volume(points, quads)
         if volume < 0.0:
             quads, volume = quads[:, [2, 1, 0, 0]], -volume

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
+from gdfe_ros.mesh.edge_ids import number_edges
 from gdfe_ros.mesh.winding import edge_counts
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def _owners(skin: SkinPoints, chosen: NDArray[np.intp]) -> NDArray[np.int64]:
     found, _ = _nearest(skin.places, edge_counts(skin.triangles)[0], chosen)
     sharp = chosen[skin.kinds[chosen] < 2]
     if len(sharp):
-        along, away = _nearest(skin.places, np.unique(skin.creases, axis=0), sharp)
+        along, away = _nearest(skin.places, number_edges(skin.creases)[0], sharp)
         found = np.where(away <= ALONG * skin.sizes, along, found)
     return number[found]
 

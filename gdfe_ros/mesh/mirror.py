@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.outside import Outside
+from gdfe_ros.mesh.touching import Touching
 
 ACROSS = {8: np.array([1, 0, 3, 2, 5, 4, 7, 6]), 10: np.array([0, 2, 1, 3, 6, 5, 4, 7, 9, 8])}
 """Dict from the number of nodes of a cell to the node order of the reflected cell. A hexahedron is reversed in xi. In a
 tetrahedron the second and the third corner are exchanged. The reflected cell then has a positive volume."""
+_Surface = TypeVar("_Surface", Outside, Touching)
 _BACK = np.array([-1.0, 1.0, 1.0])
 
 
@@ -34,9 +37,7 @@ def mirrored(mesh: Mesh, axis: int) -> Mesh:
     if filling is not None:
         filling = Filling(filling.share, filling.centre * _BACK, filling.spread)
     skin = None if mesh.skin is None else _reversed(mesh.skin)
-    touching = mesh.touching
-    if touching is not None:
-        touching = replace(touching, faces=np.ascontiguousarray(touching.faces[:, ::-1]), surface=skin)
+    touching = None if mesh.touching is None else replace(_reversed(mesh.touching), surface=skin)
     return replace(
         mesh,
         vertices=mesh.vertices * signs,
@@ -47,6 +48,7 @@ def mirrored(mesh: Mesh, axis: int) -> Mesh:
     )
 
 
-def _reversed(outside: Outside) -> Outside:
-    faces: NDArray[np.int32] = np.ascontiguousarray(outside.faces[:, ::-1])
-    return replace(outside, faces=faces)
+def _reversed(surface: _Surface) -> _Surface:
+    """Return a surface whose faces have the opposite orientation."""
+    faces: NDArray[np.int32] = np.ascontiguousarray(surface.faces[:, ::-1])
+    return replace(surface, faces=faces)

@@ -31,7 +31,7 @@ def deepest_point(first: Mesh, second: Mesh) -> tuple[float, NDArray[np.float64]
         points, (vertices, quads) = _points_of(own), _surface_of(other)
         within = ((points >= vertices.min(axis=0)) & (points <= vertices.max(axis=0))).all(axis=1)
         triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-        triangles = triangles[(triangles[:, 1] != triangles[:, 2])]
+        triangles = triangles[triangles[:, 1] != triangles[:, 2]]
         tree = BoxTree.of(vertices, triangles, flat=FLAT * float(np.ptp(vertices, axis=0).max()))
         inner = points[within][_inside(points[within], tree)]
         away = np.empty(len(inner))

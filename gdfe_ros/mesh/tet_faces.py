@@ -30,10 +30,12 @@ def facets(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 def flat_quads(faces: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return faces as quads (k, 4).
 
-    Quads (q, 4) are returned unchanged. A six-node face becomes four triangles, written as quads whose last two corners
-    are equal.
+    Quads (q, 4) are returned unchanged. Triangles (q, 3) become quads whose last two corners are equal. A six-node face
+    (q, 6) becomes four triangles.
     """
-    return faces if faces.shape[1] == 4 else facets(faces)[:, [0, 1, 2, 2]]
+    if faces.shape[1] == 4:
+        return faces
+    return (facets(faces) if faces.shape[1] == 6 else faces)[:, [0, 1, 2, 2]]
 
 
 def node_areas(points: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh.outside import Outside
+from gdfe_ros.mesh.tet_faces import flat_quads
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,10 @@ class Touching:
         """Return the positions (p, 3) [m] of the contact points for vertices at ``positions`` (n, 3) [m]."""
         return np.einsum("pa,pai->pi", self.weights, positions[self.corners])
 
+    def without(self, quads: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Return those of the boundary faces ``quads`` (q, c) of all meshes that belong to meshes without a skin."""
+        return quads[~np.isin(quads[:, 0], self.vertices)]
+
 
 def outline(
     quads: NDArray[np.int32], touching: Touching | None, positions: NDArray[np.float64]
@@ -62,6 +67,6 @@ def outline(
     """
     if touching is None:
         return positions, quads
-    bare = quads[~np.isin(quads[:, 0], touching.vertices)]
-    lined = touching.surface.triangles[:, [0, 1, 2, 2]] + len(positions)
-    return np.concatenate([positions, touching.surface.at(positions)]), np.concatenate([bare, lined]).astype(np.int32)
+    lined = flat_quads(touching.surface.triangles) + len(positions)
+    points = np.concatenate([positions, touching.surface.at(positions)])
+    return points, np.concatenate([touching.without(quads), lined]).astype(np.int32)

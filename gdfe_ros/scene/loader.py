@@ -93,13 +93,14 @@ def _document(text: str, heading: str, overrides: Mapping[str, Any] | None) -> t
     """Return the document of a text with the overrides applied, and a report with the defects found so far."""
     document = parse_document(text, heading=heading)
     report = Defects(heading, document)
-    if not isinstance(overrides or {}, Mapping) or not all(isinstance(key, str) for key in overrides or {}):
+    overrides = overrides or {}
+    if not isinstance(overrides, Mapping) or not all(isinstance(key, str) for key in overrides):
         text = f"overrides = {overrides!r}: allowed is a dict from dotted key to value, {{'mesh.bar.cells': [9, 2, 2]}}"
         raise SceneError(heading, [text])
     for key, without in (("dynamics", "equilibria"), ("self_contact", "surfaces that pass through each other")):
         if document.data.get(key, {}) is None:
             report.add((key,), f"it is empty; write {{}} for the defaults, or leave it out for {without}")
-    for key, value in (overrides or {}).items():
+    for key, value in overrides.items():
         apply_override(document, key, value, report)
     require_body(document.data, report)
     require_arms(document.data, report)

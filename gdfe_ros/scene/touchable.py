@@ -106,9 +106,8 @@ def _touching_faces(mesh: HexMesh, where: Where | None = None) -> NDArray[np.int
     quads = flat_quads(mesh.surface() if where is None else select_faces(mesh, where))
     if mesh.touching is None:
         return quads
-    bare = quads[~np.isin(quads[:, 0], mesh.touching.vertices)]
     lined = mesh.touching.faces if where is None else select_touching_faces(mesh, where)
-    return np.concatenate([bare, lined[:, [0, 1, 2, 2]] + np.int32(mesh.n_vertices)])
+    return np.concatenate([mesh.touching.without(quads), flat_quads(lined) + np.int32(mesh.n_vertices)])
 
 
 def build_sensors(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, ContactSensor]:
@@ -131,6 +130,6 @@ def _sensor(name: str, mesh: HexMesh, where: WhereModel, report: Defects) -> Con
     if numbers is None:
         return None
     quads = select_faces(mesh, where.build())
-    bare = quads[~np.isin(quads[:, 0], touching.vertices)]
+    bare = touching.without(quads)
     points = Embedding(touching.corners[numbers], touching.weights[numbers])
     return ContactSensor(name=name, vertices=np.unique(bare).astype(np.int32), numbers=numbers, points=points)

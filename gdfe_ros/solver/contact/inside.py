@@ -9,6 +9,7 @@ from scipy import sparse
 
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.mesh.faces import vertex_pieces
+from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.own_points import OwnPoints, incidence
 from gdfe_ros.solver.contact.own_surface import Topology, flat_boundary
@@ -91,8 +92,8 @@ def _whole_surface(body: Body, points: OwnPoints) -> tuple[NDArray[np.int32], sp
     quads, _ = flat_boundary(body)
     if body.skin is None:
         return quads, sparse.csr_matrix((len(body.cells), len(quads)))
-    quads = quads[~np.isin(quads[:, 0], body.skin.vertices)]
-    lined = body.skin.faces[:, [0, 1, 2, 2]] + np.int32(points.count)
+    quads = body.skin.without(quads)
+    lined = flat_quads(body.skin.faces) + np.int32(points.count)
     carrying = incidence(points.corners[body.skin.faces].reshape(len(lined), -1), points.count)
     none = sparse.csr_matrix((len(body.cells), len(quads)), dtype=carrying.dtype)
     around = sparse.hstack([none, incidence(body.cells, points.count) @ carrying.T])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints.self_contact import SelfContact
+from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.crossing import SEATS
 from gdfe_ros.solver.contact.own_edges import OwnEdges
@@ -36,7 +37,7 @@ class OwnPairs:
     """
 
     def __init__(self, body: Body, points: OwnPoints, meant: SelfContact) -> None:
-        lined = meant.triangles[:, [0, 1, 2, 2]] + np.int32(points.count)
+        lined = flat_quads(meant.triangles) + np.int32(points.count)
         self.surface = OwnSurface(body, points, np.concatenate([meant.quads, lined]))
         self.edges = OwnEdges(points.at(body.rest), self.surface.topology)
         vertices, faces, ends = self.surface.topology.vertices, self.surface.topology.quads, self.edges.topology.ends

@@ -157,9 +157,10 @@ class OwnSurface:
         self._searched, self._within = x.copy(), reach + self._margin
         tree, found = cKDTree(x[self.topology.vertices]), cKDTree(centres)
         near = tree.sparse_distance_matrix(found, self._within, output_type="ndarray")
-        pairs, apart = (np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"])), np.empty(len(near), np.bool_)
-        are_apart(*pairs, self.topology, apart)
-        self._candidates = tuple(each[apart] for each in pairs)
+        pairs, faces = np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"])
+        apart = np.empty(len(near), dtype=np.bool_)
+        are_apart(pairs, faces, self.topology, apart)
+        self._candidates = pairs[apart], faces[apart]
 
     def nearest(
         self,

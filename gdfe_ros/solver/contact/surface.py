@@ -50,7 +50,7 @@ class ContactSurface:
         if quads.shape[1] == 6:
             return cls._of_nodes(body, quads[~driven[quads].all(axis=1)], driven)
         if body.skin is not None:
-            quads = quads[~np.isin(quads[:, 0], body.skin.vertices)]
+            quads = body.skin.without(quads)
         quads = quads[~driven[quads].all(axis=1)]
         shares = corner_areas(body.rest, quads)
         spread = np.bincount(quads.ravel(), weights=shares.ravel(), minlength=len(body.rest))
