@@ -9,6 +9,9 @@ import numpy as np
 
 from gdfe_ros.compiled import inlined, kernel
 
+FARTHEST = 4.0
+"""Limit of the magnitude of reference coordinates in Newton's method."""
+
 
 @inlined
 def clipped(value, limit):
@@ -47,9 +50,9 @@ def newton_step(place, point, modes):
         c[i] = mz + yz * y + xz * x + xyz * x * y
     dx, dy, dz = solved(a, b, c, gap)
     return (
-        clipped(x + clipped(dx, 1.0), 3.0),
-        clipped(y + clipped(dy, 1.0), 3.0),
-        clipped(z + clipped(dz, 1.0), 3.0),
+        clipped(x + clipped(dx, 1.0), FARTHEST),
+        clipped(y + clipped(dy, 1.0), FARTHEST),
+        clipped(z + clipped(dz, 1.0), FARTHEST),
     )
 
 

@@ -22,9 +22,9 @@ WITHIN = 1.0 - 1e-9
 """A point is certainly inside a cell, and in no other cell, if all its reference coordinates are below this in
 magnitude.
 """
-REACH = 2.5
-"""Largest magnitude of a carried point's reference coordinates. At this limit the point is three quarters of an edge
-outside of its cell.
+REACH = 3.001
+"""Largest magnitude of a carried point's reference coordinates. At this limit the point is an edge outside of its cell,
+like the far end of a sliver whose material the cell took (`gather_slivers`).
 """
 _TRILINEAR = np.concatenate([np.ones((1, 8)), CORNERS.T, MODES])
 """Corner values (8, 8) of the eight basis fields of a trilinear map, one row a field, in `find_carriers`' order."""
@@ -145,26 +145,23 @@ def hang(
     find_carriers(np.ascontiguousarray(points), near, maps, (NEWTON_STEPS, within, WITHIN), best, place, beyond)
     far = ~(beyond <= REACH)
     if far.any():
-        raise MeshError("skin", [_too_far(points, far, corners[best], place)])
+        raise MeshError("skin", [_too_far(points, far, corners[best], vertices)])
     return best, trilinear_weights(place)
 
 
 def _too_far(
-    points: NDArray[np.float64], far: NDArray[np.bool_], corners: NDArray[np.float64], place: NDArray[np.float64]
+    points: NDArray[np.float64], far: NDArray[np.bool_], corners: NDArray[np.float64], vertices: NDArray[np.float64]
 ) -> str:
-    """Return the text of a defect about the points that are ``far`` from their nearest cells.
+    """Return the text of a defect about the points that are ``far`` from their cells.
 
-    ``corners`` (k, 8, 3) [m] are the corners of each point's nearest cell. ``place`` (k, 3) are the point's reference
-    coordinates in this cell.
+    ``corners`` (k, 8, 3) [m] are the corners of each point's nearest cell, ``vertices`` (n, 3) [m] those of all cells.
     """
-    nearest = np.einsum("ka,kai->ki", trilinear_weights(np.clip(place, -1.0, 1.0)), corners)
-    away = np.where(far, np.linalg.norm(points - nearest, axis=1), 0.0)
+    away = np.where(far, cKDTree(vertices).query(points)[0], 0.0)
     worst = int(np.argmax(away))
     where = ", ".join(f"{value:.4g}" for value in points[worst])
     edge = np.linalg.norm(corners[worst, 1] - corners[worst, 0])
-    share = 0.5 * (REACH - 1.0)
     return (
         f"{far.sum()} of {len(points)} vertices lie far outside of the cells; the farthest, at ({where}) m, is "
-        f"{away[worst]:.3g} m away; allowed: {share:g} of a cell's edge, which is {edge:.3g} m there; remedy: check "
-        "scale and place of the file, or use smaller cells"
+        f"{away[worst]:.3g} m away from their vertices; allowed: the edge of a cell, {edge:.3g} m there; remedy: check "
+        "scale and place of the file, use cells of another size, or make a sharp tip blunt"
     )

@@ -28,6 +28,8 @@ _CONTACT = ("corners", "weights", "faces", "vertices")
 class BodyStore:
     """Cache of one body on disk; its key is computed from the body's entries and the contents of its files.
 
+    Bodies that differ only in their pose share an entry: a left and a right finger of one file are made once.
+
     Args:
         model: scene entry of the mesh.
         skin: scene entry of its skin; None for a mesh without a skin.
@@ -37,6 +39,7 @@ class BodyStore:
         slow = skin is not None or model.voxels is not None
         content = [_content(each) for each in (model, skin) if each is not None]
         # A mesh file may include other files, whose contents are not known here.
+        self._pose = model.pose
         self._key = None if not slow or model.file is not None or None in content else key_of(*content)
 
     def recall(self) -> tuple[Mesh, Entries] | None:
@@ -45,6 +48,7 @@ class BodyStore:
         if arrays is None:
             return None
         first, second = json.loads(str(arrays[_ENTRIES]))
+        first = first and {"embedded": first["embedded"], **self._pose}
         mesh = mesh_of(_under(arrays, _MESH))
         drawn, touching = _under(arrays, _SKIN), _under(arrays, _TOUCHING)
         skin = Outside(**drawn) if drawn else None
@@ -71,7 +75,7 @@ def _under(arrays: dict[str, NDArray], head: str) -> dict[str, NDArray]:
 
 def _content(model: MeshModel | SkinModel) -> bytes | None:
     """Return an entry and the contents of its files as bytes; None if a file cannot be read."""
-    exclude = {"skin"} if "skin" in type(model).model_fields else None
+    exclude = {"skin", "mirror", "at", "rotation_deg"} & type(model).model_fields.keys()
     text = [json.dumps(model.model_dump(mode="json", exclude=exclude), sort_keys=True).encode()]
     for path in _paths(model):
         try:

@@ -148,10 +148,12 @@ class MeshModel(Choice):
 
     def embed(self, mesh: Mesh) -> dict[str, Any] | None:
         """Return an equivalent entry that contains the mesh instead of its file; None if this entry has no file."""
-        if self.chosen[0] not in ("file", "voxels", "tets"):
-            return None
-        mirror = {} if self.mirror is None else {"mirror": self.mirror}
-        return {"embedded": pack_mesh(mesh), **mirror}
+        return {"embedded": pack_mesh(mesh), **self.pose} if self.chosen[0] in ("file", "voxels", "tets") else None
+
+    @property
+    def pose(self) -> dict[str, Any]:
+        """The keys of this entry that move the mesh after `build`."""
+        return {} if self.mirror is None else {"mirror": self.mirror}
 
     def reflect(self, mesh: Mesh) -> Mesh:
         """Return a mesh from `build`, with its skin; reflected if `mirror` is given."""
@@ -172,7 +174,7 @@ class PlacedMeshModel(MeshModel):
         turn = Rotation.from_rotvec(np.radians(self.rotation_deg)).as_matrix()
         return MeshPart(mesh, at=np.array(self.at), rotation=turn)
 
-    def embed(self, mesh: Mesh) -> dict[str, Any] | None:
-        """Return an equivalent entry that contains the mesh, without its skin; None if this entry has no file."""
-        entry = super().embed(mesh)
-        return entry and {**entry, "at": list(self.at), "rotation_deg": list(self.rotation_deg)}
+    @property
+    def pose(self) -> dict[str, Any]:
+        """The keys of this entry that move the mesh after `build`."""
+        return {**super().pose, "at": list(self.at), "rotation_deg": list(self.rotation_deg)}

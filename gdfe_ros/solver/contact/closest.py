@@ -9,8 +9,8 @@ from gdfe_ros.compiled import inlined, kernel
 
 MOST_STEPS = 12
 """Largest number of Gauss-Newton iterations in one closest-point search. A flat face needs two."""
-OPPOSED = -0.1
-"""Largest cosine between the normals of two faces that can touch each other."""
+OPPOSED = -0.5
+"""Largest cosine between the normals of a face and of a vertex, or of a face around it, that can touch each other."""
 
 
 @kernel
@@ -104,12 +104,19 @@ def point_on(x, quads, f, u, v):
 
 @inlined
 def opposes(areas, starts, about, vertex, n0, n1, n2):
-    """Return whether the normal of any face around a vertex has a cosine below `OPPOSED` with the unit normal n."""
+    """Return whether a vertex, or any face around it, has a normal whose cosine with n (3,) is below `OPPOSED`.
+
+    The normal of a vertex is the mean of those around it, which opposes what a sharp tip touches.
+    """
+    s0, s1, s2 = 0.0, 0.0, 0.0
     for i in range(starts[vertex], starts[vertex + 1]):
         m0, m1, m2 = areas[about[i], 0], areas[about[i], 1], areas[about[i], 2]
-        if m0 * n0 + m1 * n1 + m2 * n2 < OPPOSED * math.sqrt(m0 * m0 + m1 * m1 + m2 * m2):
+        size = max(math.sqrt(m0 * m0 + m1 * m1 + m2 * m2), 1e-300)
+        m0, m1, m2 = m0 / size, m1 / size, m2 / size
+        if m0 * n0 + m1 * n1 + m2 * n2 < OPPOSED:
             return True
-    return False
+        s0, s1, s2 = s0 + m0, s1 + m1, s2 + m2
+    return s0 * n0 + s1 * n1 + s2 * n2 < OPPOSED * math.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
 
 
 @inlined

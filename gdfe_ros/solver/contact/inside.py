@@ -43,7 +43,8 @@ class Inside:
         starts = np.searchsorted(owners[order], np.arange(count + 1)).astype(np.int64)
         quads = np.ascontiguousarray(faces[order], dtype=np.int32)
         around = around[:, order].tocsr()[np.repeat(np.arange(len(body.cells)), len(simple))]
-        self._surface = WholeSurface(surface.vertices, quads, touchable[order], starts, *_ragged(around))
+        rest = points.at(body.rest)
+        self._surface = WholeSurface(surface.vertices, quads, touchable[order], starts, *_ragged(around), rest)
         self._inner = InnerCells(cells, pieces[cells[:, 0]].astype(np.int64), *_ragged(near))
 
     def depths(self, x: NDArray[np.float64], bound: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

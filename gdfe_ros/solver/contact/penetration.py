@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
-from gdfe_ros.mesh.triples import corner, cross, dot, minus
+from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, solid_angle
+from gdfe_ros.solver.contact.cell_place import corner_shape, place_in_cell
 from gdfe_ros.solver.contact.closest import among, closest_on, point_on
 
-MOST_STEPS = 25
-"""Largest number of Newton iterations in one cell."""
-EXACT = 1e-9
-"""A point counts as inside a cell if its cell coordinates exceed the limits 0 and 1 by less than this."""
+EQUAL = 1e-9
+"""Two distances count as equal if they differ by less than this fraction."""
 MOST_BINS = 4
 """Largest number of bins of the search grid, divided by the number of vertices."""
 
@@ -31,6 +30,7 @@ class WholeSurface(NamedTuple):
         starts: (p + 1,) index at which the faces of each piece begin.
         around_starts: (m + 1,) index into ``around`` at which the list of each cell begins.
         around: triangles of a skin around each cell, as indices of ``quads``.
+        rest: (n + p, 3) [m] positions at rest.
     """
 
     vertices: NDArray[np.int32]
@@ -39,6 +39,7 @@ class WholeSurface(NamedTuple):
     starts: NDArray[np.int64]
     around_starts: NDArray[np.int64]
     around: NDArray[np.int64]
+    rest: NDArray[np.float64]
 
 
 class InnerCells(NamedTuple):
@@ -55,54 +56,6 @@ class InnerCells(NamedTuple):
     pieces: NDArray[np.int64]
     near_starts: NDArray[np.int64]
     near: NDArray[np.int64]
-
-
-@inlined
-def corner_shape(which, u, v, w):
-    """Return a corner's shape function (VTK's order) at u, v, w in [0, 1], and its three derivatives."""
-    a = u if which in (1, 2, 5, 6) else 1.0 - u
-    b = v if which in (2, 3, 6, 7) else 1.0 - v
-    c = w if which >= 4 else 1.0 - w
-    da = 1.0 if which in (1, 2, 5, 6) else -1.0
-    db = 1.0 if which in (2, 3, 6, 7) else -1.0
-    dc = 1.0 if which >= 4 else -1.0
-    return a * b * c, da * b * c, a * db * c, a * b * dc
-
-
-@internal
-def within_cell(x, cells, e, px, py, pz):
-    """Return whether the point p [m] lies in cell ``e``, by Newton's method for the point's cell coordinates."""
-    u, v, w = 0.5, 0.5, 0.5
-    for _ in range(MOST_STEPS):
-        r0, r1, r2 = px, py, pz
-        a00, a01, a02, a10, a11, a12, a20, a21, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for a in range(8):
-            q = cells[e, a]
-            s, du, dv, dw = corner_shape(a, u, v, w)
-            r0, r1, r2 = r0 - s * x[q, 0], r1 - s * x[q, 1], r2 - s * x[q, 2]
-            a00, a01, a02 = a00 + du * x[q, 0], a01 + dv * x[q, 0], a02 + dw * x[q, 0]
-            a10, a11, a12 = a10 + du * x[q, 1], a11 + dv * x[q, 1], a12 + dw * x[q, 1]
-            a20, a21, a22 = a20 + du * x[q, 2], a21 + dv * x[q, 2], a22 + dw * x[q, 2]
-        c0, c1, c2 = a11 * a22 - a12 * a21, a12 * a20 - a10 * a22, a10 * a21 - a11 * a20
-        det = a00 * c0 + a01 * c1 + a02 * c2
-        if det == 0.0:
-            return False
-        d0, d1 = a02 * a21 - a01 * a22, a00 * a22 - a02 * a20
-        e0, e1 = a01 * a12 - a02 * a11, a02 * a10 - a00 * a12
-        d2, e2 = a01 * a20 - a00 * a21, a00 * a11 - a01 * a10
-        u1 = (c0 * r0 + d0 * r1 + e0 * r2) / det
-        v1 = (c1 * r0 + d1 * r1 + e1 * r2) / det
-        w1 = (c2 * r0 + d2 * r1 + e2 * r2) / det
-        u, v, w = clamp(u + u1), clamp(v + v1), clamp(w + w1)
-        if abs(u1) + abs(v1) + abs(w1) < 0.1 * EXACT:
-            return min(u, v, w) > -EXACT and max(u, v, w) < 1.0 + EXACT
-    return False
-
-
-@inlined
-def clamp(value):
-    """Return a cell coordinate clamped to [-0.5, 1.5]."""
-    return min(max(value, -0.5), 1.5)
 
 
 @internal
@@ -148,15 +101,33 @@ def in_front(x, quads, starts, around, e, px, py, pz):
         u, v = closest_on(x, quads, f, px, py, pz)
         c0, c1, c2 = point_on(x, quads, f, u, v)
         away = math.sqrt((px - c0) ** 2 + (py - c1) ** 2 + (pz - c2) ** 2)
-        if away >= (1.0 + EXACT) * least:
+        if away >= (1.0 + EQUAL) * least:
             continue
         a, b, c = corner(x, quads[f, 0]), corner(x, quads[f, 1]), corner(x, quads[f, 2])
         n = cross(minus(b, a), minus(c, a))
         above = dot(n, (px - c0, py - c1, pz - c2)) / max(math.sqrt(dot(n, n)), 1e-300)
-        if away < (1.0 - EXACT) * least or abs(above) > abs(height):
+        if away < (1.0 - EQUAL) * least or abs(above) > abs(height):
             height = above
         least = min(least, away)
     return height > 0.0
+
+
+@internal
+def was_outside(rest, quads, first, last, cells, e, place):
+    """Return whether a place (three cell coordinates) of cell ``e`` lies outside of the faces of its piece, at rest.
+
+    A body may fold until the surface around a cell is far from a place in it. At rest it is not folded, and the solid
+    angle of the whole closed surface decides.
+    """
+    p = (0.0, 0.0, 0.0)
+    for a in range(8):
+        p = along(1.0, p, corner_shape(a, *place)[0], corner(rest, cells[e, a]))
+    angle = 0.0
+    for f in range(first, last):
+        a, b = minus(corner(rest, quads[f, 0]), p), minus(corner(rest, quads[f, 1]), p)
+        c, d = minus(corner(rest, quads[f, 2]), p), minus(corner(rest, quads[f, 3]), p)
+        angle += solid_angle(a, b, c) + solid_angle(a, c, d)
+    return angle < 2.0 * math.pi
 
 
 @internal
@@ -199,11 +170,15 @@ def depth_in(x, surface, inner, box, e, v, bound):
     p0, p1, p2 = x[v, 0], x[v, 1], x[v, 2]
     if p0 < box[0, 0] or p0 > box[1, 0] or p1 < box[0, 1] or p1 > box[1, 1] or p2 < box[0, 2] or p2 > box[1, 2]:
         return 0.0
-    if among(inner.near_starts, inner.near, e, v) or not within_cell(x, inner.cells, e, p0, p1, p2):
+    if among(inner.near_starts, inner.near, e, v):
         return 0.0
-    if in_front(x, surface.quads, surface.around_starts, surface.around, e, p0, p1, p2):
+    within, place = place_in_cell(x, inner.cells, e, p0, p1, p2)
+    if not within or in_front(x, surface.quads, surface.around_starts, surface.around, e, p0, p1, p2):
         return 0.0
     first, last = surface.starts[inner.pieces[e]], surface.starts[inner.pieces[e] + 1]
+    lined = surface.around_starts[e] < surface.around_starts[e + 1]
+    if lined and was_outside(surface.rest, surface.quads, first, last, inner.cells, e, place):
+        return 0.0
     return depth_below(x, surface.quads, surface.touchable, first, last, v, bound)
 
 

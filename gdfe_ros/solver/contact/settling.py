@@ -77,7 +77,7 @@ class Settling:
     def __init__(self, positions: NDArray[np.float64], *, held: bool) -> None:
         self._unknown = np.array([UNKNOWN, 1.0 if held else UNKNOWN])
         self._mixing, self._updates, self._plain, self._hastened = Anderson(), 0, 0, False
-        self._last, self._before, self.left = np.zeros(2), positions.copy(), np.inf
+        self._last, self._before, self._earlier, self.left = np.zeros(2), positions.copy(), positions.copy(), np.inf
 
     def way(self, positions: NDArray[np.float64], missed: float) -> float:
         """Return an estimate of the remaining distance [m], from the last displacement and the error ``missed`` [m].
@@ -85,14 +85,18 @@ class Settling:
         Each plain update multiplies the displacement by a factor q, and the error by a factor of its own. The last
         value times q / (1 - q) then remains. The result is the largest of the two last values and the two remaining
         values. An error that many pairs have in common shrinks slowly, and causes a displacement much larger than the
-        error.
+        error. Updates that reverse each other swing about the equilibrium: only what two of them together move remains.
         """
         last = np.array([largest_distance(positions, self._before), missed])
         self._plain = 0 if self._hastened else self._plain + 1
         rates = np.minimum(last / np.maximum(self._last, 1e-300), SLOWEST)
         factors = rates / (1.0 - rates) if self._plain >= PLAIN else self._unknown
+        onward, path = largest_distance(positions, self._earlier), last[0] + self._last[0]
+        if self._plain >= PLAIN and onward < SWINGING * path:
+            factors = factors * onward / path
         self._updates, self._hastened = self._updates + 1, False
-        self._last, self._before, self.left = last, positions.copy(), float(last.max())
+        self._earlier, self._before = self._before, positions.copy()
+        self._last, self.left = last, float(last.max())
         return max(self.left, float((factors * last).max()))
 
     def mixed(self, held: NDArray[np.float64], found: NDArray[np.float64], near: float) -> NDArray[np.float64]:

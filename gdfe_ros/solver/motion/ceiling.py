@@ -58,16 +58,16 @@ class Ceiling:
         return changed(now.ledger, bound=after), max(0.0, balance - ceiling)
 
 
-def told(state: State, excess: float, h: float) -> State:
+def told(state: State, excess: float, h: float, scheme: Scheme) -> State:
     """Return a state with a message that its last step of length ``h`` [s] created the energy ``excess`` [J].
 
     The excess is added to the bound, so that the message appears only once.
     """
     bound, summary = state.ledger.bound, state.summary
     text = (
-        f"an internal step of {h:.3g} s gained {excess:.3g} J of energy without a source; "
-        "remedy: a smaller dynamics.step, or dynamics.scheme: bdf2"
-    )
+        f"an internal step of {h:.3g} s gained {excess:.3g} J of energy without a source; remedy: a smaller "
+        "dynamics.step, a start outside of all obstacles"
+    ) + ("" if scheme == Scheme.BDF2 else ", or dynamics.scheme: bdf2")
     message = "; ".join(part for part in (summary.message, text) if part)
     raised = changed(bound, start=bound.start + excess, least=bound.least + excess)
     return state.with_(

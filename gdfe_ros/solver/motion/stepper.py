@@ -174,7 +174,7 @@ class MotionStepper:
             return self._tried(flight, self._euler, deadline)
         if flight.can_halve and not past(deadline):
             return Trial(**given, halves=True)
-        return Trial(**given, accepted=told(accepted, excess, h))
+        return Trial(**given, accepted=told(accepted, excess, h, self._dynamics.scheme))
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""

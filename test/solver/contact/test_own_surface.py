@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from benchmarks.self_contact import stack
 from gdfe_ros import Command, Pose, Simulation, load_scene
@@ -74,6 +75,19 @@ def test_a_vertex_leaves_a_face_over_its_edge_by_and_by() -> None:
         found = surface.look(x, rest, 0.02)
         shares.append(float(found.support[corner[0]]))
     assert shares == pytest.approx([1.0, 0.75, 1.0 - 0.99**2, 0.0], abs=1e-9)
+
+
+def test_rims_that_meet_press_across_and_not_along_their_ends() -> None:
+    """Vertices at the rim of a tilted cube, hardly inside of the end face of another cube, touch that cube's top."""
+    simulation = stack(2, 2)
+    surface, rest = the_contact(simulation).surface, simulation.mesh.vertices
+    high, rim = np.arange(len(rest)) >= 27, rest[27:].min(axis=0)
+    tilt = Rotation.from_euler("y", -0.3).as_matrix()
+    x = np.where(high[:, None], (rest - rim) @ tilt.T + rim + [1e-7, 0.0, -3e-4], rest)
+    found = surface.look(x, rest, 0.002)
+    corners = np.isin(surface.topology.vertices, np.flatnonzero(high & (rest[:, 0] == rim[0]) & (rest[:, 2] == rim[2])))
+    assert found.gap[corners] == pytest.approx(-1e-4)
+    np.testing.assert_allclose(found.normal[corners], np.broadcast_to([0.0, 0.0, 1.0], (3, 3)), atol=1e-12)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.05, 5.0])

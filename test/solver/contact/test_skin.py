@@ -92,6 +92,16 @@ def test_flat_sides_enter_nothing_however_full_their_cells_are(tmp_path: Path, s
     assert least > 0.5
 
 
+def test_a_tip_beyond_the_cells_touches(tmp_path: Path) -> None:
+    """The tip of a cone, in cubes too empty to be cells, carries contact and enters nothing."""
+    cone = trimesh.creation.cone(radius=0.02, height=0.06, sections=32)
+    cone.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [1, 0, 0]))
+    depth, least = pressed(tmp_path, cone)
+    assert load_scene(tmp_path / "body.yaml").mesh.vertices[:, 2].min() > cone.bounds[0, 2] + 0.009
+    assert depth < 0.02
+    assert least > 0.5
+
+
 @pytest.mark.parametrize("young", [3e4, 1e5])
 def test_a_soft_ball_of_cut_cells_falls_and_jumps(tmp_path: Path, young: float) -> None:
     """A cut ball of 8 cells per diameter falls by ten centimetres and bounces back; every step converges."""

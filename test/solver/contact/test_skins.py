@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,15 @@ FINGER = """
 mesh: {voxels: {surface: finger.stl, cell: 0.0027, cells: cut}}
 skin: {file: finger.stl}
 self_contact: {}
+"""
+TUBE = """
+name: tube
+mesh: {voxels: {surface: tube.stl, cell: 0.002, cells: cut}}
+skin: {file: tube.stl}
+materials: {rubber: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1100}}
+regions: [{material: rubber}]
+handles: {low: {where: {face: y-}, fixed: true}, top: {where: {face: y+}}}
+self_contact: {friction: 0.5}
 """
 
 
@@ -117,6 +127,19 @@ def test_a_finger_of_one_skin_closes_its_notches(tmp_path: Path) -> None:
     assert np.linalg.norm(tips[1] - tips[0]) < 1e-3
     presses = [0.5 * result.contacts[NAME].presses.sum() for result in results]
     assert presses[1] == pytest.approx(presses[0], rel=0.2)
+
+
+def test_a_tube_is_pressed_flat(tmp_path: Path) -> None:
+    """A tube that folds is free until its wall meets itself, rim on rim; no fold is taken for a penetration."""
+    trimesh.creation.annulus(r_min=0.006, r_max=0.01, height=0.02, sections=48).export(tmp_path / "tube.stl")
+    (tmp_path / "tube.yaml").write_text(TUBE)
+    simulation, forces = Simulation(load_scene(tmp_path / "tube.yaml")), []
+    for depth in (0.003, 0.006, 0.009, 0.0095, 0.010, 0.0105, 0.011, 0.0112, 0.0115, 0.012):
+        result = simulation.step(Command(handles={"top": Pose((0.0, -depth, 0.0))}))
+        assert result.converged, result.message
+        assert (result.contacts[NAME].presses.sum() > 0.0) == (depth > 0.0108)
+        forces.append(-result.reactions["top"][1])
+    assert all(low < high for low, high in pairwise(forces))
 
 
 def test_what_lies_inside_is_told(tmp_path: Path) -> None:

@@ -137,6 +137,17 @@ def test_energy_that_cannot_be_mended_is_told(moving: Callable, monkeypatch: pyt
     assert bar.step().converged
 
 
+def test_a_start_inside_of_an_obstacle_is_a_cause(moving: Callable) -> None:
+    """A body that starts inside of a floor is pushed out; the message has this cause, and no scheme that is chosen."""
+    floor = {"floor": {"plane": [0, 0, 1], "at": [0, 0, -0.001]}}
+    bar = moving(handles={}, obstacles=floor, dynamics__scheme="bdf2", dynamics__step=0.005)
+    result = bar.step()
+    assert not result.converged
+    assert "remedy: a smaller dynamics.step, a start outside of all obstacles" in result.message
+    assert "bdf2" not in result.message
+    assert bar.step().converged
+
+
 def test_a_motion_of_an_archive_without_a_bound_goes_on(moving: Callable) -> None:
     """A state without an energy bound, as in earlier archives, gets one in the next step, and positions stay equal."""
     bars = [moving(loads={"weight": {"gravity": [0, 0, -9.81]}}) for _ in range(2)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.mesh import bar
+from gdfe_ros.mesh import HexMesh, Mesh, bar
 from gdfe_ros.mesh.packing import pack_mesh
 from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.mesh.tetmesh import divided
@@ -67,19 +67,27 @@ def test_friction_drags_the_lower_slab() -> None:
     assert result.reactions["top"][0] == pytest.approx(-0.1 * result.reactions["top"][2], rel=0.1)
 
 
-@pytest.mark.parametrize("dynamics", [None, {"step": 0.005, "damping": {"viscosity": 300}}], ids=["statics", "motion"])
-def test_a_slit_closes_on_itself(dynamics: dict[str, Any] | None) -> None:
-    """The lips of a slit meet when the body is folded, and do not enter each other."""
+def _slit() -> HexMesh:
+    """Return a body with a slit, whose lips are mirror images of each other."""
     mesh = bar([0.06, 0.02, 0.03], [6, 1, 5])
     centre = mesh.vertices[mesh.cells].mean(axis=1)
-    slit = (np.abs(centre[:, 2]) < 0.003) & (centre[:, 0] > 0.02)
-    body = divided(keep_cells(mesh, ~slit))
-    given = {} if dynamics is None else {"dynamics": dynamics}
+    return keep_cells(mesh, ~((np.abs(centre[:, 2]) < 0.003) & (centre[:, 0] > 0.02)))
+
+
+@pytest.mark.parametrize(
+    ("body", "friction", "steps"),
+    [(divided(_slit()), 0.1, 4), (divided(_slit()), 0.4, 12), (_slit(), 0.0, 8), (_slit(), 0.1, 12)],
+    ids=["tetrahedra", "tetrahedra, rough", "hexahedra, smooth", "hexahedra"],
+)
+@pytest.mark.parametrize("dynamics", [None, {"step": 0.005, "damping": {"viscosity": 300}}], ids=["statics", "motion"])
+def test_a_slit_closes_on_itself(body: Mesh, friction: float, steps: int, dynamics: dict[str, Any] | None) -> None:
+    """The lips of a slit meet, rim on rim, when the body is folded, and do not enter each other."""
+    given = {"self_contact": {"friction": friction}, **({} if dynamics is None else {"dynamics": dynamics})}
     lips = {side: {"where": {"box": {"x": [0.0599, 0.061], "z": z}}} for side, z in
             (("low", [-1.0, -0.0089]), ("high", [0.0089, 1.0]))}  # fmt: skip
     given["solver"] = {"tolerance": 1e-4}
     simulation = Simulation(_scene(mesh={"embedded": pack_mesh(body)}, handles=lips, **given))
-    for part in np.linspace(0.25, 1.0, 4):
+    for part in np.linspace(1.0 / steps, 1.0, steps):
         command = Command(handles={"low": Pose((0.0, 0.0, 0.0042 * part)), "high": Pose((0.0, 0.0, -0.0042 * part))})
         result = simulation.step(command, dt=0.05)
         assert result.converged, result.message
