@@ -22,7 +22,9 @@ FINE, SMALL = 0.25, 0.1
 level of this quantile.
 """
 CREASE = np.cos(np.radians(30.0))
-"""The common edge of two triangles is a crease if the cosine between their normals is below this."""
+"""The common edge of two triangles is a crease if the cosine between their normals is below this. A point without
+creases is a tip, as that of a cone, if the cosine between its normal and that of a triangle around it is below this.
+"""
 FARTHEST = np.array([0.5, 0.75, 1.0])
 """A further point is chosen if its distance to the nearest chosen point, divided by the size of its cell, exceeds this.
 The three values are for a corner, for a crease point, and for any other point.
@@ -75,14 +77,14 @@ class SkinPoints:
             np.add.at(slopes, triangles[:, i], areas)
         used, local = np.unique(triangles, return_inverse=True)
         triangles = local.reshape(triangles.shape)
-        creases = _creases(triangles, _unit(areas))
+        creases, normals = _creases(triangles, _unit(areas)), _unit(slopes[used])
         cells, weights = hang(mesh.vertices, mesh.cells, points[used], within=PLACE)
         return cls(
             places=points[used],
-            normals=_unit(slopes[used]),
+            normals=normals,
             triangles=triangles,
             creases=creases,
-            kinds=_kinds(creases, len(used)),
+            kinds=_kinds(creases, _tips(triangles, _unit(areas), normals)),
             corners=mesh.cells[cells],
             weights=weights,
             sizes=sizes[cells],
@@ -149,10 +151,18 @@ def _creases(triangles: NDArray[np.int64], normals: NDArray[np.float64]) -> NDAr
     return edges[:-1][paired & bent]
 
 
-def _kinds(creases: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Return the kind of each of ``count`` points: 1, a crease point, with two creases, 0 with one or more than two."""
-    creases = np.bincount(creases.ravel(), minlength=count)
-    return np.where(creases == 0, 2, np.where(creases == 2, 1, 0))
+def _tips(triangles: NDArray[np.int64], normals: NDArray[np.float64], own: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which points, with the normals ``own`` (k, 3), are tips between triangles with ``normals`` (t, 3)."""
+    least = np.ones(len(own))
+    for i in range(3):
+        np.minimum.at(least, triangles[:, i], np.einsum("ti,ti->t", own[triangles[:, i]], normals))
+    return least < CREASE
+
+
+def _kinds(creases: NDArray[np.int64], tips: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the kind of each point: 1, a crease point with two creases; 0, a corner or a tip; 2, any other point."""
+    creases = np.bincount(creases.ravel(), minlength=len(tips))
+    return np.where((creases == 0) & ~tips, 2, np.where(creases == 2, 1, 0))
 
 
 def _boundary(mesh: HexMesh) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

@@ -140,6 +140,31 @@ def are_apart(pairs, faces, surface, out):
         out[pair] = not among(surface.near_starts, surface.near, faces[pair], vertex)
 
 
+@inlined
+def face_plane(normals, f, w, rim, d, away):
+    """Return the plane that a vertex must stay in front of, at the closest point of face ``f`` with weights ``w`` (4,).
+
+    The vertex lies at ``d`` (3,) [m], with the length ``away`` [m], from this point. The result is the unit normal
+    (three numbers), the height [m] above the plane, and the fraction of the contact force that the face carries. The
+    fraction is -1 if the vertex cannot touch the face.
+    """
+    m0, m1, m2 = 0.0, 0.0, 0.0
+    for a in range(4):
+        m0, m1, m2 = m0 + w[a] * normals[f, a, 0], m1 + w[a] * normals[f, a, 1], m2 + w[a] * normals[f, a, 2]
+    length = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
+    if not length > 0.0:
+        return 0.0, 0.0, 0.0, 0.0, -1.0
+    m0, m1, m2 = m0 / length, m1 / length, m2 / length
+    height = m0 * d[0] + m1 * d[1] + m2 * d[2]
+    beside = math.sqrt(max(0.0, away * away - height * height))
+    if beside <= rim:
+        return m0, m1, m2, height, 1.0 - min(1.0, beside / rim) ** 2
+    if height < 0.0:
+        return m0, m1, m2, height, -1.0
+    # The vertex lies beside the face, at a convex edge: the edge itself is the closest point.
+    return d[0] / away, d[1] / away, d[2] / away, away, 1.0
+
+
 @kernel
 def nearest_faces(
     x, last, sunk, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap, support
@@ -183,21 +208,9 @@ def nearest_faces(
         if away > reach or away > distance[i] or (away == distance[i] and f > face[i]):
             continue
         w = weights_at(u, v)
-        m0, m1, m2 = 0.0, 0.0, 0.0
-        for a in range(4):
-            m0, m1, m2 = m0 + w[a] * normals[f, a, 0], m1 + w[a] * normals[f, a, 1], m2 + w[a] * normals[f, a, 2]
-        length = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
-        if not length > 0.0:
+        m0, m1, m2, height, share = face_plane(normals, f, w, surface.rim, (d0, d1, d2), away)
+        if share < 0.0:
             continue
-        m0, m1, m2 = m0 / length, m1 / length, m2 / length
-        height = m0 * d0 + m1 * d1 + m2 * d2
-        beside = math.sqrt(max(0.0, away * away - height * height))
-        share = 1.0 - min(1.0, beside / surface.rim) ** 2
-        if beside > surface.rim:
-            if height < 0.0:
-                continue
-            # The vertex lies beside the face, at a convex edge: the edge itself is the closest point.
-            m0, m1, m2, height, share = d0 / away, d1 / away, d2 / away, away, 1.0
         if height < -surface.depth and not (sunk[i] or was_before(last, quads, f, vertex, w)):
             continue
         distance[i], face[i], gap[i], support[i] = away, f, height, share

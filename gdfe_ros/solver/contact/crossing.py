@@ -17,6 +17,10 @@ direction with components between this number and its negative may be that of fl
 """
 ENDS = 1e-3
 """Fraction of an edge' length. Edges touch up to this far beyond their ends: nothing passes between edges in a row."""
+WITHIN = 1e-4
+"""Fraction of an edge' length. Rims of flat faces cross if the place is at least this far within both edges. Rounding
+thus does not decide whether rims cross whose corners meet.
+"""
 LEAST = 0.01
 """Least fraction of a contact force that edges carry."""
 SEATS = 4
@@ -43,7 +47,7 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge
         normal: (k, 3), is written: unit normal of both edges, out of the edge in the seat.
         gap: (k,) [m], is written: distance between the closest points along the normal.
         support: (k,), is written: fraction of the contact force that the edges carry. It is 1 where only edges can
-            touch. Where rims of flat faces cross, it falls to 0 at the ends: vertices carry the force there.
+            touch, and where rims of flat faces cross.
     """
     for known in (True, False):
         for pair in range(len(pairs)):
@@ -64,8 +68,8 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge
             least = min(between(n, areas, surface.sides[j]), between(back, areas, surface.sides[i]))
             height = apart(x, a, b, c, d, s, t, n)
             inside = min(to_end(x, a, b, s), to_end(x, c, d, t))
-            rims = 0.0 if height < -inside else min(1.0, max(0.0, inside) / surface.rim) ** 2
-            carried = rims + (1.0 - rims) * min(1.0, max(0.0, least / BESIDE))
+            rims = height >= -inside and min(s, 1.0 - s, t, 1.0 - t) > WITHIN
+            carried = 1.0 if rims else min(1.0, max(0.0, least / BESIDE))
             if least < -BESIDE or carried < LEAST or abs(height) > reach:
                 continue
             if height < -surface.depth and not apart(last, a, b, c, d, s, t, n) > 0.0:

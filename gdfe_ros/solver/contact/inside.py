@@ -16,6 +16,7 @@ from gdfe_ros.solver.contact.own_surface import Topology, flat_boundary
 from gdfe_ros.solver.contact.penetration import InnerCells, WholeSurface, find_inside
 
 SEPARATE = "remedy: return to a sound state and approach in smaller steps, or move the parts away from each other"
+ROUGH = "; without friction, parts that are pressed on each other may slide aside: try self_contact: {friction: 0.1}"
 
 
 class Inside:
@@ -45,7 +46,12 @@ class Inside:
         around = around[:, order].tocsr()[np.repeat(np.arange(len(body.cells)), len(simple))]
         rest = points.at(body.rest)
         self._surface = WholeSurface(surface.vertices, quads, touchable[order], starts, *_ragged(around), rest)
-        self._inner = InnerCells(cells, pieces[cells[:, 0]].astype(np.int64), *_ragged(near))
+        owners = pieces[cells[:, 0]].astype(np.int64)
+        self._inner = InnerCells(cells, owners, *_ragged(near))
+        middles = np.flatnonzero(touchable[order]) + len(rest)
+        self._middles = self._surface._replace(vertices=middles.astype(np.int32))
+        self._about = InnerCells(cells, owners, *_ragged(_whole_faces(near, quads)))
+        self._deep = surface.depth
 
     def depths(self, x: NDArray[np.float64], bound: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the penetration depth [m] of each surface vertex (k,), and the cell in which it lies (k,).
@@ -67,11 +73,26 @@ class Inside:
     def told(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
         """Return the largest penetration depth [m], and a sentence with parts, depth and place; 0 and empty if none."""
         depths, cells = self.depths(x, bound)
-        deepest = int(depths.argmax())
+        deepest, vertices = int(depths.argmax()), self._surface.vertices
+        if not depths[deepest] > 0.0:
+            depths, cells = self._middle_depths(x)
+            deepest, vertices = int(depths.argmax()), self._surface.quads[self._middles.vertices - len(x), 0]
         if not depths[deepest] > 0.0:
             return 0.0, ""
-        vertex, depth = self._surface.vertices[deepest], float(depths[deepest])
+        vertex, depth = vertices[deepest], float(depths[deepest])
         return depth, self._sentence(vertex, self._inner.cells[cells[deepest], 0], x[vertex], depth)
+
+    def _middle_depths(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return depths and cells of the middles of the faces, where they are at least a quarter of an edge deep.
+
+        Two plates of one cell that lie in one plane and overlap have all vertices on the surface of each other.
+        """
+        count = len(self._middles.vertices)
+        depth, cell = np.zeros(count), np.full(count, -1, dtype=np.int64)
+        if np.isfinite(x).all():
+            whole = np.concatenate([x, x[self._surface.quads].mean(axis=1)])
+            find_inside(whole, self._middles, self._about, self._deep, depth, cell)
+        return depth, cell
 
     def told_of(self, x: NDArray[np.float64], ends: NDArray[np.int32], depth: float) -> str:
         """Return the sentence of `told` for two edges with the vertices ``ends`` (2, 2) that have passed each other."""
@@ -82,7 +103,8 @@ class Inside:
         own, other = (self._meant.owner(self._points.main[point]) for point in (vertex, within))
         where = ", ".join(f"{value:.4g}" for value in place + self._meant.origin)
         inside = f"{depth:.3g} m inside of {'itself' if own == other else other}"
-        return f"{own} lies {inside}, deepest at [{where}] m; {SEPARATE}"
+        rough = "" if self._meant.friction else ROUGH
+        return f"{own} lies {inside}, deepest at [{where}] m; {SEPARATE}{rough}"
 
 
 def _whole_surface(body: Body, points: OwnPoints) -> tuple[NDArray[np.int32], sparse.csr_matrix]:
@@ -99,6 +121,16 @@ def _whole_surface(body: Body, points: OwnPoints) -> tuple[NDArray[np.int32], sp
     none = sparse.csr_matrix((len(body.cells), len(quads)), dtype=carrying.dtype)
     around = sparse.hstack([none, incidence(body.cells, points.count) @ carrying.T])
     return np.concatenate([quads, lined]), around.tocsc()
+
+
+def _whole_faces(near: sparse.csr_matrix, quads: NDArray[np.int32]) -> sparse.csr_matrix:
+    """Return the faces (m, n + p + q) whose corners are all ``near`` (m, n + p) each cell, as numbers of middles."""
+    some = sparse.csr_matrix((np.ones(near.nnz, np.int32), near.indices, near.indptr), shape=near.shape)
+    counts = (some @ incidence(quads, near.shape[1]).T).tocsr()  # a triangle counts its last corner twice
+    counts.data = (counts.data == quads.shape[1]).astype(np.int32)
+    counts.eliminate_zeros()
+    counts.sort_indices()
+    return sparse.hstack([sparse.csr_matrix(near.shape, dtype=np.int32), counts]).tocsr()
 
 
 def _ragged(rows: sparse.csr_matrix) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

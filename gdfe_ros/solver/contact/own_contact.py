@@ -170,9 +170,10 @@ class OwnContact(ContactTerm):
     def hasten(self, near: float) -> None:
         """Extrapolate multipliers and normals of pressing pairs, or shorten a plain update; see `Settling.mixed`.
 
-        If at most the distance ``near`` [m] remains, plain updates come first.
+        If at most the distance ``near`` [m] remains, plain updates come first. Without ``stocky``, few updates are
+        needed, and they are plain until they swing.
         """
-        if not self._on:
+        if not (self._on and (self.stocky or self._settling.swings)):
             return
         found = self._multipliers()
         mixed = self._settling.mixed(self._held, found, near)

@@ -20,7 +20,7 @@ class EdgeTopology(NamedTuple):
     Attributes:
         ends: (e, 2) int32 vertices at the ends of each edge.
         sides: (e, 2) int64 the two faces of each edge.
-        near_starts, near, rim: as in `Topology`.
+        near_starts, near: as in `Topology`.
         depth: [m] shortest edge. Two edges that passed each other by less touch even if they never were apart: sound
             bodies are thicker.
     """
@@ -30,7 +30,6 @@ class EdgeTopology(NamedTuple):
     near_starts: NDArray[np.int64]
     near: NDArray[np.int64]
     depth: float
-    rim: float
 
 
 class OwnEdges:
@@ -56,7 +55,7 @@ class OwnEdges:
         sharp = (np.einsum("ij,ij->i", one, other) <= CREASE) & (np.einsum("ij,ij->i", one, beyond) < 0.0)
         self._quads = surface.quads
         given = np.ascontiguousarray(ends[sharp]), np.ascontiguousarray(sides[sharp])
-        self.topology = EdgeTopology(*given, surface.near_starts, surface.near, surface.depth / DEPTH, surface.rim)
+        self.topology = EdgeTopology(*given, surface.near_starts, surface.near, surface.depth / DEPTH)
 
     def look(
         self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, before: NDArray[np.int64]

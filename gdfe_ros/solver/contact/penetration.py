@@ -24,7 +24,7 @@ class WholeSurface(NamedTuple):
     """All faces of a body, and the vertices of those faces that may touch.
 
     Attributes:
-        vertices: (k,) int32 vertices that may touch.
+        vertices: (k,) int32 vertices that may touch; numbers from n + p on are the middles of the faces, in order.
         quads: (q, 4) int32 all faces, ordered by connected piece.
         touchable: (q,) whether each face takes part in self-contact.
         starts: (p + 1,) index at which the faces of each piece begin.
@@ -59,16 +59,16 @@ class InnerCells(NamedTuple):
 
 
 @internal
-def depth_below(x, quads, touchable, first, last, vertex, bound):
+def depth_below(x, quads, touchable, first, last, vertex, middle, bound):
     """Return the distance [m] from a vertex to the nearest of the faces from ``first`` up to ``last``.
 
-    Faces with this vertex as a corner are left out. The result is 0 if the distance is below ``bound`` [m], or if the
-    nearest face takes no part in self-contact.
+    Faces with this vertex as a corner are left out, and the face ``middle``, whose middle the vertex is. The result is
+    0 if the distance is below ``bound`` [m], or if the nearest face takes no part in self-contact.
     """
     px, py, pz = x[vertex, 0], x[vertex, 1], x[vertex, 2]
     least, takes_part = np.inf, False
     for f in range(first, last):
-        below, own = 0.0, False
+        below, own = 0.0, f == middle
         for axis in range(3):
             p = px if axis == 0 else (py if axis == 1 else pz)
             low, high = np.inf, -np.inf
@@ -179,7 +179,7 @@ def depth_in(x, surface, inner, box, e, v, bound):
     lined = surface.around_starts[e] < surface.around_starts[e + 1]
     if lined and was_outside(surface.rest, surface.quads, first, last, inner.cells, e, place):
         return 0.0
-    return depth_below(x, surface.quads, surface.touchable, first, last, v, bound)
+    return depth_below(x, surface.quads, surface.touchable, first, last, v, v - len(surface.rest), bound)
 
 
 @kernel
@@ -187,7 +187,7 @@ def find_inside(x, surface, inner, bound, depth, cell):
     """Find the surface vertices inside cells, and their depth below the faces of the cell's connected piece.
 
     Args:
-        x: (n + p, 3) [m] positions, finite.
+        x: (n + p, 3) [m] positions, finite; (n + p + q, 3) with the middles of the faces.
         surface: a `WholeSurface`.
         inner: `InnerCells`.
         bound: [m] least depth that is reported.

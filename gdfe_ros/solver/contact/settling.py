@@ -72,12 +72,14 @@ class Settling:
 
     Attributes:
         left: the larger of the last displacement and the last error of the pairs [m].
+        swings: whether two plain updates have reversed each other.
     """
 
     def __init__(self, positions: NDArray[np.float64], *, held: bool) -> None:
         self._unknown = np.array([UNKNOWN, 1.0 if held else UNKNOWN])
         self._mixing, self._updates, self._plain, self._hastened = Anderson(), 0, 0, False
-        self._last, self._before, self._earlier, self.left = np.zeros(2), positions.copy(), positions.copy(), np.inf
+        self._last, self._before, self._earlier = np.zeros(2), positions.copy(), positions.copy()
+        self.left, self.swings = np.inf, False
 
     def way(self, positions: NDArray[np.float64], missed: float) -> float:
         """Return an estimate of the remaining distance [m], from the last displacement and the error ``missed`` [m].
@@ -93,7 +95,7 @@ class Settling:
         factors = rates / (1.0 - rates) if self._plain >= PLAIN else self._unknown
         onward, path = largest_distance(positions, self._earlier), last[0] + self._last[0]
         if self._plain >= PLAIN and onward < SWINGING * path:
-            factors = factors * onward / path
+            factors, self.swings = factors * onward / path, True
         self._updates, self._hastened = self._updates + 1, False
         self._earlier, self._before = self._before, positions.copy()
         self._last, self.left = last, float(last.max())
@@ -103,14 +105,15 @@ class Settling:
         """Return the next forces and normals (k, 7), from the values before and after an update (``held``, ``found``).
 
         The first `PLAIN` updates of a solve are plain. Later updates are extrapolated while more than ``near`` [m]
-        remains. If less remains, `PLAIN` successive plain updates measure the rate of convergence. A plain update
-        returns ``found``, with normals that rotate by `SHARE` only and so do not oscillate.
+        remains. If less remains, `PLAIN` successive plain updates measure the rate of convergence. With ``near``
+        infinite, all are plain. A plain update returns ``found``, with normals that rotate by `SHARE` only and so do
+        not oscillate.
         """
         if not self._last[0] > 0.0:
             return found
         miss = found - held
         mixed = self._mixing.next(held.ravel(), miss.ravel()).reshape(found.shape)
-        if self._updates < PLAIN or (self.left <= near and self._plain < PLAIN):
+        if self._updates < PLAIN or near == np.inf or (self.left <= near and self._plain < PLAIN):
             mixed = found.copy()
             mixed[:, NORMALS] = held[:, NORMALS] + SHARE * miss[:, NORMALS]
         else:

@@ -223,8 +223,7 @@ class Solve:
         self._settled = last and moved <= 1.0
         if last and still and not self._settled:
             self._schedule.refine()
-        if not self._settled and self._level is None:  # slender bodies need few updates
-            self._actuation.hasten(self.problem.tolerance)
+        self._actuation.hasten(np.inf if self._settled else self.problem.tolerance)
         if not self._settled or quiet or not self._looks(active):
             return self._settled
         self._schedule.look()
@@ -358,7 +357,7 @@ class Solve:
             text = f"{reason}: the distance to equilibrium is not known yet; the last step was {far:.3g} of the size"
             return False, np.inf, f"{text}; the next step goes on from here"
         if estimate <= tolerance:
-            text = "pressures, commanded lengths and volumes, or hourglass scales have not settled"
+            text = "contact forces, pressures, commanded lengths or volumes, or hourglass scales have not settled"
             return False, estimate, f"{text} in {MOST_UPDATES} updates, although the positions hardly move any more"
         if not np.isfinite(estimate):
             text = "the distance to equilibrium is not known: the body is at the edge of its stability"

@@ -36,6 +36,18 @@ def deepest(simulation: Simulation) -> float:
     return float(inside.depths(simulation.state.positions, 0.0)[0].max()) / simulation.mesh.size
 
 
+PLATES = """
+name: plates
+meshes:
+  low: {bar: {size: [0.02, 0.002, 0.02], cells: [8, 1, 8]}}
+  high: {bar: {size: [0.02, 0.002, 0.02], cells: [8, 1, 8]}, at: [0, 0, 0.0205]}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {low: {where: {mesh: low, face: z-}, fixed: true}, high: {where: {mesh: high, face: z+}}}
+self_contact: {}
+"""
+
+
 def turned(points: np.ndarray) -> np.ndarray:
     """Return points (n, 3) [m] rotated about all axes and shifted."""
     axes = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
@@ -146,3 +158,14 @@ def test_a_step_with_friction_stays_when_it_is_asked_again(friction: float) -> N
             again = simulation.step(command)
             assert np.abs(again.positions - result.positions).max() < 3.0 * tolerance
     assert slipped > 0
+
+
+@pytest.mark.parametrize("overlap", [0.001, 0.0015, 0.0025])
+def test_plates_of_one_cell_that_overlap_in_their_plane_are_told(overlap: float) -> None:
+    """Where all vertices lie on the other plate's surface, the middles of faces tell that the plates overlap."""
+    simulation = Simulation(scene_from_text(PLATES))
+    x = simulation.mesh.vertices.copy()
+    x[simulation.mesh.parts["high"].first_vertex :, 2] -= 0.0005 + overlap
+    depth, text = the_contact(simulation).penetration.told(turned(x), 1e-6)
+    assert depth == pytest.approx(0.001)
+    assert "mesh 'low' lies 0.001 m inside of mesh 'high'" in text or "mesh 'high' lies 0.001 m" in text

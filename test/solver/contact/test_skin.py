@@ -92,6 +92,14 @@ def test_flat_sides_enter_nothing_however_full_their_cells_are(tmp_path: Path, s
     assert least > 0.5
 
 
+@pytest.mark.parametrize("sections", [12, 24, 48])
+def test_a_blunt_tip_touches(tmp_path: Path, sections: int) -> None:
+    """The tip of a cone without sharp edges is a contact point, however many sides the cone has."""
+    cone = trimesh.creation.cone(radius=0.036, height=0.06, sections=sections)
+    cone.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [1, 0, 0]))
+    assert pressed(tmp_path, cone)[0] < 0.02
+
+
 def test_a_tip_beyond_the_cells_touches(tmp_path: Path) -> None:
     """The tip of a cone, in cubes too empty to be cells, carries contact and enters nothing."""
     cone = trimesh.creation.cone(radius=0.02, height=0.06, sections=32)
