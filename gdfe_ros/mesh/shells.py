@@ -98,19 +98,23 @@ def inside(
 ) -> NDArray[np.bool_]:
     """Return whether each point (k, 3) is inside a closed surface of any orientation, shape (k,), by the even-odd rule.
 
-    A shell winds around a point if its solid angle there is not zero (van Oosterom and Strackee 1983). A point is
-    inside if an odd number of shells wind around it.
+    A shell winds around a point if its solid angle there is not zero. A point is inside if an odd number of shells wind
+    around it.
     """
     shell = shell_numbers(len(vertices), triangles)
     found = np.zeros(len(points), dtype=np.int64)
     for k, point in enumerate(points):
-        a, b, c = np.moveaxis(vertices[triangles] - point, 1, 0)
-        la, lb, lc = (np.linalg.norm(each, axis=1) for each in (a, b, c))
-        ab, bc, ca = (np.einsum("ti,ti->t", *pair) for pair in ((a, b), (b, c), (c, a)))
-        angles = np.arctan2(np.einsum("ti,ti->t", a, np.cross(b, c)), la * lb * lc + ab * lc + bc * la + ca * lb)
-        turns = np.bincount(shell, 2.0 * angles) / (4.0 * np.pi)
+        turns = np.bincount(shell, solid_angles(vertices[triangles] - point)) / (4.0 * np.pi)
         found[k] = (np.abs(turns) > 0.5).sum()
     return found % 2 == 1
+
+
+def solid_angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the signed solid angles (t,) at the origin of triangles (t, 3, 3) [m] (van Oosterom and Strackee 1983)."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    la, lb, lc = (np.linalg.norm(each, axis=1) for each in (a, b, c))
+    ab, bc, ca = (np.einsum("ti,ti->t", *pair) for pair in ((a, b), (b, c), (c, a)))
+    return 2.0 * np.arctan2(np.einsum("ti,ti->t", a, np.cross(b, c)), la * lb * lc + ab * lc + bc * la + ca * lb)
 
 
 def _crossings(

@@ -77,14 +77,15 @@ class SkinPoints:
             np.add.at(slopes, triangles[:, i], areas)
         used, local = np.unique(triangles, return_inverse=True)
         triangles = local.reshape(triangles.shape)
-        creases, normals = _creases(triangles, _unit(areas)), _unit(slopes[used])
+        facing, normals = _unit(areas), _unit(slopes[used])
+        creases = _creases(triangles, facing)
         cells, weights = hang(mesh.vertices, mesh.cells, points[used], within=PLACE)
         return cls(
             places=points[used],
             normals=normals,
             triangles=triangles,
             creases=creases,
-            kinds=_kinds(creases, _tips(triangles, _unit(areas), normals)),
+            kinds=_kinds(creases, _tips(triangles, facing, normals)),
             corners=mesh.cells[cells],
             weights=weights,
             sizes=sizes[cells],

@@ -38,8 +38,8 @@ class BodyStore:
     def __init__(self, model: MeshModel, skin: SkinModel | None) -> None:
         slow = skin is not None or model.voxels is not None
         content = [_content(each) for each in (model, skin) if each is not None]
-        # A mesh file may include other files, whose contents are not known here.
         self._pose = model.pose
+        # A mesh file may include other files, whose contents are not known here.
         self._key = None if not slow or model.file is not None or None in content else key_of(*content)
 
     def recall(self) -> tuple[Mesh, Entries] | None:

@@ -64,11 +64,7 @@ class Inside:
             x: (n + p, 3) [m] positions.
             bound: [m] least depth that is reported.
         """
-        count = len(self._surface.vertices)
-        depth, cell = np.zeros(count), np.full(count, -1, dtype=np.int64)
-        if np.isfinite(x).all():
-            find_inside(x, self._surface, self._inner, bound, depth, cell)
-        return depth, cell
+        return _found(x, self._surface, self._inner, bound)
 
     def told(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
         """Return the largest penetration depth [m], and a sentence with parts, depth and place; 0 and empty if none."""
@@ -87,12 +83,8 @@ class Inside:
 
         Two plates of one cell that lie in one plane and overlap have all vertices on the surface of each other.
         """
-        count = len(self._middles.vertices)
-        depth, cell = np.zeros(count), np.full(count, -1, dtype=np.int64)
-        if np.isfinite(x).all():
-            whole = np.concatenate([x, x[self._surface.quads].mean(axis=1)])
-            find_inside(whole, self._middles, self._about, self._deep, depth, cell)
-        return depth, cell
+        whole = np.concatenate([x, x[self._surface.quads].mean(axis=1)])
+        return _found(whole, self._middles, self._about, self._deep)
 
     def told_of(self, x: NDArray[np.float64], ends: NDArray[np.int32], depth: float) -> str:
         """Return the sentence of `told` for two edges with the vertices ``ends`` (2, 2) that have passed each other."""
@@ -105,6 +97,17 @@ class Inside:
         inside = f"{depth:.3g} m inside of {'itself' if own == other else other}"
         rough = "" if self._meant.friction else ROUGH
         return f"{own} lies {inside}, deepest at [{where}] m; {SEPARATE}{rough}"
+
+
+def _found(
+    x: NDArray[np.float64], surface: WholeSurface, inner: InnerCells, bound: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the result of `find_inside`; nothing is found if a position is not finite."""
+    count = len(surface.vertices)
+    depth, cell = np.zeros(count), np.full(count, -1, dtype=np.int64)
+    if np.isfinite(x).all():
+        find_inside(x, surface, inner, bound, depth, cell)
+    return depth, cell
 
 
 def _whole_surface(body: Body, points: OwnPoints) -> tuple[NDArray[np.int32], sparse.csr_matrix]:

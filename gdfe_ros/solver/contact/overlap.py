@@ -13,6 +13,7 @@ from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.form import Form
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.mesh.shells import solid_angles
 from gdfe_ros.solver.contact import gap
 
 TOUCHING = 1e-3
@@ -150,20 +151,10 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
 
 
 def _seen_share(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
-    """Return the largest solid angle of the faces (q, 4, 3) [m] at any of the ``points`` (k, 3) [m], divided by 4 pi.
-
-    The solid angle of a triangle is that of van Oosterom and Strackee (1983).
-    """
+    """Return the largest sum of the solid angles of faces (q, 4, 3) [m] at any of ``points`` (k, 3) [m], over 4 pi."""
     largest = 0.0
     for point in points:
         away = corners - point
-        total = 0.0
-        for chosen in ((0, 1, 2), (0, 2, 3)):
-            a, b, c = (away[:, k] for k in chosen)
-            la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-            volume = np.einsum("ki,ki->k", a, np.cross(b, c))
-            others = (np.einsum("ki,ki->k", *pair) for pair in ((a, b), (b, c), (c, a)))
-            ab, bc, ca = others
-            total += float(2.0 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb).sum())
+        total = sum(float(solid_angles(away[:, chosen]).sum()) for chosen in ([0, 1, 2], [0, 2, 3]))
         largest = max(largest, total / (4.0 * np.pi))
     return largest

@@ -29,8 +29,9 @@ SHARE = 0.5
 is more than twice as long as the distance to the fixed point.
 """
 SWINGING, MOST_SWINGS = 0.5, 8
-"""An update counts as an oscillation if it reverses more than the fraction `SWINGING` of the last update. Updates are
-damped after `MOST_SWINGS` successive oscillations.
+"""An update counts as an oscillation if it reverses more than the fraction `SWINGING` of the last update. Two updates
+swing if together they move the body by less than this fraction of both displacements. Updates are damped after
+`MOST_SWINGS` successive oscillations.
 """
 SHORTER, LEAST = 0.5, 1.0 / 256.0
 """Each oscillation multiplies the applied fraction of an update by `SHORTER`. `LEAST` is the lower limit of this

@@ -92,20 +92,23 @@ def test_flat_sides_enter_nothing_however_full_their_cells_are(tmp_path: Path, s
     assert least > 0.5
 
 
+def cone(radius: float, sections: int) -> trimesh.Trimesh:
+    """Return a cone of 60 mm that stands on its tip."""
+    body = trimesh.creation.cone(radius=radius, height=0.06, sections=sections)
+    return body.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [1, 0, 0]))
+
+
 @pytest.mark.parametrize("sections", [12, 24, 48])
 def test_a_blunt_tip_touches(tmp_path: Path, sections: int) -> None:
     """The tip of a cone without sharp edges is a contact point, however many sides the cone has."""
-    cone = trimesh.creation.cone(radius=0.036, height=0.06, sections=sections)
-    cone.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [1, 0, 0]))
-    assert pressed(tmp_path, cone)[0] < 0.02
+    assert pressed(tmp_path, cone(0.036, sections))[0] < 0.02
 
 
 def test_a_tip_beyond_the_cells_touches(tmp_path: Path) -> None:
     """The tip of a cone, in cubes too empty to be cells, carries contact and enters nothing."""
-    cone = trimesh.creation.cone(radius=0.02, height=0.06, sections=32)
-    cone.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [1, 0, 0]))
-    depth, least = pressed(tmp_path, cone)
-    assert load_scene(tmp_path / "body.yaml").mesh.vertices[:, 2].min() > cone.bounds[0, 2] + 0.009
+    body = cone(0.02, 32)
+    depth, least = pressed(tmp_path, body)
+    assert load_scene(tmp_path / "body.yaml").mesh.vertices[:, 2].min() > body.bounds[0, 2] + 0.009
     assert depth < 0.02
     assert least > 0.5
 
