@@ -28,8 +28,8 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.testing import make_env, make_vector_env
 
 SCENES = (
-    "arm_pneunet", "bending_tube", "crawler", "finger_press", "gripper", "pneunet", "shape_memory_strip", "soft_pinch",
-    "swinging_arm", "tendon_finger", "three_chamber_arm",
+    "arm_pneunet", "bending_tube", "crawler", "finger_press", "grasp", "gripper", "pneunet", "shape_memory_strip",
+    "soft_pinch", "swinging_arm", "tendon_finger", "three_chamber_arm",
 )  # fmt: skip
 """Shipped scenes that have probes, and actuators with ranges."""
 TOO_LARGE = "measured_arm", "pneunet_finger"

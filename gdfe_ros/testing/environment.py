@@ -208,8 +208,8 @@ def make_env(
         reward: function of the simulation and the clipped action that returns a number. None: minus the distance [m] of
             the first probe from a goal, which each reset draws at random. The goal is the position of the probe after a
             few steps towards a random command. These steps start from the initial state if a seed is given, else from
-            the state at the last goal. In these steps, a scene with handles is simulated without dynamics, and a scene
-            without handles with its dynamics.
+            the state at the last goal. In these steps, the scene is simulated without dynamics, or with its dynamics if
+            it has rigid bodies or no handles.
         terminated: function of the simulation that returns whether the episode has ended; None: never.
         observation_space: space of the observations; None: unbounded, with the shape of the initial observation.
         overrides: dict from dotted key to the value that replaces the scene's. The scene's program is not played.
@@ -232,8 +232,11 @@ def make_env(
 
 
 def _walker(scene: Scene) -> Simulation:
-    """Return the simulation that finds goals. In a scene with handles it has no dynamics, and thus no oscillations."""
-    held = any(handle.section == "handles" for handle in scene.handles)
+    """Return the simulation that finds goals.
+
+    It has no dynamics, and thus no oscillations, unless the scene has rigid bodies or no handles, which need dynamics.
+    """
+    held = any(handle.section == "handles" for handle in scene.handles) and not scene.rigid_bodies
     return Simulation(replace(scene, dynamics=None) if held else scene)
 
 

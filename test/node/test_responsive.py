@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -101,7 +102,10 @@ def test_a_node_that_is_being_configured_answers(client: Any, start: Callable, t
 
 
 def test_a_long_solve_is_ended_where_somebody_waits_for_its_end(client: Any, start: Callable) -> None:
-    """Long solves report their progress, and deactivate, reset and SIGINT cut them."""
+    """Long solves report their progress, and deactivate, reset and SIGINT cut them.
+
+    A solve may end by itself before `deactivate` arrives. The node is then kept busy once more.
+    """
     fine = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 8, 8]", "solver.tolerance=1e-12"]}
     process = start(**fine, clock="lockstep")
 
@@ -113,10 +117,16 @@ def test_a_long_solve_is_ended_where_somebody_waits_for_its_end(client: Any, sta
             client.target(0.2, turn=(1.5 * (-1) ** number, 0.0, 0.0))
         client.wait(is_solving)
 
-    keep_busy()
-    assert client.transition("deactivate")
-    client.wait(lambda: client.records()[-1].cut)
-    assert client.transition("activate")
+    for _ in range(5):
+        keep_busy()
+        assert client.transition("deactivate")
+        end = time.monotonic() + 20.0
+        client.wait(lambda: client.records()[-1].cut or time.monotonic() > end)  # noqa: B023
+        cut = client.records()[-1].cut
+        assert client.transition("activate")
+        if cut:
+            break
+    assert cut
     keep_busy()
     assert client.call(Trigger, "reset", Trigger.Request()).message == "at rest, time 0"
     client.wait(lambda: client.records()[-1].time == 0.0)

@@ -27,7 +27,7 @@ from gdfe_ros.solver.descent.quasi_newton import advance
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.tangent.substitution import solve_kept
 
-MOST_PRODUCTS = 60
+MOST_PRODUCTS = 30
 """Largest number of products K p for one Newton step. Many are needed near buckling, or if the body's shape has changed
 much since the factor was made.
 """
@@ -52,7 +52,7 @@ CLOSE = 0.02
 because the errors of such solves add up along the softest mode, which a few products hardly resolve.
 """
 ENERGY = 1e-5
-"""Largest energy that another Newton step may release at the end, divided by the energy of all terms. Small
+"""Largest energy that another Newton step may release at the end of a solve, divided by the energy of all terms. Small
 displacement errors of stiff parts store much energy.
 """
 NOTHING = 1e-6
@@ -243,22 +243,26 @@ def aim(work, krylov, share):
 
 
 @internal
-def reached(work, course, far, target):
-    """Return whether the ``target`` [m] is reached after a full step of length ``far`` [m]."""
+def reached(work, course, far, target, exact):
+    """Return whether the ``target`` [m] is reached after a full step of length ``far`` [m].
+
+    If ``exact``, the energy that another step may release must also be within `ENERGY`.
+    """
     status, left = work.status[0], largest(work.step) / course.least
     if left > HALF * target or (left > HALF * far and far > target):
         return False
-    return 0.5 * inner(work.gradient, work.step) <= ENERGY * course.least * (status.absolute + status.outside)
+    released = 0.5 * inner(work.gradient, work.step)
+    return not exact or released <= ENERGY * course.least * (status.absolute + status.outside)
 
 
 @kernel
-def iterate(problem, work, beside, kept, krylov, weight, inverse, size, spacing, target, worth, limit):
+def iterate(problem, work, beside, kept, krylov, weight, inverse, size, spacing, target, exact, worth, limit):
     """Make Newton steps until the distance to the equilibrium is within the ``target`` [m].
 
     Return the reason for the end, a `Why`, and the number of Newton steps. At the start, ``work`` must contain the
     gradient, and as ``step`` the product of M^-1 and the gradient. Both are up to date again at the end. ``size`` is
-    the size of the body [m]. After ``worth`` products a new tangent pays. The elements' ``weight`` in the constant
-    matrix and its ``inverse`` are for `follow_arc`.
+    the size of the body [m]. With ``exact``, the energy must also have settled. After ``worth`` products a new tangent
+    pays. The elements' ``weight`` in the constant matrix and its ``inverse`` are for `follow_arc`.
     """
     course, first = krylov.course[0], limit < 0
     for iteration in range(limit):
@@ -286,7 +290,7 @@ def iterate(problem, work, beside, kept, krylov, weight, inverse, size, spacing,
             return Why.ENDED, iteration
         solve_kept(kept, work.gradient, work.step)
         smooth = solved == StepKind.FOUND and work.status[0].length == 1.0
-        if smooth and share == 1.0 and reached(work, course, far, target):
+        if smooth and share == 1.0 and reached(work, course, far, target, exact):
             course.distance = largest(work.step) / course.least
             return Why.NEAR, iteration + 1
         course.distance = math.inf

@@ -28,9 +28,10 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.tangent import Tangent
 
 TRUST = 5.0
-"""Largest tolerance, divided by the body's softness; a larger tolerance is reduced to it. The softness is about the
-strain at which a slender body buckles. An axial strain with an error of this size doubles or removes the bending
-stiffness, so that a small Newton step proves nothing."""
+"""Largest tolerance of a solve, divided by the body's softness; a larger tolerance is reduced to it. The softness is
+about the strain at which a slender body buckles. An axial strain with an error of this size doubles or removes the
+bending stiffness, so that a small Newton step proves nothing.
+"""
 WORTH = 12
 """A new tangent pays after this number of products, without the `FREE` products of each Newton step."""
 MOST_TANGENTS = 60
@@ -99,8 +100,9 @@ class TangentMinimiser(Minimiser):
         self.tangent, self._last = start.tangent, start.positions if warm else None
         if not self.certified and self.tangent is not None and self.tangent.overdue(self._patient):
             self.tangent = None
-        self.lost, self._tangents, self._known, self._turned = False, 0, False, False
-        self._cleared, self._learning = 0 if warm else -1, not self.certified
+        self.lost, self._tangents, self._turned = False, 0, False
+        self._known, self._exact = False, False
+        self._cleared, self._warm, self._learning = 0, warm, not self.certified
         self._krylov.motion[...] = 0.0
         course = self._course
         course["distance"], course["curved"], course["unknown"] = np.inf, 0, 0
@@ -120,8 +122,8 @@ class TangentMinimiser(Minimiser):
             limit: largest number of iterations.
         """
         task.evaluate()
-        work, target = task.active.workspace, min(tolerance, self._finest) * self._body.size
-        target *= self._share
+        work, last = task.active.workspace, tolerance <= final
+        target = self._share * self._body.size * (min(tolerance, self._finest) if last else tolerance)
         self._beside.x[...] = work.x  # includes the present positions of the handles
         if self.certified and self._last is not None:
             free = task.active.unknowns.free
@@ -134,9 +136,9 @@ class TangentMinimiser(Minimiser):
         self.tangent = self._level.reconnected(self.tangent, work.x)
         task.precondition(work.gradient, work.step)
         left = largest(work.step) / float(self._course["least"])
-        last = tolerance <= final
         # An update of multipliers has changed the forces by little, or the prediction of a motion is exact.
-        if left <= target and (self._known or not self.certified) and not (last and self._doubtful):
+        proven = self._known and (self._exact or not last)
+        if left <= target and (proven or not self.certified) and not (last and self._doubtful):
             self._course["distance"] = left
             return Descended(0, cut=False)
         return self._iterate_to(task, target, limit, last=last)
@@ -160,15 +162,20 @@ class TangentMinimiser(Minimiser):
 
     @property
     def _doubtful(self) -> bool:
-        """Whether the equilibrium may be a saddle: after hard steps, with a shifted tangent, or in a solve not warm."""
-        return self.certified and (not self.tangent.softest or self._hard > self._cleared)
+        """Whether the equilibrium may be a saddle, or nearer to one than is known.
+
+        This is so after hard steps, with a shifted tangent, or in a solve not warm with a tangent not yet searched.
+        """
+        known = self.tangent.softest and (self._warm or self.tangent.searched)
+        return self.certified and (not known or self._hard > self._cleared)
 
     def _iterate_to(self, task: Task, target: float, limit: int, *, last: bool) -> Descended:
         """Iterate until the distance to the equilibrium is within ``target`` [m].
 
         If ``last``, test whether a doubtful equilibrium is a saddle. The iterations continue beside a saddle.
         """
-        used, course, status, self._known, self._since = 0, self._course, task.active.status, False, 0
+        used, course, status, self._since = 0, self._course, task.active.status, 0
+        self._known, self._exact = False, last
         shift, before = 0.0, np.inf
         while True:
             why, made = self._iterate_once(task, target, limit - used)
@@ -215,13 +222,14 @@ class TangentMinimiser(Minimiser):
     def _newton(self, task: Task, target: float, most: int) -> tuple[Why, int]:
         given = task.problem, task.active.workspace, self._beside, self._level.kept, self._krylov
         arc = self._weight, task.coupling.inverse
-        why, used = newton.iterate(*given, *arc, self._body.size, self._spacing, target, WORTH, most)
+        why, used = newton.iterate(*given, *arc, self._body.size, self._spacing, target, self._exact, WORTH, most)
         return Why(why), used
 
     def _quasi_newton(self, task: Task, target: float, most: int) -> tuple[Why, int]:
         """Iterate by L-BFGS, whose history contains the change of the tangent. In statics, Newton steps follow."""
         course, status = self._course, task.active.status
         most = min(most, self._patient - self._since)
+        target = min(target, self._share * self._body.size * self._finest)
         used = quasi_newton.descend_kept(task.problem, task.active.workspace, self._level.kept, target, most)
         course["spent"], course["distance"] = course["spent"] + used, float(status["distance"]) / self._share
         self._since += used
@@ -250,7 +258,7 @@ class TangentMinimiser(Minimiser):
         with task.turn:
             solved, _ = newton.solve_newton(*given, self._spacing, 0.0, HIDDEN / len(work.u))
         if solved == StepKind.FOUND:
-            self.tangent = replace(self.tangent, softest=float(self._course["least"]))
+            self.tangent = replace(self.tangent, softest=float(self._course["least"]), searched=True)
             self._course["distance"], self._cleared = distance * before / float(self._course["least"]), self._hard
             return True
         self._course["unknown"] += 1

@@ -37,9 +37,11 @@ bodies.
 MECHANISM = 1e-10
 """A mode of smaller softness counts as rigid: the handles let the body turn or move as a whole."""
 ROUGH = 1e-4
-"""The factor of a held body without contact is in single precision if its softness is at least this. A solve of a
-softer body, a fork of softness 2e-5, ended 450 tolerances from the equilibrium, because rounding changed its soft
-modes. Double precision conserves the momentum of free bodies, and finds equilibria of contacts on the point of slip.
+"""The factor of a held body without contact is kept in single precision. If the body's softness is at least this, it is
+computed in single precision, too. Errors of a computed factor grow with the condition number of the tangent, those of a
+factor that is only kept so with its square root: a solve of a softer body, a fork of softness 2e-5, ended 450
+tolerances from the equilibrium with the former. Double precision conserves the momentum of free bodies, and finds
+equilibria of contacts on the point of slip.
 """
 INVERSE_ITERATIONS = 6
 """Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
@@ -92,8 +94,8 @@ def for_slender(
         return model
     level.first_shift = least
     held = body.handles and not body.unknowns.rigid_rows
-    if held and not model.actuation.contacts and least >= ROUGH:
-        level.shorten()
+    if held and not model.actuation.contacts:
+        level.shorten(computed=least >= ROUGH)
     minimiser = TangentMinimiser(body, weight, bending, level, moving=moving)
     return replace(model, minimiser=minimiser, level=level, softest=load)
 

@@ -49,7 +49,8 @@ third number is needed because the history does not yet contain the softest mode
 COLD_AIM = 0.2
 """A cold solve, one at the end of a command that continues no motion but that of the command's other increments, is
 solved to this fraction of the tolerance. Its history does not contain the softest modes yet, so its iterations become
-short before the distance does.
+short before the distance does. A certified distance needs no such fraction, but multipliers do: the force of a stiff
+constraint has a far larger relative error than the positions.
 """
 MOST_UPDATES = 60
 """Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
@@ -161,7 +162,8 @@ class Solve:
         task = self._placed(active, coupling, threads)
         accumulates = bool(len(active.carried) or self._actuation.updates)
         updates = accumulates or self._softens(active)
-        self._schedule, least = self._scheduled(active, updates=updates), self._least_iterations(active)
+        self._schedule = self._scheduled(active, updates=updates, accumulates=accumulates)
+        least = self._least_iterations(active)
         self._settled, self.iterations, self._cut = not updates, 0, False
         if self._actuation.hopeless:
             task.evaluate()
@@ -181,15 +183,16 @@ class Solve:
             if self._cut:
                 break
 
-    def _scheduled(self, active: ActiveSet, *, updates: bool) -> DescentSchedule:
+    def _scheduled(self, active: ActiveSet, *, updates: bool, accumulates: bool) -> DescentSchedule:
         """Return the tolerances of the minimisations; those of an unfinished solve go on where it ended."""
         tolerance, resumed = self.problem.tolerance, self._resumed
         first = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
         if resumed is not None:
             first = max(resumed.tolerance, tolerance)
             active.workspace.recent[...], active.status["seen"] = resumed.recent, resumed.seen
-        share = COLD_AIM if self._cold and self._softening else 1.0
-        given = {"share": share, "certified": self._minimiser.certified}
+        certified = self._minimiser.certified
+        share = COLD_AIM if self._cold and self._softening and (accumulates or not certified) else 1.0
+        given = {"share": share, "certified": certified}
         return DescentSchedule(self._actuation, tolerance, first=first, **given)
 
     def _least_iterations(self, active: ActiveSet) -> int:

@@ -212,20 +212,23 @@ class Fronts:
         taken = np.bincount(found.parent[inner], weights=left[inner], minlength=len(widths)).astype(np.int64)
         self._room, self._height = room, np.cumsum(left - taken).max(initial=0)
         self._ends = np.empty(room, np.int64)
-        self._store(found.order, np.float64)
+        self._store(found.order, np.float64, np.float64)
 
-    def _store(self, order: NDArray[np.int64], kind: type[np.floating]) -> None:
-        """Allocate the factor and all scratch arrays with numbers of a kind, for vertices eliminated in an order."""
+    def _store(self, order: NDArray[np.int64], kind: type[np.floating], kept: type[np.floating]) -> None:
+        """Allocate the factor in precision ``kept`` and all scratch arrays in precision ``kind``."""
         self._fronts, self._panel = np.empty((2, self._room**2), kind), np.empty((PANEL + 1) * TILE, kind)
-        self._stack, values = np.empty(self._height, kind), np.empty(self._plan.value_start[-1], kind)
+        self._stack, values = np.empty(self._height, kind), np.empty(self._plan.value_start[-1], kept)
         none, rows = np.zeros((0, 0)), 3 * len(order)
         bare = {"harmonic": np.zeros((rows, 0)), "schur": none, "springs": none, "reach": none, "inner": none}
         turns = {"frames": unrotated(len(order)), "turned": np.empty(rows)}
         self.kept = Kept(self._plan, values, order, np.empty(rows, kind), np.empty(self._room, kind), **bare, **turns)
 
-    def shorten(self) -> None:
-        """Compute in single precision from the next factorisation on, which takes half of the memory and less time."""
-        self._store(self.kept.order, np.float32)
+    def shorten(self, *, computed: bool) -> None:
+        """Keep the factor in single precision from the next factorisation on, which takes half of the memory.
+
+        Solutions take less time. If ``computed``, factors are also computed in single precision, in less time.
+        """
+        self._store(self.kept.order, np.float32 if computed else np.float64, np.float32)
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
         """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. Otherwise it has no factor."""

@@ -116,9 +116,9 @@ class TangentLevel:
         """Return the multiple of the constant matrix to add after the multiple ``shift`` was too small."""
         return max(self.first_shift, SHIFT_GROWTH * shift)
 
-    def shorten(self) -> None:
-        """Factor in single precision from the next tangent on."""
-        self._factor.shorten()
+    def shorten(self, *, computed: bool) -> None:
+        """Keep factors in single precision from the next tangent on. If ``computed``, compute them in it, too."""
+        self._factor.shorten(computed=computed)
         self._kept, self._loaded = self._factor.kept, None
 
     @property
