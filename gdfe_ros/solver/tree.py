@@ -46,7 +46,7 @@ _RENAMED = {states.Summary: {"residual": "error_estimate"}}
 """Dict from dataclass to a dict from a field's name in older archives to its present name."""
 
 _ADDED = {
-    Tangent: {"row", "ends", "ways", "softest", "positions", "solves", "latest"},
+    Tangent: {"row", "ends", "ways", "softest", "searched", "positions", "solves", "latest"},
     states.ElementState: {"hourglass_scale_before"},
     states.Snapshot: {"scene", "joints", "links"},
     states.State: {"soft"},
