@@ -142,7 +142,8 @@ def checkout(commit: str) -> Path:
     tree = ROOT / "build" / "since" / short
     if not tree.exists():
         subprocess.run(["git", "worktree", "add", "--detach", tree, short], cwd=ROOT, check=True)
-    subprocess.run(["make", "install"], cwd=tree, check=True)
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}  # it would import this tree
+    subprocess.run(["make", "install"], cwd=tree, env=own, check=True)
     return tree
 
 
