@@ -236,8 +236,8 @@ def _walker(scene: Scene) -> Simulation:
 
     It has no dynamics, and thus no oscillations, unless the scene has rigid bodies or no handles, which need dynamics.
     """
-    held = any(handle.section == "handles" for handle in scene.handles) and not scene.rigid_bodies
-    return Simulation(replace(scene, dynamics=None) if held else scene)
+    held = any(handle.section == "handles" for handle in scene.handles)
+    return Simulation(replace(scene, dynamics=None) if held and not scene.rigid_bodies else scene)
 
 
 def _tip(simulation: Simulation) -> NDArray[np.float64]:

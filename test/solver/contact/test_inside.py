@@ -22,6 +22,16 @@ regions: [{material: soft}]
 handles: {low: {where: {mesh: low, face: z-}, fixed: true}, high: {where: {mesh: high, face: z+}}}
 self_contact: {}
 """
+PLATES = """
+name: plates
+meshes:
+  low: {bar: {size: [0.02, 0.002, 0.02], cells: [8, 1, 8]}}
+  high: {bar: {size: [0.02, 0.002, 0.02], cells: [8, 1, 8]}, at: [0, 0, 0.0205]}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {low: {where: {mesh: low, face: z-}, fixed: true}, high: {where: {mesh: high, face: z+}}}
+self_contact: {}
+"""
 
 
 def the_contact(simulation: Simulation) -> OwnContact:
@@ -34,18 +44,6 @@ def deepest(simulation: Simulation) -> float:
     term = the_contact(simulation)
     inside = term.penetration
     return float(inside.depths(simulation.state.positions, 0.0)[0].max()) / simulation.mesh.size
-
-
-PLATES = """
-name: plates
-meshes:
-  low: {bar: {size: [0.02, 0.002, 0.02], cells: [8, 1, 8]}}
-  high: {bar: {size: [0.02, 0.002, 0.02], cells: [8, 1, 8]}, at: [0, 0, 0.0205]}
-materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
-handles: {low: {where: {mesh: low, face: z-}, fixed: true}, high: {where: {mesh: high, face: z+}}}
-self_contact: {}
-"""
 
 
 def turned(points: np.ndarray) -> np.ndarray:
