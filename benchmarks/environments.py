@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rate [steps/s] of Gymnasium environments under random actions: one environment, two in threads, two in processes.
+"""Rate [steps/s] of Gymnasium environments under random actions: alone, in threads, and in processes.
 
 ``python -m benchmarks.environments [--out FILE]`` prints the table of docs/benchmark.md. Each run is in a process of
-its own with one thread for each environment. Two environments step together, as with `make_vector_env`: each step
-waits for the slower environment.
+its own with one thread for each environment. Several environments step together, as with `make_vector_env`: each step
+waits for the slowest environment. `gain_by_two` computes how much this limits two environments.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ class Way(str, Enum):
     ALONE = "1"
     THREADS = "2 in threads"
     PROCESSES = "2 in processes"
+    FOUR = "4 in processes"
 
 
 def measure(scene: str) -> dict[str, Any]:
@@ -69,7 +70,7 @@ def measure(scene: str) -> dict[str, Any]:
         "scene": scene,
         "cells": len(load_scene(scene).mesh.cells),
         "rates": {way.value: run["rate"] for way, run in runs.items()},
-        **{key: runs[Way.ALONE][key] for key in ("steps", "converged", "reset")},
+        **{key: runs[Way.ALONE][key] for key in ("steps", "converged", "reset", "gain")},
     }
 
 
@@ -77,46 +78,73 @@ def environment_table(report: Sequence[dict[str, Any]]) -> str:
     """Return the rates as a Markdown table."""
     rows = [
         (item["scene"], f"{item['cells']}", *(f"{item['rates'][way.value]:.3g}" for way in Way),
-         f"{item['converged']} of {item['steps']}", f"{item['reset']:.1f}")
+         f"{item['gain']:.2f}", f"{item['converged']} of {item['steps']}", f"{item['reset']:.1f}")
         for item in report
     ]  # fmt: skip
-    heads = ("scene", "cells", *(f"{way.value}, steps/s" for way in Way), "steps converged", "reset, in mean steps")
+    heads = ("scene", "cells", *(f"{way.value}, steps/s" for way in Way), "most gain by 2", "steps converged",
+             "reset, in mean steps")  # fmt: skip
     return markdown_table(heads, rows)
+
+
+def gain_by_two(first: Sequence[float], second: Sequence[float]) -> float:
+    """Return the largest gain by stepping two environments at once, from the times [s] of their steps one by one.
+
+    A step of both takes at least as long as the slower step. Two environments that step together are therefore at most
+    (sum of all times) / (sum of the larger times) times as fast as one.
+    """
+    pairs = list(zip(first, second, strict=False))
+    return sum(map(sum, pairs)) / sum(map(max, pairs))
 
 
 def _run(scene: str, way: Way) -> dict[str, float]:
     """Make steps with one method, and return the rate [steps/s] of all environments together."""
-    if way is Way.PROCESSES:
-        vector = make_vector_env(scene, 2, steps=_ENDLESS)
-        try:
-            vector.reset(seed=[SEED, SEED + 1])
-            vector.action_space.seed(SEED)
-            return _rate(lambda: vector.step(vector.action_space.sample()), 2)
-        finally:
-            vector.close()
-    envs = [make_env(scene, steps=_ENDLESS) for _ in range(1 if way is Way.ALONE else 2)]
-    for place, env in enumerate(envs):
-        env.reset(seed=SEED + place)
-        env.action_space.seed(SEED + place)
+    if way in (Way.PROCESSES, Way.FOUR):
+        return {"rate": _together(scene, 2 if way is Way.PROCESSES else 4)}
+    envs = [_begun(scene, SEED + place) for place in range(2)]
+    if way is Way.THREADS:
+        with ThreadPoolExecutor(len(envs)) as pool:
+            return {"rate": 2 / _mean(_times(lambda: list(pool.map(_step, envs))))}
     converged: list[bool] = []
-
-    def step(env: Any) -> None:
-        converged.append(env.step(env.action_space.sample())[4]["converged"])
-
-    with ThreadPoolExecutor(len(envs)) as pool:
-        found = _rate(lambda: list(pool.map(step, envs)), len(envs))
+    times = _times(lambda: converged.append(_step(envs[0])))
     resets = [_seconds(envs[0].reset) for _ in range(RESETS)]
-    return found | {"converged": sum(converged), "reset": median(resets) * found["rate"] / len(envs)}
+    gain = gain_by_two(times, _times(lambda: _step(envs[1])))
+    counts = {"steps": len(converged), "converged": sum(converged)}
+    return {"rate": 1 / _mean(times), "reset": median(resets) / _mean(times), "gain": gain} | counts
 
 
-def _rate(step: Callable[[], object], count: int) -> dict[str, float]:
-    """Return rate [steps/s] and number of steps of ``count`` environments together, after one step to warm up."""
+def _together(scene: str, count: int) -> float:
+    """Return the rate [steps/s] of ``count`` environments in processes, all together."""
+    vector = make_vector_env(scene, count, steps=_ENDLESS)
+    try:
+        vector.reset(seed=[SEED + place for place in range(count)])
+        vector.action_space.seed(SEED)
+        return count / _mean(_times(lambda: vector.step(vector.action_space.sample())))
+    finally:
+        vector.close()
+
+
+def _begun(scene: str, seed: int) -> Any:
+    env = make_env(scene, steps=_ENDLESS)
+    env.reset(seed=seed)
+    env.action_space.seed(seed)
+    return env
+
+
+def _step(env: Any) -> bool:
+    return bool(env.step(env.action_space.sample())[4]["converged"])
+
+
+def _times(step: Callable[[], object]) -> list[float]:
+    """Return the times [s] of the steps of a run, after one step to warm up."""
     step()
-    steps, begun = 1, perf_counter()
-    while steps < STEPS and perf_counter() < begun + LONGEST:
-        step()
-        steps += 1
-    return {"rate": count * (steps - 1) / (perf_counter() - begun), "steps": steps}
+    times: list[float] = []
+    while len(times) < STEPS - 1 and sum(times) < LONGEST:
+        times.append(_seconds(step))
+    return times
+
+
+def _mean(times: Sequence[float]) -> float:
+    return sum(times) / len(times)
 
 
 def _seconds(work: Callable[[], object]) -> float:
