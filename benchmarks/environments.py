@@ -3,18 +3,21 @@
 
 ``python -m benchmarks.environments [--out FILE]`` prints the table of docs/benchmark.md. Each run is in a process of
 its own with one thread for each environment. Several environments step together, as with `make_vector_env`: each step
-waits for the slowest environment. `gain_by_two` computes how much this limits two environments.
+waits for the slowest environment, and `gain_by_two` computes how much this limits two of them. All runs of a scene make
+the same two sequences of steps; four environments make each of them twice.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import deepcopy
 from enum import Enum
-from statistics import median
+from statistics import fmean, median
 from time import perf_counter
 from typing import Any
 
@@ -34,8 +37,10 @@ SCENES = (
 """Shipped scenes that have probes, and actuators with ranges."""
 TOO_LARGE = "measured_arm", "pneunet_finger"
 """Shipped scenes of this kind whose steps take so long that a run has only a few: they are left out."""
-STEPS, LONGEST = 100, 6.0
-"""Number of steps of a run, and time [s] after which a run ends earlier."""
+STEPS, LONGEST = 100, 4.0
+"""Number of steps of an environment, and time [s] after which the first environment ends earlier; all others make as
+many steps.
+"""
 RESETS = 5
 """Number of resets after the steps; the table shows their median time."""
 PROBED = 5
@@ -59,29 +64,33 @@ def measure(scene: str) -> dict[str, Any]:
     Raises:
         subprocess.CalledProcessError: a run failed.
     """
-    runs = {}
-    for way in Way:
-        command = [sys.executable, "-m", "benchmarks.environments", scene, way.value]
-        done = subprocess.run(
-            command, env=worker_environment(1), stdout=subprocess.PIPE, text=True, timeout=TIMEOUT, check=True
-        )
-        runs[way] = json.loads(done.stdout)
+    alone = _made(scene, Way.ALONE, STEPS)
+    others = {way: _made(scene, way, alone["steps"]) for way in Way if way is not Way.ALONE}
     return {
         "scene": scene,
         "cells": len(load_scene(scene).mesh.cells),
-        "rates": {way.value: run["rate"] for way, run in runs.items()},
-        **{key: runs[Way.ALONE][key] for key in ("steps", "converged", "reset", "gain")},
+        "rates": {way.value: made["rate"] for way, made in ({Way.ALONE: alone} | others).items()},
+        **{key: alone[key] for key in ("steps", "converged", "reset", "gain")},
     }
+
+
+def _made(scene: str, way: Way, steps: int) -> dict[str, float]:
+    """Return the result of `run` in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.environments", scene, way.value, f"{steps}"]
+    done = subprocess.run(
+        command, env=worker_environment(1), stdout=subprocess.PIPE, text=True, timeout=TIMEOUT, check=True
+    )
+    return json.loads(done.stdout)
 
 
 def environment_table(report: Sequence[dict[str, Any]]) -> str:
     """Return the rates as a Markdown table."""
     rows = [
         (item["scene"], f"{item['cells']}", *(f"{item['rates'][way.value]:.3g}" for way in Way),
-         f"{item['gain']:.2f}", f"{item['converged']} of {item['steps']}", f"{item['reset']:.1f}")
+         f"{item['gain']:.2f}", f"{100.0 * item['converged']:.3g}", f"{item['reset']:.1f}")
         for item in report
     ]  # fmt: skip
-    heads = ("scene", "cells", *(f"{way.value}, steps/s" for way in Way), "most gain by 2", "steps converged",
+    heads = ("scene", "cells", *(f"{way.value}, steps/s" for way in Way), "most gain by 2", "steps converged [%]",
              "reset, in mean steps")  # fmt: skip
     return markdown_table(heads, rows)
 
@@ -92,59 +101,68 @@ def gain_by_two(first: Sequence[float], second: Sequence[float]) -> float:
     A step of both takes at least as long as the slower step. Two environments that step together are therefore at most
     (sum of all times) / (sum of the larger times) times as fast as one.
     """
-    pairs = list(zip(first, second, strict=False))
+    pairs = list(zip(first, second, strict=True))
     return sum(map(sum, pairs)) / sum(map(max, pairs))
 
 
-def _run(scene: str, way: Way) -> dict[str, float]:
-    """Make steps with one method, and return the rate [steps/s] of all environments together."""
+def run(scene: str, way: Way, steps: int) -> dict[str, float]:
+    """Make ``steps`` steps of each environment with one method; return the rate [steps/s] of all together."""
     if way in (Way.PROCESSES, Way.FOUR):
-        return {"rate": _together(scene, 2 if way is Way.PROCESSES else 4)}
-    envs = [_begun(scene, SEED + place) for place in range(2)]
+        return {"rate": _in_processes(scene, 2 if way is Way.PROCESSES else 4, steps)}
+    envs = [make_env(scene, steps=_ENDLESS) for _ in range(2)]
+    for place, env in enumerate(envs):
+        env.reset(seed=_seed(place))
+        env.action_space.seed(_seed(place))
     if way is Way.THREADS:
         with ThreadPoolExecutor(len(envs)) as pool:
-            return {"rate": 2 / _mean(_times(lambda: list(pool.map(_step, envs))))}
+            return {"rate": 2 * steps / sum(_times(lambda: list(pool.map(_step, envs)), steps))}
+    return _alone(*envs, steps)
+
+
+def _alone(first: Any, second: Any, steps: int) -> dict[str, float]:
+    """Return the figures of two environments that are stepped one after the other."""
     converged: list[bool] = []
-    times = _times(lambda: converged.append(_step(envs[0])))
-    resets = [_seconds(envs[0].reset) for _ in range(RESETS)]
-    gain = gain_by_two(times, _times(lambda: _step(envs[1])))
-    counts = {"steps": len(converged), "converged": sum(converged)}
-    return {"rate": 1 / _mean(times), "reset": median(resets) / _mean(times), "gain": gain} | counts
+    one = _times(lambda: converged.append(_step(first)), steps, LONGEST)
+    two = _times(lambda: converged.append(_step(second)), len(one))
+    mean = fmean(one + two)
+    return {
+        "rate": 1.0 / mean,
+        "gain": gain_by_two(one, two),
+        "reset": median(_seconds(first.reset) for _ in range(RESETS)) / mean,
+        "steps": len(one),
+        "converged": sum(converged) / len(converged),
+    }
 
 
-def _together(scene: str, count: int) -> float:
+def _in_processes(scene: str, count: int, steps: int) -> float:
     """Return the rate [steps/s] of ``count`` environments in processes, all together."""
     vector = make_vector_env(scene, count, steps=_ENDLESS)
+    spaces = [deepcopy(vector.single_action_space) for _ in range(count)]
+    for place, space in enumerate(spaces):
+        space.seed(_seed(place))
     try:
-        vector.reset(seed=[SEED + place for place in range(count)])
-        vector.action_space.seed(SEED)
-        return count / _mean(_times(lambda: vector.step(vector.action_space.sample())))
+        vector.reset(seed=[_seed(place) for place in range(count)])
+        return count * steps / sum(_times(lambda: vector.step(np.array([space.sample() for space in spaces])), steps))
     finally:
         vector.close()
 
 
-def _begun(scene: str, seed: int) -> Any:
-    env = make_env(scene, steps=_ENDLESS)
-    env.reset(seed=seed)
-    env.action_space.seed(seed)
-    return env
+def _seed(place: int) -> int:
+    """Return the seed of the environment number ``place``: one of two."""
+    return SEED + place % 2
 
 
 def _step(env: Any) -> bool:
     return bool(env.step(env.action_space.sample())[4]["converged"])
 
 
-def _times(step: Callable[[], object]) -> list[float]:
-    """Return the times [s] of the steps of a run, after one step to warm up."""
+def _times(step: Callable[[], object], steps: int, longest: float = math.inf) -> list[float]:
+    """Return the times [s] of ``steps`` steps after one step to warm up; no step begins after ``longest`` [s]."""
     step()
     times: list[float] = []
-    while len(times) < STEPS - 1 and sum(times) < LONGEST:
+    while len(times) < steps and sum(times) < longest:
         times.append(_seconds(step))
     return times
-
-
-def _mean(times: Sequence[float]) -> float:
-    return sum(times) / len(times)
 
 
 def _seconds(work: Callable[[], object]) -> float:
@@ -179,7 +197,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 3 and not sys.argv[1].startswith("-"):
-        print(json.dumps(_run(sys.argv[1], Way(sys.argv[2]))))
+    if len(sys.argv) == 4 and not sys.argv[1].startswith("-"):
+        print(json.dumps(run(sys.argv[1], Way(sys.argv[2]), int(sys.argv[3]))))
     else:
         main()

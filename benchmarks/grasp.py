@@ -16,6 +16,7 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.descent.minimiser import Task
+from gdfe_ros.solver.descent.tangent import TangentMinimiser
 from gdfe_ros.solver.tangent.level import TangentLevel
 
 PHASES = {
@@ -27,8 +28,9 @@ PHASES = {
 }
 """Dict from phase to its start and end [s]."""
 PARTS = {
-    "energies and forces": (Task, "advance"),
-    "solves with the kept tangent": (TangentLevel, "solve"),
+    "iterations": (TangentMinimiser, "_iterate_once"),
+    "energies and forces before them": (Task, "advance"),
+    "solves before them": (TangentLevel, "solve"),
     "tangents": (TangentLevel, "take"),
     "points that may touch": (Contact, "begin"),
 }

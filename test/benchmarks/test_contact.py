@@ -34,6 +34,8 @@ def test_the_kept_report_is_what_was_asked_for(report: dict[str, Any]) -> None:
         assert (row["drift"] is None) == (row["wanted"] > 0.0)
         assert row["drift"] is None or row["drift"] < 1e-9
     assert sum(row["seconds"] for row in report["grasp"]) < sum(row["lasts"] for row in report["grasp"])
+    closes = report["grasp"][0]["shares"]
+    assert closes["iterations"] > closes["energies and forces before them"]
     assert set(all_tables(report)) == {
         "grip",
         "force_grip",
