@@ -22,13 +22,16 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.markdown import markdown_table
 from benchmarks.peers.peer import worker_environment
 from benchmarks.replay import figures, summed
 from benchmarks.report import options, write_report
 from gdfe_ros.scene import load_scene
+from gdfe_ros.solver.result import StepResult
 from gdfe_ros.testing import make_env, make_vector_env
+from gdfe_ros.testing.environment import SoftRobotEnv
 
 SCENES = (
     "arm_pneunet", "bending_tube", "crawler", "finger_press", "grasp", "gripper", "pneunet", "shape_memory_strip",
@@ -65,17 +68,17 @@ def measure(scene: str) -> dict[str, Any]:
         subprocess.CalledProcessError: a run failed.
     """
     alone = _made(scene, Way.ALONE, STEPS)
-    others = {way: _made(scene, way, alone["steps"]) for way in Way if way is not Way.ALONE}
+    runs = {way: alone if way is Way.ALONE else _made(scene, way, alone["steps"]) for way in Way}
     return {
         "scene": scene,
         "cells": len(load_scene(scene).mesh.cells),
-        "rates": {way.value: made["rate"] for way, made in ({Way.ALONE: alone} | others).items()},
+        "rates": {way.value: run["rate"] for way, run in runs.items()},
         **{key: alone[key] for key in ("steps", "converged", "reset", "gain")},
     }
 
 
 def _made(scene: str, way: Way, steps: int) -> dict[str, float]:
-    """Return the result of `run` in a process of its own."""
+    """Return the result of `run_way` in a process of its own."""
     command = [sys.executable, "-m", "benchmarks.environments", scene, way.value, f"{steps}"]
     done = subprocess.run(
         command, env=worker_environment(1), stdout=subprocess.PIPE, text=True, timeout=TIMEOUT, check=True
@@ -105,46 +108,69 @@ def gain_by_two(first: Sequence[float], second: Sequence[float]) -> float:
     return sum(map(sum, pairs)) / sum(map(max, pairs))
 
 
-def run(scene: str, way: Way, steps: int) -> dict[str, float]:
-    """Make ``steps`` steps of each environment with one method; return the rate [steps/s] of all together."""
-    if way in (Way.PROCESSES, Way.FOUR):
-        return {"rate": _in_processes(scene, 2 if way is Way.PROCESSES else 4, steps)}
-    envs = [make_env(scene, steps=_ENDLESS) for _ in range(2)]
-    for place, env in enumerate(envs):
-        env.reset(seed=_seed(place))
-        env.action_space.seed(_seed(place))
-    if way is Way.THREADS:
-        with ThreadPoolExecutor(len(envs)) as pool:
-            return {"rate": 2 * steps / sum(_times(lambda: list(pool.map(_step, envs)), steps))}
-    return _alone(*envs, steps)
+def run_way(scene: str, way: Way, steps: int) -> dict[str, float]:
+    """Make ``steps`` steps of each environment with one method.
+
+    Returns:
+        ``rate`` [steps/s] of all environments together, ``steps`` of each environment, and the fraction ``converged``.
+        The method `Way.ALONE` adds ``gain`` and ``reset``.
+    """
+    if way is Way.PROCESSES:
+        return _in_processes(scene, 2, steps)
+    if way is Way.FOUR:
+        return _in_processes(scene, 4, steps)
+    envs = [_begun(scene, _seed(place)) for place in range(2)]
+    if way is Way.ALONE:
+        return _alone(*envs, steps)
+    with ThreadPoolExecutor(len(envs)) as pool:
+        times, converged = _timed(lambda: [result.converged for result in pool.map(_step, envs)], steps)
+    return _summary(times, converged)
 
 
-def _alone(first: Any, second: Any, steps: int) -> dict[str, float]:
+def _alone(first: SoftRobotEnv, second: SoftRobotEnv, steps: int) -> dict[str, float]:
     """Return the figures of two environments that are stepped one after the other."""
-    converged: list[bool] = []
-    one = _times(lambda: converged.append(_step(first)), steps, LONGEST)
-    two = _times(lambda: converged.append(_step(second)), len(one))
-    mean = fmean(one + two)
-    return {
-        "rate": 1.0 / mean,
-        "gain": gain_by_two(one, two),
-        "reset": median(_seconds(first.reset) for _ in range(RESETS)) / mean,
-        "steps": len(one),
-        "converged": sum(converged) / len(converged),
-    }
+    one, converged = _timed(lambda: [_step(first).converged], steps, LONGEST)
+    two, others = _timed(lambda: [_step(second).converged], len(one))
+    found = _summary(one + two, converged + others) | {"steps": len(one), "gain": gain_by_two(one, two)}
+    return found | {"reset": found["rate"] * median(_seconds(first.reset) for _ in range(RESETS))}
 
 
-def _in_processes(scene: str, count: int, steps: int) -> float:
-    """Return the rate [steps/s] of ``count`` environments in processes, all together."""
+def _in_processes(scene: str, count: int, steps: int) -> dict[str, float]:
+    """Return the figures of ``count`` environments in processes, all together."""
     vector = make_vector_env(scene, count, steps=_ENDLESS)
     spaces = [deepcopy(vector.single_action_space) for _ in range(count)]
     for place, space in enumerate(spaces):
         space.seed(_seed(place))
+
+    def sample() -> NDArray[np.float64]:
+        return np.array([space.sample() for space in spaces])
+
     try:
         vector.reset(seed=[_seed(place) for place in range(count)])
-        return count * steps / sum(_times(lambda: vector.step(np.array([space.sample() for space in spaces])), steps))
+        return _summary(*_timed(lambda: vector.step(sample())[4]["converged"], steps))
     finally:
         vector.close()
+
+
+def _timed(step: Callable[[], Sequence[bool]], steps: int, longest: float = math.inf) -> tuple[list[float], list[bool]]:
+    """Make ``steps`` steps after one step to warm up; no step begins after ``longest`` [s].
+
+    ``step`` makes one step of each environment, and returns for each whether the step converged.
+
+    Returns:
+        The time [s] of each step, and whether each step of each environment converged.
+    """
+    times: list[float] = []
+    converged: list[bool] = []
+    step()
+    while len(times) < steps and sum(times) < longest:
+        times.append(_seconds(lambda: converged.extend(step())))
+    return times, converged
+
+
+def _summary(times: Sequence[float], converged: Sequence[bool]) -> dict[str, float]:
+    """Return rate, steps and fraction converged from the results of `_timed`."""
+    return {"rate": len(converged) / sum(times), "steps": len(times), "converged": fmean(converged)}
 
 
 def _seed(place: int) -> int:
@@ -152,8 +178,16 @@ def _seed(place: int) -> int:
     return SEED + place % 2
 
 
-def _step(env: Any) -> bool:
-    return bool(env.step(env.action_space.sample())[4]["converged"])
+def _begun(scene: str, seed: int) -> SoftRobotEnv:
+    env = make_env(scene, steps=_ENDLESS)
+    env.reset(seed=seed)
+    env.action_space.seed(seed)
+    return env
+
+
+def _step(env: SoftRobotEnv) -> StepResult:
+    env.step(env.action_space.sample())
+    return env.simulation.result
 
 
 def _times(step: Callable[[], object], steps: int, longest: float = math.inf) -> list[float]:
@@ -175,17 +209,9 @@ def probe() -> dict[str, float]:
     """Return the figures of the first random steps of every scene."""
     found: dict[str, float] = {}
     for scene in SCENES:
-        env = make_env(scene)
-        env.reset(seed=SEED)
-        env.action_space.seed(SEED)
-        results = (_result(env) for _ in range(PROBED))
-        found |= figures(scene, results, env.simulation)
+        env = _begun(scene, SEED)
+        found |= figures(scene, (_step(env) for _ in range(PROBED)), env.simulation)
     return summed(found)
-
-
-def _result(env: Any) -> Any:
-    env.step(np.asarray(env.action_space.sample()))
-    return env.simulation.result
 
 
 def main() -> None:
@@ -198,6 +224,6 @@ def main() -> None:
 
 if __name__ == "__main__":
     if len(sys.argv) == 4 and not sys.argv[1].startswith("-"):
-        print(json.dumps(run(sys.argv[1], Way(sys.argv[2]), int(sys.argv[3]))))
+        print(json.dumps(run_way(sys.argv[1], Way(sys.argv[2]), int(sys.argv[3]))))
     else:
         main()
