@@ -23,6 +23,7 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.matrix.ordering import narrow_order
 from gdfe_ros.solver.tangent.fronts import Fronts
 from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.tangent.tangent import Tangent
 
 REPEATS = 21
 HEADINGS = (
@@ -42,16 +43,15 @@ PROBED = ("tendon_finger", "gripper", "shape_memory_strip")
 
 
 def rows(repeats: int = REPEATS, names: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
-    """Return the measurements of every robot with a kept tangent; if ``names`` are given, only of these robots."""
+    """Return the measurements of every robot; if ``names`` are given, only of these robots."""
     for robot in ROBOTS:
         if names and robot.scene not in names:
             continue
         simulation = Simulation(load_scene(robot.scene))
         list(simulation.play(5))
-        level = simulation.stepper.equilibrium._model.level
-        if level is not None:
-            free = simulation.stepper.body.unknowns.free
-            yield {"robot": robot.scene, **compared(level, simulation.mesh, free, repeats)}
+        minimiser, free = simulation.stepper.equilibrium.minimiser, simulation.stepper.body.unknowns.free
+        found = compared(minimiser.level, minimiser.tangent, simulation.mesh, free, repeats)
+        yield {"robot": robot.scene, **found}
 
 
 def probe() -> dict[str, float]:
@@ -63,10 +63,10 @@ def probe() -> dict[str, float]:
     return found
 
 
-def compared(level: TangentLevel, mesh: HexMesh, free: np.ndarray, repeats: int) -> dict[str, Any]:
-    """Return sizes and times [s] of both kinds of factor, for the tangent stiffness that a simulation has assembled."""
+def compared(level: TangentLevel, tangent: Tangent, mesh: HexMesh, free: np.ndarray, repeats: int) -> dict[str, Any]:
+    """Return sizes and times [s] of both kinds of factor of a tangent stiffness."""
     count, graph = level._assembly.free, level._assembly.graph()[: level._assembly.free, : level._assembly.free].tocsr()
-    blocks = level._loaded.blocks[level._among_free]
+    blocks = tangent.blocks[level._among_free]
     points = mesh.vertices[free]
     band, fronts = Band(graph, narrow_order(graph, points)), Fronts(graph, points)
     kinds = band, fronts

@@ -15,9 +15,9 @@ from benchmarks.markdown import markdown_table
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.descent.minimiser import Task
-from gdfe_ros.solver.descent.tangent import TangentMinimiser
+from gdfe_ros.solver.descent import minimiser
 from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.terms.actuation import Actuation
 
 PHASES = {
     "closes": (0.0, 1.2),
@@ -28,13 +28,14 @@ PHASES = {
 }
 """Dict from phase to its start and end [s]."""
 PARTS = {
-    "iterations": (TangentMinimiser, "_iterate_once"),
-    "energies and forces before them": (Task, "advance"),
-    "solves before them": (TangentLevel, "solve"),
+    "iterations": (minimiser, "descend"),
     "tangents": (TangentLevel, "take"),
+    "updates of contact forces": (Actuation, "update"),
     "points that may touch": (Contact, "begin"),
 }
-"""Dict from part of the solver to the timed class and method. The table shows all other time as "everything else"."""
+"""Dict from part of the solver to the owner and name of the timed function. The table shows all other time as
+"everything else".
+"""
 
 
 def measure() -> dict[str, Any]:
@@ -68,14 +69,14 @@ def measure() -> dict[str, Any]:
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return dict from name to the table of a report."""
+    """Return dict from name to the table of a report; its parts are those that the report has."""
+    rows, parts = [], tuple(report["grasp"][0]["shares"])
     heads = (
-        "phase", "duration [s]", "iterations per step: mean (largest)", "processor time / simulated time", *PARTS,
+        "phase", "duration [s]", "iterations per step: mean (largest)", "processor time / simulated time", *parts,
         "everything else",
     )  # fmt: skip
-    rows = []
     for row in report["grasp"]:
-        shares = [row["shares"][part] for part in PARTS]
+        shares = [row["shares"][part] for part in parts]
         rows.append(
             [
                 row["phase"],
@@ -86,7 +87,7 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
             ]
         )
     whole = sum(row["seconds"] for row in report["grasp"]), sum(row["lasts"] for row in report["grasp"])
-    rows.append(["all", f"{whole[1]:.1f}", "", f"{whole[0] / whole[1]:.2f}", *[""] * (len(PARTS) + 1)])
+    rows.append(["all", f"{whole[1]:.1f}", "", f"{whole[0] / whole[1]:.2f}", *[""] * (len(parts) + 1)])
     return {"grasp": markdown_table(heads, rows)}
 
 

@@ -12,12 +12,14 @@ from benchmarks.markdown import markdown_table
 from benchmarks.profile.machine import Machine, fastest
 from benchmarks.profile.operations import bar_of, counts
 from benchmarks.profile.phases import (
+    ARCS,
     ENERGIES,
     EVALUATIONS,
-    HISTORY,
-    NEWTON,
+    LOOP,
     REST,
+    ROTATIONS,
     SOLVES,
+    STABILITY,
     TANGENTS,
     UPDATES,
     Phases,
@@ -30,7 +32,7 @@ from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
 from gdfe_ros.steppers import scene_body
 
-PHASES = (EVALUATIONS, SOLVES, HISTORY, TANGENTS, NEWTON, UPDATES, ENERGIES, REST)
+PHASES = (EVALUATIONS, SOLVES, ROTATIONS, ARCS, LOOP, TANGENTS, STABILITY, UPDATES, ENERGIES, REST)
 NUMBER = 8
 """Size of a number [B]."""
 ELEMENT = 8 * 4 + (24 + GEOMETRY_ROWS + 5) * NUMBER + (24 + 1) * NUMBER
@@ -88,7 +90,7 @@ def element_table(machine: Machine) -> str:
 
 
 def solve_table(machine: Machine) -> str:
-    """Return the table with the time of a solve with the constant matrix, and the memory traffic of its factor."""
+    """Return the table with the time of a solve with each matrix, and the memory traffic of its factor."""
     rows = []
     for scene in ("bend5", "tendon_finger", "pneunet"):
         body = scene_body(load_scene(scene), np.zeros(3))
@@ -98,9 +100,18 @@ def solve_table(machine: Machine) -> str:
         right, out = np.ones((len(free), 3)), np.empty((len(free), 3))
         taken = fastest(lambda matrix=matrix, right=right, out=out: matrix.solve(right, out))
         factor = int(matrix.coupling.inverse.value_start[-1])
-        cells = (f"{1e6 * value:.0f}" for value in (taken, 2 * factor * NUMBER / machine.bandwidth))
-        rows.append((scene, str(len(free)), str(factor), *cells))
-    return markdown_table(("scene", "free vertices", "entries of a factor", "a solve [us]", "its bytes [us]"), rows)
+        rows.append(_solve_row(scene, "constant", len(free), factor, taken, 2 * factor * NUMBER / machine.bandwidth))
+        level = Simulation(load_scene(scene)).stepper.equilibrium.minimiser.level
+        gradient, step, values = *np.ones((2, 3 * body.unknowns.rows)), level.kept.values
+        taken = fastest(lambda level=level, given=(gradient, step): level.solve(*given))
+        least = 2 * values.nbytes / machine.bandwidth
+        rows.append(_solve_row(scene, "tangent", len(free), len(values), taken, least))
+    heads = ("scene", "matrix", "free vertices", "entries of a factor", "a solve [us]", "its bytes [us]")
+    return markdown_table(heads, rows)
+
+
+def _solve_row(scene: str, matrix: str, free: int, entries: int, *seconds: float) -> tuple[str, ...]:
+    return scene, matrix, str(free), str(entries), *(f"{1e6 * value:.0f}" for value in seconds)
 
 
 def main() -> None:

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times of the phases of a step, measured in the running solver."""
+"""Times of the phases of a step, measured in the running solver.
+
+A minimisation is one compiled call, in which phases cannot be timed. Their numbers are counted in a first run, in which
+the minimisation makes one iteration per call, and multiplied by the least time of each phase alone. On a loaded
+machine, the time of other processes therefore counts as rest of the loop.
+"""
 
 from __future__ import annotations
 
-import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -12,39 +16,35 @@ from typing import Any
 
 from benchmarks.profile.machine import fastest
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.descent import minimiser, newton, pairs, quasi_newton
-from gdfe_ros.solver.descent.workspace import Workspace, numbers
+from gdfe_ros.solver.descent import minimiser
+from gdfe_ros.solver.descent.arc import follow_arc
+from gdfe_ros.solver.descent.loop import FOLLOWED, STRAIGHT, Metric
+from gdfe_ros.solver.descent.search import advance
+from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.equilibrium.stability import Stability
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, apply_inverse
+from gdfe_ros.solver.tangent.frames import vertex_rotations
 from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.substitution import solve_kept
 
-EVALUATIONS, SOLVES, HISTORY = "evaluations", "solves", "history"
-TANGENTS, NEWTON, UPDATES, ENERGIES = "tangents", "Newton steps", "updates", "energies"
+EVALUATIONS, SOLVES, ROTATIONS, ARCS, LOOP = "evaluations", "solves", "rotations", "arcs", "rest of the loop"
+TANGENTS, STABILITY, UPDATES, ENERGIES = "tangents", "stability", "updates", "energies"
 REST = "everything else"
 _TIMED: tuple[tuple[object, str, str], ...] = (
-    (quasi_newton, "advance", EVALUATIONS),
-    (pairs, "remember", HISTORY),
-    (pairs, "take_products", HISTORY),
-    (quasi_newton, "descend", HISTORY),
-    (quasi_newton, "descend_kept", HISTORY),
+    (minimiser, "advance", EVALUATIONS),
+    (minimiser, "descend", LOOP),
+    (minimiser, "solve_kept", SOLVES),
     (ConstantMatrix, "solve", SOLVES),
-    (minimiser, "close_coupling", SOLVES),
     (TangentLevel, "solve", SOLVES),
     (TangentLevel, "take", TANGENTS),
     (TangentLevel, "load", TANGENTS),
-    (newton, "iterate", NEWTON),
-    (newton, "solve_newton", NEWTON),
+    (Stability, "look", STABILITY),
+    (Stability, "leave", STABILITY),
     (Solve, "_update", UPDATES),
     (Solve, "measure", ENERGIES),
 )
 """Owner and name of each timed function, and its phase."""
-
-_APPLY: dict[str, Callable[[Any, Any, Workspace], None]] = {
-    "descend": lambda problem, coupling, work: apply_inverse(work.gradient, coupling, work.step, problem.threads),
-    "descend_kept": lambda problem, kept, work: solve_kept(kept, work.gradient, work.step),
-}
-"""Dict from descent to its linear solve; a descent is one compiled call, inside which solves cannot be timed."""
 
 
 class Phases:
@@ -59,22 +59,20 @@ class Phases:
         self.seconds: Counter[str] = Counter()
         self.calls: Counter[str] = Counter()
         self._inside: list[float] = []
-        self._last: tuple[Any, ...] = ()
-        self._directions = 0
-        self._inner = {"descend": Descents(), "descend_kept": Descents()}
 
     @classmethod
     def played(cls, simulation: Simulation, steps: int | None) -> Phases:
-        """Play a scene's program twice, and return the times of the second run."""
-        phases = cls()
-        list(simulation.play(steps))
+        """Play a scene's program twice: count in the first run, and return the times of the second run."""
+        phases, loop = cls(), Counts()
+        with _replaced(minimiser, "descend", loop.counted(minimiser.descend)):
+            list(simulation.play(steps))
         simulation.reset()
         with phases._timing():
             started = time.perf_counter()
             results = list(simulation.play(steps))
             whole = time.perf_counter() - started
-        phases._split_directions()
-        phases._split_descents()
+        for phase, (count, work) in loop.parts().items():
+            phases._move(phase, count, work)
         phases.seconds[REST] = whole - sum(phases.seconds.values())
         phases.calls[REST] = len(results)
         return phases
@@ -83,17 +81,14 @@ class Phases:
     def _timing(self) -> Iterator[None]:
         plain = [(owner, name, vars(owner)[name]) for owner, name, _ in _TIMED]
         for owner, name, phase in _TIMED:
-            setattr(owner, name, self._timed(name, getattr(owner, name), phase))
+            setattr(owner, name, self._timed(getattr(owner, name), phase))
         try:
             yield
         finally:
             for owner, name, function in plain:
                 setattr(owner, name, function)
 
-    def _timed(self, name: str, function: Callable[..., Any], phase: str) -> Callable[..., Any]:
-        if name in self._inner:
-            function = self._inner[name].counted(function)
-
+    def _timed(self, function: Callable[..., Any], phase: str) -> Callable[..., Any]:
         def timed(*arguments: Any, **options: Any) -> Any:
             self._inside.append(0.0)
             started = time.perf_counter()
@@ -104,60 +99,88 @@ class Phases:
                 self.seconds[phase] += taken - self._inside.pop()
                 self._inside[-1:] = [inside + taken for inside in self._inside[-1:]]
                 self.calls[phase] += 1
-                if phase == EVALUATIONS:
-                    self._last = arguments
-                    self._directions += not arguments[-1]
 
         return timed
 
-    def _split_directions(self) -> None:
-        """Move from evaluations to history the time of the evaluations that compute only a descent direction."""
-        if not self._directions:
-            return
-        problem, work, *_ = self._last
-        share = fastest(lambda: quasi_newton.advance(problem, work, math.inf, False)) * self._directions
-        self.seconds[EVALUATIONS] -= share
-        self.seconds[HISTORY] += share
-
-    def _split_descents(self) -> None:
-        """Move the times of evaluations and solves out of compiled descents; the remaining time is the history's."""
-        for name, inner in self._inner.items():
-            if inner.last:
-                problem, work, given, *_ = inner.last
-                self._move(
-                    EVALUATIONS, inner.evaluations, lambda p=problem, w=work: quasi_newton.advance(p, w, 0.0, True)
-                )
-                apply = _APPLY[name]
-                self._move(SOLVES, inner.solves, lambda a=apply, w=work, g=given, p=problem: a(p, g, w))
-
     def _move(self, phase: str, count: int, work: Callable[[], Any]) -> None:
-        share = min(fastest(work) * count, self.seconds[HISTORY])
+        """Move the time of ``count`` calls of ``work`` from the loop to a phase."""
+        share = min(fastest(work) * count, self.seconds[LOOP]) if count else 0.0
         self.seconds[phase] += share
-        self.seconds[HISTORY] -= share
+        self.seconds[LOOP] -= share
         self.calls[phase] += count
 
 
-class Descents:
-    """Counts of evaluations and solves inside descents that are one compiled call.
-
-    Attributes:
-        evaluations, solves: numbers in all descents.
-        last: arguments of the last descent; empty before the first one.
-    """
+class Counts:
+    """Numbers of evaluations, solves, rotations and arcs in minimisations."""
 
     def __init__(self) -> None:
-        self.evaluations = self.solves = 0
-        self.last: tuple[Any, ...] = ()
+        self._counts: Counter[str] = Counter()
+        self._last: tuple[Problem, Workspace, Metric] | None = None
 
     def counted(self, descend: Callable[..., int]) -> Callable[..., int]:
-        """Return a function that calls ``descend`` and counts its evaluations and solves."""
+        """Return a function that minimises like ``descend``, one iteration per call, and counts."""
 
-        def counting(problem: Any, work: Workspace, *given: Any) -> int:
-            before = int(numbers(work)["evaluations"])
-            iterations = descend(problem, work, *given)
-            self.evaluations += int(numbers(work)["evaluations"]) - before
-            self.solves += iterations + (descend.__name__ == "descend")
-            self.last = problem, work, *given
-            return iterations
+        def counting(
+            problem: Problem,
+            work: Workspace,
+            metric: Metric,
+            size: float,
+            target: float,
+            most: int,
+            limit: int,
+            begins: bool,
+        ) -> int:
+            status, done, counts = numbers(work), 0, self._counts
+            self._last, before = (problem, work, metric), int(status["evaluations"])
+            while True:
+                kept = len(metric.kept.order) > 0
+                turned, evaluations = status["turned"] > FOLLOWED * size, int(status["evaluations"])
+                used = descend(problem, work, metric, size, target, most, min(1, limit - done), begins)
+                done, begins = done + used, False
+                solved = done < limit or used > 0
+                counts[SOLVES] += solved
+                counts[ROTATIONS] += solved and kept and turned
+                counts[ARCS] += status["evaluations"] > evaluations and status["before"] > STRAIGHT * size
+                if not used or done >= limit:
+                    counts[EVALUATIONS] += int(status["evaluations"]) - before
+                    return done
 
         return counting
+
+    def parts(self) -> dict[str, tuple[int, Callable[[], Any]]]:
+        """Return a dict from phase to its number in the minimisations, and a function that does it once."""
+        if self._last is None:
+            return {}
+        problem, work, metric = self._last
+        works: dict[str, Callable[[], Any]] = {
+            EVALUATIONS: lambda: advance(problem, work, True),
+            SOLVES: lambda: _solve(problem, work, metric),
+            ROTATIONS: lambda: _rotate(problem, work, metric),
+            ARCS: lambda: follow_arc(problem, work, metric),
+        }
+        return {phase: (self._counts[phase], function) for phase, function in works.items()}
+
+
+def _solve(problem: Problem, work: Workspace, metric: Metric) -> None:
+    """Solve with the initial matrix."""
+    if len(metric.kept.order):
+        solve_kept(metric.kept, work.gradient, work.step)
+    else:
+        apply_inverse(work.gradient, metric.coupling, work.step, problem.threads)
+
+
+def _rotate(problem: Problem, work: Workspace, metric: Metric) -> None:
+    """Compute the rotations of the vertices."""
+    given = problem.unknowns.free, metric.held, metric.sums, metric.kept.frames
+    vertex_rotations(work.x, metric.before, problem.shape, *given)
+
+
+@contextmanager
+def _replaced(owner: object, name: str, function: Callable[..., Any]) -> Iterator[None]:
+    """Replace a function inside the ``with`` block."""
+    plain = getattr(owner, name)
+    setattr(owner, name, function)
+    try:
+        yield
+    finally:
+        setattr(owner, name, plain)

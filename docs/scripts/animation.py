@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The animations of README and docs/: ``python -m docs.scripts.animation`` makes the runs and draws them.
 
-They show robots that play their scene's program, a bag above its replay, and a slender bar with and without the second
-level.
+They show robots that play their scene's program, and a bag above its replay.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from docs.scripts.slender_bar import draw_iterations
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.bag_steps import BagSteps
@@ -100,7 +98,7 @@ def _write(pictures: Sequence[Image.Image], name: str) -> Path:
 
 def main() -> None:
     """Draw all animations."""
-    for path in [*map(draw_robot, ROBOTS), draw_replay(BAG), _write(draw_iterations(), "slender_bar")]:
+    for path in [*map(draw_robot, ROBOTS), draw_replay(BAG)]:
         print(f"written: {path} ({path.stat().st_size / 1e3:.0f} kB)")
 
 

@@ -57,8 +57,6 @@ class Solution:
         diverged: whether the energy has no lower bound.
         exhausted: whether no further descent was possible, because of the energy's rounding or at a kink of the energy.
         buried: whether surfaces penetrate each other deeply; a depth just above the tolerance does not count.
-        lost: whether the distance to the equilibrium could not be estimated. A moderately shorter increment may help; a
-            much shorter increment does not.
         began: (n, 3) positions at the beginning of the solve [m].
         balance: energy balance of the equilibrium; None if the state is no equilibrium, or has no energy.
         tolerance: the requested tolerance.
@@ -71,7 +69,6 @@ class Solution:
     cut: bool = False
     diverged: bool = False
     exhausted: bool = False
-    lost: bool = False
     buried: bool = False
     began: NDArray[np.float64]
     balance: Balance | None = None

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.account import Ledger
-from gdfe_ros.solver.descent.history import UpdateHistory
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.tangent.tangent import Tangent
 from gdfe_ros.solver.value import changed
@@ -132,44 +131,16 @@ class Known:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SoftDirection:
-    """The softest direction of an equilibrium: the curvature of the energy is expected to become negative there first.
-
-    Attributes:
-        direction: (3 r,) direction of the unknowns.
-        curvature: curvature of the energy along the direction when the direction was computed.
-        asked: number of iterations since the curvature of the energy along the direction was evaluated.
-        looked: number of iterations since the direction was computed.
-        asked_at, looked_at: strain energy [J] of the equilibria at which this was done.
-    """
-
-    direction: Array
-    curvature: float
-    asked: int
-    looked: int
-    asked_at: float
-    looked_at: float
-
-    def after(self, iterations: int) -> SoftDirection:
-        """Return the direction with both counts increased by ``iterations``."""
-        return changed(self, asked=self.asked + iterations, looked=self.looked + iterations)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Unfinished:
     """Progress of a solve that the limit or the deadline ended; the next solve continues from it.
 
     Attributes:
         tolerance: tolerance of the unfinished minimisation.
         iterations: number of iterations since the last finished solve.
-        recent: (2 WINDOW,) largest vertex displacements [m] of the last iterations, as a ring buffer.
-        seen: number of iterations recorded in ``recent`` so far.
     """
 
     tolerance: float
     iterations: int
-    recent: Array
-    seen: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -229,11 +200,10 @@ class State:
         terms: dict from term name to its stored state.
         elements, shapes: state of the elements under the policies ``energy`` and ``relative``.
         operators: operators of the elements at the present growth.
-        history, part_history: quasi-Newton histories of the whole body, and of the awake part.
-        tangent: the tangent that preconditions the minimisation; None if the constant matrix does.
+        tangent: the tangent that preconditions the minimisation; None stands for that of the undeformed body.
         sleep: dormancy state; None if freezing is disabled.
         unfinished: progress of the last solve if the limit or the deadline ended it; otherwise None.
-        soft: softest direction; None if none was computed.
+        proved: strain energy [J] of the last equilibrium whose stability was examined; None if none was.
         balance: energy balance of the equilibrium; None if this state is no equilibrium, or has no energy.
         summary: quality and results of the last accepted solve.
         sound: whether no element is folded or inverted.
@@ -256,12 +226,10 @@ class State:
     elements: ElementState | None = None
     shapes: ShapeState | None = None
     operators: Operators
-    history: UpdateHistory = field(default_factory=UpdateHistory.empty)
-    part_history: UpdateHistory = field(default_factory=UpdateHistory.empty)
     tangent: Tangent | None = None
     sleep: DormancyState | None = None
     unfinished: Unfinished | None = None
-    soft: SoftDirection | None = None
+    proved: float | None = None
     balance: Balance | None
     summary: Summary
     sound: bool = True

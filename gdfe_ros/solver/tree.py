@@ -15,7 +15,6 @@ from gdfe_ros.actuators.actuator import ActuatorState, Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver import state as states
 from gdfe_ros.solver.account import Bound, Failure, Ledger
-from gdfe_ros.solver.descent.history import UpdateHistory
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.tangent.tangent import Tangent
 
@@ -33,14 +32,12 @@ _VALUES = (
     states.State,
     states.Summary,
     states.Unfinished,
-    states.SoftDirection,
     ActuatorState,
-    UpdateHistory,
     Pose,
     Tangent,
 )
-_CLASSES = {kind.__name__: kind for kind in _VALUES} | {"History": UpdateHistory, "Sleep": states.DormancyState}
-"""Dict from name to a dataclass that a tree may contain; the last two names occur only in older archives."""
+_CLASSES = {kind.__name__: kind for kind in _VALUES} | {"Sleep": states.DormancyState}
+"""Dict from name to a dataclass that a tree may contain; the last name occurs only in older archives."""
 
 _RENAMED = {states.Summary: {"residual": "error_estimate"}}
 """Dict from dataclass to a dict from a field's name in older archives to its present name."""

@@ -7,14 +7,33 @@ from unittest.mock import patch
 
 import pytest
 
-from benchmarks import second_level
 from benchmarks.measure.tables import NAMES, TABLES, Table
 from benchmarks.provenance import stamp
+from benchmarks.replay import first_steps, summed
 from benchmarks.report import KEPT, Report, read_report
 from docs.scripts import generate
-from gdfe_ros.solver.equilibrium import slender
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.descent import minimiser
 
-OLDER: dict[str, str] = {}
+ONE_LOOP = "measured before one loop replaced the two minimisers; iterations and times have changed since"
+OLDER: dict[str, str] = {
+    "arm_grasp": ONE_LOOP,
+    "batches": ONE_LOOP,
+    "bench": ONE_LOOP,
+    "bench_node": ONE_LOOP,
+    "coarse_meshes": ONE_LOOP,
+    "contact": ONE_LOOP,
+    "cut_cells": ONE_LOOP,
+    "environments": ONE_LOOP,
+    "motion": ONE_LOOP,
+    "robots": ONE_LOOP,
+    "since": ONE_LOOP,
+    "skip": f"{ONE_LOOP}; the brush has a kept tangent now, so that no part of it is frozen",
+    "streams": ONE_LOOP,
+    "threads": ONE_LOOP,
+    "torture": ONE_LOOP,
+}
 """Dict from a table made with an older solver, as its page says, to the reason; delete the entry when remeasured."""
 
 
@@ -40,9 +59,14 @@ def test_every_printed_table_is_measured_by_the_one_command() -> None:
 
 
 def test_a_solver_that_does_otherwise_is_seen() -> None:
-    """Without the stored tangent for slender bodies, a probe's total of iterations is stale."""
-    kept = Report([], stamp(), second_level.probe())
-    assert kept.stale(second_level.probe()) == []
-    with patch.object(slender, "SLENDER", 0.0):
-        stale = kept.stale(second_level.probe())
+    """With minimisations that end a thousand times nearer to the minimum, a probe's total of iterations is stale."""
+
+    def probe() -> dict[str, float]:
+        simulation = Simulation(load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}))
+        return summed(first_steps("bend5", simulation, 20))
+
+    kept = Report([], stamp(), probe())
+    assert kept.stale(probe()) == []
+    with patch.object(minimiser, "SHARE", 1e-3 * minimiser.SHARE):
+        stale = kept.stale(probe())
     assert "iterations of all" in {text.partition(":")[0] for text in stale}

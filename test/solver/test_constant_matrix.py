@@ -20,7 +20,7 @@ from gdfe_ros.solver.matrix.constant_matrix import (
     assemble,
     assemble_centring,
 )
-from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
+from gdfe_ros.solver.matrix.coupling import Coupling
 from gdfe_ros.solver.matrix.factor import DENSE_UP_TO, Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 
@@ -161,11 +161,7 @@ def gradient(unknowns: Unknowns) -> NDArray[np.float64]:
 def solve(
     matrix: ConstantMatrix, right: NDArray[np.float64], unknowns: Unknowns, *, coupling: Coupling | None = None
 ) -> NDArray[np.float64]:
-    """Solve for all rows, in compiled code except with scipy."""
-    out, count, coupling = np.zeros_like(right), len(unknowns.free), coupling or matrix.coupling
-    if matrix.kind is not Factorisation.SCIPY:
-        apply_inverse(right.ravel(), coupling, out.ravel(), None)
-    else:
-        matrix.solve(right[:count], out[:count])
-        close_coupling(right.ravel(), coupling, out.ravel())
+    """Solve for all rows, in compiled code."""
+    out = np.zeros_like(right)
+    apply_inverse(right.ravel(), coupling or matrix.coupling, out.ravel(), None)
     return out

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -15,11 +16,20 @@ from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.materials import Linear
 from gdfe_ros.simulation import Command
 from gdfe_ros.solver.settings import Skip, SolverSettings
+from gdfe_ros.solver.tangent import level
 
 BRUSH = Brush(rows=(4, 2), length=20)
 """Eight bristles, 1728 free vertices."""
 AWAKE = SolverSettings(skip=tuple(set(Skip) - {Skip.DORMANT}))
 STEPS = 40
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _dear() -> Iterator[None]:
+    """Let tangents be too expensive: only bodies without a tangent are frozen in part."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(level, "OPERATIONS", 0)
+        yield
 
 
 def bend(simulation: Simulation, moved: list[int], first: int = 0, last: int = STEPS) -> list[int]:
@@ -46,11 +56,11 @@ def exact() -> Simulation:
 
 
 def test_what_is_not_reached_is_left_alone(exact: Simulation) -> None:
-    """With one of eight bristles moved, in most steps more than 30 % of the elements are dormant; accuracy stays."""
+    """With one of eight bristles moved, in most steps more than 25 % of the elements are dormant; accuracy stays."""
     sleeping, awake = Simulation(BRUSH.scene(8)), Simulation(BRUSH.scene(8, settings=AWAKE))
     skipped = bend(sleeping, [0])
     assert not any(bend(awake, [0]))
-    assert np.median(skipped) > 0.3 * sleeping.mesh.n_cells
+    assert np.median(skipped) > 0.25 * sleeping.mesh.n_cells
     assert distance(sleeping, exact) < distance(awake, exact) + 2.0 * sleeping.settings.tolerance
     force, reference = sleeping.result.reactions["tip_0"][:3], exact.result.reactions["tip_0"][:3]
     assert np.linalg.norm(force - reference) < 0.02 * np.linalg.norm(reference)

@@ -18,7 +18,6 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import element_fields, strain_energies
 from gdfe_ros.solver.elements.measures import least_volume_ratio
-from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
 from gdfe_ros.solver.relative.shape_factor import geometric_ratio
 from gdfe_ros.solver.solution import Increment, Solution
@@ -51,11 +50,10 @@ def solution(
     base: NDArray[np.float64],
     *,
     start: NDArray[np.float64] | None = None,
-    library: Factorisation | None = None,
     **options,
 ) -> Solution:
     """Solve from the undeformed state or ``start`` [m], with the handles' vertices at ``base`` [m]."""
-    equilibrium = RelativeEquilibrium(body, library=library)
+    equilibrium = RelativeEquilibrium(body)
     state = equilibrium.at_rest().with_(positions=body.rest if start is None else start, base=base)
     return equilibrium.solve(Increment.at(state, **{"tolerance": 1e-5, "limit": 2000, **options}), state)
 
@@ -192,16 +190,6 @@ def test_a_free_axis_finds_its_place(series: Callable[..., tuple[Body, NDArray[n
     outcome = solution(body, base, start=start, tolerance=1e-6)
     assert outcome.converged
     np.testing.assert_allclose(outcome.positions, body.rest, atol=1e-5)
-
-
-@pytest.mark.parametrize("library", [Factorisation.SUPERNODES, Factorisation.SCIPY])
-def test_every_library_finds_the_same_shapes(
-    series: Callable[..., tuple[Body, NDArray[np.float64]]], library: Factorisation
-) -> None:
-    """Every library leads to the same positions."""
-    body, base = series(Linear(young=4e5, poisson=0.45), Linear(young=1e5, poisson=0.45))
-    outcome = solution(body, base, library=library, tolerance=1e-8)
-    np.testing.assert_allclose(outcome.positions, solve(body, base, tolerance=1e-8)[1], atol=1e-8)
 
 
 def test_a_deadline_returns_the_best_so_far(series: Callable[..., tuple[Body, NDArray[np.float64]]]) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation, load_scene
-from gdfe_ros.solver.descent.minimiser import Task
+from gdfe_ros.solver.descent import minimiser
 
 SCENES = ["bend5", "three_chamber_arm"]
 _CODE = """
@@ -44,10 +44,9 @@ def test_every_number_of_threads_gives_the_same_bits() -> None:
 
 def test_threads_are_used_where_it_pays(monkeypatch: pytest.MonkeyPatch) -> None:
     """With four threads allowed, a body of 157 element blocks uses four, one of 10 blocks only its own thread."""
-    counts = []
-    advance = Task.advance
+    counts, descend = [], minimiser.descend
     monkeypatch.setattr(
-        Task, "advance", lambda task, *goal, **how: counts.append(task.problem.threads) or advance(task, *goal, **how)
+        minimiser, "descend", lambda problem, *given: counts.append(problem.threads) or descend(problem, *given)
     )
     for cells, expected in (([50, 5, 5], 4), ([20, 2, 2], None)):
         overrides = {"mesh.bar.cells": cells, "solver.threads": 4}

@@ -163,20 +163,13 @@ class Contact(ContactTerm):
             self._choose(saved, positions)
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update multipliers, normals and offsets at ``positions`` (n, 3) [m]; return an error [m].
-
-        This is the error of the last update. If the term is ``stocky`` and has friction, the remaining distance is
-        returned instead, which `Settling` estimates.
-        """
+        """Update multipliers, normals and offsets at ``positions`` (n, 3) [m]; return the last error [m]."""
         multipliers = self._rows()[:, PRESS:ANCHOR]
         held = multipliers.copy()
         miss, change, forces, penalties = law.update_multipliers(positions, self.reals, self.integers)
         if self.reals[gap.FRICTION] > 0.0:
             multipliers[...] = self._damping.shortened(held, multipliers.copy())
-        missed = max(miss, self._judge(change, forces, penalties), self._correct(positions))
-        if not (self.stocky and forces > 0.0 and self.reals[gap.FRICTION] > 0.0):
-            return missed
-        return self._settling.way(positions, missed)  # friction depends on the normal forces
+        return max(miss, self._judge(change, forces, penalties), self._correct(positions))
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Choose the points again if the body has moved far enough; return whether points were added."""

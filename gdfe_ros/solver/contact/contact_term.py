@@ -42,8 +42,6 @@ class ContactTerm(Term):
         missed: largest error [m] in gap or slip of a self-contact pair at the last update of a solve.
         gives_up: whether the term determines ``hopeless``. A hopeless solve ends at once, because smaller increments
             may succeed.
-        stocky: True if the minimiser gives no bound of the distance to the equilibrium (`Minimiser.certified` is
-            False). The remaining distance is then estimated from successive displacements.
         buried: whether the penetration that `flaw` found is too deep even for a step that has not converged.
         hopeless: whether vertices have penetrated so deeply that the search finds no face for them any more.
     """
@@ -54,7 +52,7 @@ class ContactTerm(Term):
     def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         super().__init__(name, reals, integers)
         self._body, self.resolution, self.share = body, np.inf, 1.0
-        self.missed, self.gives_up, self.stocky, self.hopeless, self.buried = 0.0, False, False, False, False
+        self.missed, self.gives_up, self.hopeless, self.buried = 0.0, False, False, False
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return 0: contact stores no energy."""

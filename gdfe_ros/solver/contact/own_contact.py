@@ -140,11 +140,7 @@ class OwnContact(ContactTerm):
         self._expect(rows[:, law.PRESS], rows[:, law.PENALTY])
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers, search the nearest faces again, and return an error [m].
-
-        This is the error of the last update. If the term is ``stocky``, the remaining distance is returned instead,
-        which `Settling` estimates.
-        """
+        """Update the multipliers, search the nearest faces again, and return the error of the last multipliers [m]."""
         rows, chosen = self._rows(), self._chosen
         self._scale = self._scale or float(rows[:, law.PRESS].sum()) / max(1, len(rows))
         self._held = self._multipliers()
@@ -164,16 +160,16 @@ class OwnContact(ContactTerm):
         deepest = float((found.support[chosen] * (held - found.gap[chosen]) - held).max(initial=0.0))
         self.missed = max(miss, deepest)
         missed = max(self.missed, self._judge(change, forces, penalties))
-        way = self._settling.way(positions, missed)
-        return way if self.stocky else missed
+        self._settling.way(positions, missed)
+        return missed
 
     def hasten(self, near: float) -> None:
         """Extrapolate multipliers and normals of pressing pairs, or shorten a plain update; see `Settling.mixed`.
 
-        If at most the distance ``near`` [m] remains, plain updates come first. Without ``stocky``, few updates are
-        needed, and they are plain until they swing.
+        If at most the distance ``near`` [m] remains, plain updates come first. Few updates are needed, and they are
+        plain until they swing.
         """
-        if not (self._on and (self.stocky or self._settling.swings)):
+        if not (self._on and self._settling.swings):
             return
         found = self._multipliers()
         mixed = self._settling.mixed(self._held, found, near)

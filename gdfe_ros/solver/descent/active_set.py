@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.history import HistoryKeeper
 from gdfe_ros.solver.descent.workspace import End, Workspace, allocate, allocate_part, numbers
 from gdfe_ros.solver.elements.blocks import Blocks
 from gdfe_ros.solver.elements.tet_blocks import TetBlocks
@@ -59,7 +58,6 @@ class ActiveSet(Movable):
         skipped: dict from kind of work to the number of elements for which it is left out.
         workspace: the arrays of its minimisations; the awake part uses the same arrays of positions and forces as the
             whole body.
-        keeper: copies the workspace's history to and from immutable values.
     """
 
     elements: NDArray[np.int32]
@@ -68,18 +66,14 @@ class ActiveSet(Movable):
     blocks: Blocks | TetBlocks
     skipped: Mapping[str, int]
     workspace: Workspace
-    keeper: HistoryKeeper
 
     @classmethod
-    def whole(
-        cls, body: Body, matrix: ConstantMatrix, memory: int, *, rigid: bool, skip: Collection[Skip]
-    ) -> ActiveSet:
+    def whole(cls, body: Body, matrix: ConstantMatrix, *, rigid: bool, skip: Collection[Skip]) -> ActiveSet:
         """Return the active set of the whole body.
 
         Args:
             body: the discretised body.
             matrix: the constant matrix.
-            memory: number of pairs in the history of a minimisation.
             rigid: whether elements inside of handles always have zero force; this is so if nothing grows.
             skip: kinds of work to leave out.
         """
@@ -90,11 +84,11 @@ class ActiveSet(Movable):
             if inside.any():
                 elements = elements[~inside]
                 blocks = body.blocks_of(elements)
-        work = allocate(body.unknowns.rows, body.rest, body.cells.shape, memory)
+        work = allocate(body.unknowns.rows, body.rest, body.cells.shape)
         none = np.zeros(0, np.int32)
         updated = _updated(body, elements, skip)
         skipped = _skipped(body, elements, elements, *updated)
-        return cls(body.unknowns, none, matrix, elements, *updated, blocks, skipped, work, HistoryKeeper(work))
+        return cls(body.unknowns, none, matrix, elements, *updated, blocks, skipped, work)
 
     def part(self, body: Body, awake: NDArray[np.bool_], skip: Collection[Skip]) -> ActiveSet:
         """Return the active set of the free vertices that are ``awake`` (n,) and the elements around them."""
@@ -111,8 +105,12 @@ class ActiveSet(Movable):
             body.blocks_of(elements),
             _skipped(body, self.elements, elements, *updated),
             work,
-            HistoryKeeper(work),
         )
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether no vertex is frozen."""
+        return not len(self.frozen)
 
     @cached_property
     def status(self) -> np.void:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, times
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
@@ -52,20 +52,15 @@ def stretched(x, end, shape, e):
 
 
 @kernel
-def largest_turn(x, end, shape):
-    """Return the largest rotation [rad] of an element from ``x`` to ``end`` (n, 3) [m], to first order."""
+def pull_to_arc(x, end, shape, weight, force):
+    """Write the right-hand side of A c to ``force`` (m, c, 3) [N], for a step from ``x`` to ``end`` (n, 3) [m].
+
+    Return the largest rotation [rad] of an element, to first order.
+    """
     most = 0.0
     for e in range(len(shape.cells)):
-        _, _, turn = stretched(x, end, shape, e)
-        most = max(most, turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
-    return math.sqrt(most)
-
-
-@kernel
-def pull_to_arc(x, end, shape, weight, force):
-    """Write the right-hand side of A c to ``force`` (m, c, 3) [N], for a step from ``x`` to ``end`` (n, 3) [m]."""
-    for e in range(len(shape.cells)):
         g, (p, q, s), turn = stretched(x, end, shape, e)
+        most = max(most, turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
         r, scale = rotation_matrix(turn), weight[e] * shape.volume[e]
         # The columns of exp(W) (I + S) F
         p, q, s = times(r, p), times(r, q), times(r, s)
@@ -74,37 +69,35 @@ def pull_to_arc(x, end, shape, weight, force):
             for i in range(3):
                 pull = (p[i] - g[3 * i]) * g0 + (q[i] - g[3 * i + 1]) * g1 + (s[i] - g[3 * i + 2]) * g2
                 force[e, corner, i] = scale * pull
+    return math.sqrt(most)
+
+
+@internal
+def place_and_pull(problem, work, metric):
+    """Do `pull_to_arc` for the step in ``work.direction``; its end is written to ``metric.x``."""
+    for n in range(len(work.u)):
+        metric.u[n] = work.u[n] + work.direction[n]
+    place(metric.u, problem.frame, problem.unknowns, metric.x)
+    return pull_to_arc(work.x, metric.x, problem.shape, metric.weight, metric.force)
 
 
 @kernel
-def follow_arc(problem, work, beside, weight, inverse, force):
+def follow_arc(problem, work, metric):
     """Shorten the step d in ``work.direction`` to rotations of at most `MOST_TURN`, and write c to ``work.curve``.
 
-    Return the factor by which d is shortened.
-
-    Args:
-        problem: data of the minimisation.
-        work: its workspace; slope and distance are updated.
-        beside: workspace for scratch; its positions contain those of the handles.
-        weight: (m,) weights of the elements in the constant matrix [Pa].
-        inverse: inverse of the constant matrix.
-        force: (m, c, 3) scratch.
+    Slope and length of the step in ``work.status`` are updated. ``metric`` has the constant matrix and scratch.
     """
-    x, status, share, free = beside.x, work.status[0], 1.0, 3 * len(problem.unknowns.free)
-    for n in range(len(work.u)):
-        beside.u[n] = work.u[n] + work.direction[n]
-    place(beside.u, problem.frame, problem.unknowns, x)
-    turn = largest_turn(work.x, x, problem.shape)
+    x, status, free = metric.x, work.status[0], 3 * len(problem.unknowns.free)
+    x[:] = work.x
+    turn = place_and_pull(problem, work, metric)
     if turn > MOST_TURN:
         share = MOST_TURN / turn
         for n in range(len(work.u)):
             work.direction[n] *= share
-            beside.u[n] = work.u[n] + work.direction[n]
-        place(beside.u, problem.frame, problem.unknowns, x)
-    pull_to_arc(work.x, x, problem.shape, weight, force)
-    gather_rows(force, problem.unknowns, beside.gradient)
-    apply_free(inverse, beside.gradient, work.curve, problem.threads)
+        status.slope *= share
+        place_and_pull(problem, work, metric)
+    gather_rows(metric.force, problem.unknowns, metric.gradient)
+    apply_free(metric.coupling.inverse, metric.gradient, work.curve, problem.threads)
     for n in range(free, len(work.u)):
         work.curve[n] = 0.0
-    status.slope, status.distance = share * status.slope, largest(work.direction) + largest(work.curve)
-    return share
+    status.step = largest(work.direction) + largest(work.curve)

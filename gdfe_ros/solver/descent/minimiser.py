@@ -1,39 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Minimisation of the potential with the constant matrix, and the estimated distance to the equilibrium at its end."""
+"""Minimisation of the potential: the compiled loop, deadlines, and the tangents that precondition it."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.descent import pairs, quasi_newton
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.stopping import way_left
-from gdfe_ros.solver.descent.workspace import WINDOW, End, Problem, Workspace, numbers
-from gdfe_ros.solver.distance import largest_shift
+from gdfe_ros.solver.descent.loop import Metric, descend
+from gdfe_ros.solver.descent.search import ROUNDING, advance
+from gdfe_ros.solver.descent.workspace import End, Problem, Workspace, numbers
+from gdfe_ros.solver.distance import largest, largest_shift
 from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
-from gdfe_ros.solver.matrix.factor import Factorisation
-from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
 from gdfe_ros.solver.tangent.tangent import Tangent
 
-SAFETY = 0.1
-"""Assumed least ratio of the quasi-Newton step to the distance to the equilibrium. Slender bodies come close to it."""
-FLOOR = 1e-9
-"""A minimisation ends before its least number of iterations if its step, divided by the body's size, is at most this.
-Shorter steps follow rounding errors, and could leave an unstable equilibrium.
+SHARE, MOVING, FREE = 0.5, 0.1, 0.02
+"""A minimisation ends if its distance to the equilibrium, divided by the tolerance, is at most this: in statics, in
+motion, and in the motion of bodies that nothing holds. Only the accuracy of the solve conserves their momentum.
 """
+TRUST = 0.1
+"""Assumed least ratio of a step with the constant matrix to the distance to the equilibrium."""
 FARTHEST = 3000.0
 """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
-CHUNK = 20
-"""Number of iterations with an explicit inverse between two checks of the deadline."""
+LEAST_AGE, AGE = 24, 1.5
+"""A tangent is renewed within a solve after this number of iterations, or after this multiple of the number of
+solutions that its factor costs, if that is larger. Otherwise a few far steps would renew it too often.
+"""
+UNSOLVED = 200
+"""A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve."""
 _TEAM = threading.Lock()
 """Lock for numba's threads. They serve one caller at a time; a second one could crash the process."""
 Observer = Callable[[float, float, bool], None]
@@ -47,16 +50,14 @@ class Task:
     Attributes:
         active: the unknowns, the elements and the workspace.
         problem: the constant data.
-        coupling: couples the handles' rigid rows to the free vertices.
+        coupling: the constant matrix, and its coupling to the rigid rows of handles.
         deadline: once it has passed, the minimisation ends; None for no deadline.
-        level: the kept tangent preconditioner; None for the constant matrix.
     """
 
     active: ActiveSet
     problem: Problem
     coupling: Coupling
     deadline: Deadline | None = None
-    level: TangentLevel | None = None
 
     @property
     def turn(self) -> AbstractContextManager[object]:
@@ -65,21 +66,8 @@ class Task:
 
     def evaluate(self) -> None:
         """Evaluate all terms at the present unknowns."""
-        self.advance(0.0, first=True)
-
-    def precondition(self, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
-        """Write the product of the preconditioner H_0 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""
-        if self.level is not None:
-            self.level.solve(gradient, step)
-            return
-        matrix, rows = self.active.matrix, len(self.active.unknowns.free)
-        matrix.solve(gradient.reshape(-1, 3)[:rows], step.reshape(-1, 3)[:rows])
-        close_coupling(gradient, self.coupling, step)
-
-    def advance(self, goal: float, *, first: bool = False) -> bool:
-        """Make one iteration with the target ``goal`` [m]; return whether the minimisation has ended."""
         with self.turn:
-            return quasi_newton.advance(self.problem, self.active.workspace, goal, first)
+            advance(self.problem, self.active.workspace, True)
 
 
 @dataclass(frozen=True)
@@ -100,141 +88,161 @@ class Minimiser:
 
     Args:
         body: the discretised body.
-        weight, bending: (m,) [Pa] and (m,) [N/m] weights of the elements in the constant matrix (see `assemble`).
+        weight: (m,) [Pa] weights of the elements in the constant matrix (see `assemble`).
+        level: the body's tangent preconditioner.
+        moving: whether inertia is among the terms.
 
     Attributes:
+        level: the argument.
         observer: function that receives the energy of every iteration; None for no observer.
-        certified: whether conjugate gradients bound the distance to the equilibrium.
-        lost: whether the solve was abandoned.
-        remembers: whether the next solve starts with the history of this one.
+        rest: the tangent of the undeformed body; None if it is too expensive, or if the body is a mechanism.
+        tangent: the tangent in use; None if the constant matrix is in use.
     """
 
-    certified, lost, remembers = False, False, True
-
-    def __init__(self, body: Body, weight: NDArray[np.float64], bending: NDArray[np.float64]) -> None:
-        self._body = body
+    def __init__(self, body: Body, weight: NDArray[np.float64], level: TangentLevel, *, moving: bool) -> None:
+        self._body, self.level = body, level
+        held = bool(body.handles) and not body.rigid_bodies
+        self._share = (MOVING if held else FREE) if moving else SHARE
         self._grain = float(np.finfo(float).eps * np.vdot(weight, body.shape.volume))
+        rows, (count, corners) = 3 * body.unknowns.rows, body.cells.shape
+        scratch = np.zeros(rows), np.zeros(rows), body.rest.copy(), np.zeros((count, corners, 3))
+        self._given = weight, *scratch, np.empty((len(body.rest), 9))
+        self._none = Kept.none(rows)
         self.observer: Observer | None = None
+        self.tangent: Tangent | None = None
+        self.rest: Tangent | None = None
 
-    def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
-        """Prepare a solve from ``start``. A solve that is not ``warm`` ends only after its steps shrink fast enough."""
-        work, status = active.workspace, active.status
+    def begin(self, active: ActiveSet, tangent: Tangent | None) -> None:
+        """Prepare a solve with the tangent of the last one; None stands for that of the undeformed body."""
+        status = active.status
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
-        status["seen"], work.recent[...] = -1 if warm else 0, 0.0
-        status["ended"] = End.NONE
+        status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
+        self._spent = 0
+        self.tangent = tangent or self.rest
+        if self.tangent is not None:
+            self.level.load(self.tangent)
 
-    def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
-        """Minimise until the step is short enough.
-
-        If the start is not accurate enough, at least one iteration is made, even after the deadline.
+    def descend(self, task: Task, *, tolerance: float, limit: int, proven: bool = False) -> Descended:
+        """Minimise until the estimated distance to the equilibrium is small enough for the tolerance.
 
         Args:
-            task: the problem; its terms are evaluated at the present unknowns.
-            tolerance: estimated largest distance to the equilibrium, divided by the body's size.
-            final: tolerance of the whole solve; not used.
-            least: least number of iterations.
+            task: the problem.
+            tolerance: allowed distance, divided by the body's size.
             limit: largest number of iterations.
+            proven: whether the last minimisation has reached the equilibrium, which multipliers may have moved since.
         """
-        target = SAFETY * tolerance * self._body.size
-        floor = min(target, FLOOR * self._body.size)
-        ended = self._iterate(task, target, floor, least, limit, evaluate=True)
-        used = ended.iterations
-        if task.active.status["pending"]:
-            pairs.take_products(task.active.workspace, None)
-        return Descended(used, ended.cut)
+        work, begins, done = task.active.workspace, True, 0
+        target = self._share * tolerance * self._body.size
+        if self.tangent is not None:
+            self.tangent = self.level.reconnected(self.tangent, work.x)
+        while True:
+            chunk = 1 if self.observer or task.deadline else limit
+            if begins and self.observer:
+                task.evaluate()
+                self._show(work, begins=True)
+            with task.turn:
+                most = self._age(task.active)
+                given = task.problem, work, self.metric(task.coupling), self._body.size, target, proven, most
+                used = descend(*given, max(0, min(chunk, limit - done)), begins)
+            self._show(work, begins=False)
+            begins, done = False, done + used
+            self._spent += used
+            ended = task.active.ended
+            if ended is End.WORN and self._renewed(task, fresh=not used):
+                continue
+            if ended is not End.NONE:
+                return Descended(done, cut=False)
+            if done >= limit or past(task.deadline):
+                return Descended(done, cut=True)
+
+    def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
+        """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""
+        if self.tangent is not None:
+            solve_kept(self.level.kept, gradient, step)
+            return
+        matrix, rows = task.active.matrix, len(task.active.unknowns.free)
+        matrix.solve(gradient.reshape(-1, 3)[:rows], step.reshape(-1, 3)[:rows])
+        close_coupling(gradient, task.coupling, step)
+
+    def renew(self, task: Task) -> bool:
+        """Take the tangent at the present unknowns of ``task`` if it is positive definite; return whether it is.
+
+        Otherwise the tangent in use stays: a saddle's tangent, made definite, is a poor guide away from the saddle.
+        """
+        if self.tangent is None and not self.level.affordable:
+            return False
+        before, work = self.tangent, task.active.workspace
+        taken = self.level.take(task.problem, work.u, work.x, definite=True)
+        if taken is None:
+            if before is not None:
+                self.level.load(before)
+                self.level.turn(work.x)
+                self.tangent = replace(before, spent=0, solves=0, latest=0)
+            return False
+        self._adopt(task, taken)
+        return True
+
+    def _adopt(self, task: Task, tangent: Tangent) -> None:
+        status = task.active.status
+        self.tangent = tangent
+        status["count"], status["since"], status["turned"], status["before"] = 0, 0, np.inf, np.inf
+        status["ended"], self._spent = End.NONE, 0
+
+    def newton_step(self, task: Task) -> tuple[float, NDArray[np.float64]]:
+        """Return the step M^-1 g (3 r,) [m], and its largest displacement divided by the body's size and by its trust.
+
+        With a fresh tangent M, the first result is the distance to the equilibrium.
+        """
+        step, trust = np.empty_like(task.active.workspace.u), 1.0 if self.tangent is not None else TRUST
+        self.precondition(task, task.active.workspace.gradient, step)
+        return float(largest(step)) / (trust * self._body.size), step
 
     def error_estimate(self, active: ActiveSet) -> float:
         """Return the estimated largest distance to the equilibrium, divided by the body's size."""
-        work, status, size = active.workspace, active.status, self._body.size
-        distance = float(status["distance"]) / (SAFETY * size)
-        if active.ended is not End.EXHAUSTED and status["seen"] >= 2 * WINDOW:
-            distance = max(distance, float(way_left(work)) / size)
-        return distance
+        return float(active.status["distance"]) / self._body.size
 
-    def spent_tangent(self) -> Tangent | None:
-        """Return None: this minimiser has no tangent that the next solve can use."""
-        return None
+    def used_tangent(self) -> Tangent | None:
+        """Return the tangent for the next solve, with the cost of this solve added; None if there is none."""
+        if self.tangent is None:
+            return None
+        tangent, spent = self.tangent, self._spent
+        return replace(tangent, spent=tangent.spent + spent, solves=tangent.solves + 1, latest=spent)
+
+    def is_overdue(self, tangent: Tangent | None) -> bool:
+        """Return whether a new tangent lowers the mean cost of a solve."""
+        return tangent is not None and tangent.overdue(max(LEAST_AGE // 2, self.level.price))
 
     def ran_away(self, active: ActiveSet) -> bool:
         """Return whether the body runs away, because the energy has no lower bound."""
-        work = active.workspace
-        far = not largest_shift(work.x, self._body.rest) <= FARTHEST * self._body.size
+        far = not largest_shift(active.workspace.x, self._body.rest) <= FARTHEST * self._body.size
         return far or active.ended is End.RUNAWAY
 
-    def _iterate(
-        self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool = False
-    ) -> Descended:
-        """Iterate with the constant matrix until the estimated distance to the equilibrium is below ``target`` [m].
+    def metric(self, coupling: Coupling) -> Metric:
+        """Return the initial matrix for the kernels."""
+        held, tangent = bool(self._body.handles), self.tangent
+        if tangent is None:
+            return Metric(self._none, coupling, self._body.rest, held, TRUST, *self._given)
+        before = self._body.rest if tangent.positions is None else tangent.positions
+        return Metric(self.level.kept, coupling, before, held, 1.0, *self._given)
 
-        The first ``least`` iterations end only below the smaller distance ``floor`` [m]. With ``evaluate``, the terms
-        are evaluated at the start first.
-        """
-        compiled = task.active.matrix.kind is not Factorisation.SCIPY
-        later = compiled and limit > 0 and not self.observer  # the compiled iterations evaluate the terms as well
-        if evaluate and not later:
-            task.evaluate()
-        if compiled:
-            return self._run_constant(task, target, floor, least, limit, evaluate=evaluate and later)
-        return self._run_stepwise(task, target, floor, least, limit)
+    def _age(self, active: ActiveSet) -> int:
+        """Return the number of iterations of a solve for which one matrix serves."""
+        if self.tangent is None:
+            return UNSOLVED if active.is_whole and self.level.fits else 2**62
+        return max(LEAST_AGE, round(AGE * self.level.price))
 
-    def _run_constant(
-        self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool
-    ) -> Descended:
-        """Iterate in compiled calls with the constant matrix's inverse: explicit, or a factor by supernodes."""
-        dense = task.active.matrix.kind is Factorisation.DENSE
-        unasked, chunk = (least, CHUNK) if dense else (0, 1)
-        given = task.problem, task.active.workspace, task.coupling, floor
-
-        def iterate(done: int, most: int) -> int:
-            return quasi_newton.descend(*given, least - done, target, most, evaluate and done == 0)
-
-        return self._run_compiled(task, iterate, limit, least=unasked, chunk=chunk)
-
-    def _run_compiled(
-        self, task: Task, iterate: Callable[[int, int], int], limit: int, *, least: int, chunk: int
-    ) -> Descended:
-        """Iterate in compiled calls.
-
-        With a deadline, the first call makes ``least`` iterations, and each later call ``chunk`` iterations.
-        ``iterate`` receives the number of iterations made so far and the number allowed. It returns the number of
-        iterations that it made.
-        """
-        work, done = task.active.workspace, 0
-        self._show(work, begins=True)
-        while done < limit:
-            most = limit - done
-            if task.deadline:
-                most = min(most, least - done if done < least else chunk)
-            most = 1 if self.observer else most
-            with task.turn:
-                used = iterate(done, most)
-            self._show(work, begins=False)
-            done += used
-            if used < most:
-                return Descended(done, cut=False)
-            if past(task.deadline):
-                break
-        return Descended(done, cut=True)
-
-    def _run_stepwise(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
-        """Iterate with a factor of the constant matrix that SciPy applies, in one compiled call for each iteration."""
+    def _renewed(self, task: Task, *, fresh: bool) -> bool:
+        """Renew the tangent within a solve; return whether that is possible and may help."""
+        if fresh and task.active.status["since"] == 0:
+            return False
+        if self.tangent is None and not (task.active.is_whole and self.level.fits):
+            return False
         work = task.active.workspace
-        self._show(work, begins=True)
-        task.precondition(work.gradient, work.step)
-        for iteration in range(limit):
-            goal = target if iteration >= least else floor
-            ended = task.advance(goal)
-            self._show(work, begins=False)
-            if ended:
-                return Descended(iteration, cut=False)
-            task.precondition(work.gradient, work.step)
-            pairs.remember(work)
-            if past(task.deadline):
-                return Descended(iteration + 1, cut=True)
-        return Descended(limit, cut=True)
+        self._adopt(task, self.level.take(task.problem, work.u, work.x))
+        return True
 
     def _show(self, work: Workspace, *, begins: bool) -> None:
         if self.observer is not None:
             status = numbers(work)
-            size = float(status["absolute"] + status["outside"]) + self._grain / quasi_newton.ROUNDING
+            size = float(status["absolute"] + status["outside"]) + self._grain / ROUNDING
             self.observer(float(status["energy"]), size, begins)

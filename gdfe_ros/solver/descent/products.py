@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.minimiser import Task
-from gdfe_ros.solver.descent.quasi_newton import advance
+from gdfe_ros.solver.descent.search import advance
 from gdfe_ros.solver.descent.workspace import allocate, numbers
 from gdfe_ros.solver.distance import largest
 
@@ -29,7 +29,7 @@ def multiply(problem, u, gradient, beside, direction, spacing, image):
     step, first = spacing / largest(direction), len(u) > 0
     for n in range(len(u)):
         beside.u[n] = u[n] + step * direction[n]
-    advance(problem, beside, 0.0, first)
+    advance(problem, beside, first)
     for n in range(len(u)):
         image[n] = (beside.gradient[n] - gradient[n]) / step
 
@@ -59,7 +59,7 @@ class TangentProducts:
     def energy(self, step: NDArray[np.float64]) -> float:
         """Return the energy [J] of all terms at the unknowns plus ``step`` (3 r,)."""
         self._beside.u[...] = self._u + step
-        advance(self._problem, self._beside, 0.0, True)
+        advance(self._problem, self._beside, True)
         return float(numbers(self._beside)["energy"])
 
     def __call__(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,24 +9,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-MEMORY, LONG_MEMORY = 14, 30
-"""Largest number of pairs in the history, without and with external forces. Forces excite the softest modes most. The
-constant matrix makes these modes too stiff, and only the history resolves them.
-"""
-WINDOW = 10
-"""Number of iterations in a window. The longest steps of the last two windows give the rate at which steps shrink."""
+MEMORY = 8
+"""Number of pairs in the history. Between 5 and 14 the number of iterations hardly depends on it."""
 
 
 class End(IntEnum):
-    """Why a minimisation cannot continue."""
+    """Why a minimisation ended."""
 
     NONE = 0
-    """It can continue."""
-    STALLED = 1
+    """It has not ended: it may continue."""
+    NEAR = 1
+    """The distance to the equilibrium is within the target."""
+    WORN = 2
+    """The matrix has served for so many iterations that a new one pays, or it gives no direction of descent."""
+    STALLED = 3
     """No step along the direction lowers the energy."""
-    EXHAUSTED = 2
+    EXHAUSTED = 4
     """The precision of the energy and its gradient is used up."""
-    RUNAWAY = 3
+    RUNAWAY = 5
     """The energy has no lower bound: an unstable law or load."""
 
 
@@ -35,21 +35,26 @@ STATUS = np.dtype(
         ("energy", np.float64),  # [J]
         ("slope", np.float64),  # of the energy along the direction [J]
         ("length", np.float64),  # t at the end of the last search
-        ("distance", np.float64),  # largest vertex displacement of the quasi-Newton step [m]
-        ("nearest", np.float64),  # least distance so far [m]
+        ("step", np.float64),  # largest vertex displacement of the direction [m]
+        ("before", np.float64),  # the same in the last iteration; infinite before the first one [m]
+        ("rate", np.float64),  # ratio of the last two steps
+        ("distance", np.float64),  # estimated distance to the equilibrium [m]
+        ("scale", np.float64),  # factor of the constant matrix' inverse where it replaces the tangent
+        ("turned", np.float64),  # bound of the displacement since the vertices' rotations were computed [m]
+        ("nearest", np.float64),  # shortest step so far [m]
         ("reach", np.float64),  # displacement beyond which the body counts as running away [m]
         ("absolute", np.float64),  # sum of the elements' |energy| [J]
         ("outside", np.float64),  # size of the other terms' energies [J]
         ("grain", np.float64),  # rounding of the undeformed energy [J]
         ("count", np.int64),  # number of pairs in the history
-        ("serial", np.int64),  # serial number of the newest pair
-        ("pending", np.int64),  # 1 if the newest pair's products with the older ones are not computed yet
+        ("head", np.int64),  # row of the next pair
+        ("wild", np.int64),  # 1 if the constant matrix replaces the tangent, because its steps are far too long
+        ("made", np.int64),  # iterations of this minimisation
+        ("since", np.int64),  # iterations since the matrix was made
         ("blocked", np.int64),  # successive searches whose full step had infinite energy
         ("plateau", np.int64),  # iterations since the energy fell or the steps halved
-        ("seen", np.int64),  # steps recorded in this solve; -1 if they are not recorded
         ("evaluations", np.int64),  # of all elements
         ("ended", np.int64),  # an `End`
-        ("given", np.int64),  # 1 if the next direction is given instead of computed from the history
     ]
 )
 """Fields of a minimisation's status record."""
@@ -88,20 +93,15 @@ class Workspace(NamedTuple):
     """Work arrays of a minimisation. All of them are overwritten, and none is returned as a result.
 
     Attributes:
-        u, gradient, step: (3 r,) unknowns [m], dE/du [N], H_0 dE/du [m], row by row.
+        u, gradient, step: (3 r,) unknowns [m], dE/du [N], and scratch of the two-loop recursion.
         trial, old: (3 r,) trial unknowns [m], and gradient of the last iteration [N].
-        direction, curve: (3 r,) [m] d and c of the arc u + t d + t^2 c along which a search moves; c is zero except in
-            Newton steps.
+        direction, curve: (3 r,) [m] d and c of the arc u + t d + t^2 c along which a search moves.
         x: (n, 3) positions of all vertices [m].
         force, energies: (m, c, 3) [N] and (m,) [J] of the elements at ``x``.
         outside: (n, 3) dE/dx [N] of the other terms.
         size: (1,) sum of the magnitudes of the other terms' energies [J].
-        steps, images: (memory, 3 r) [m] pairs s and v = H_0 y of the history; pair i is stored in row ``row[i]``.
-        row: (memory,) int32, a permutation.
-        serial: (memory,) int64 serial number of the pair in each row.
-        triangle, gram: (memory, memory) s_i . y_j and y_i . v_j [J].
-        products: (4, memory) s_i . g and v_i . g [J] at the last iteration, and two rows of scratch.
-        recent: (2 WINDOW,) displacements [m] of the last steps, as a ring buffer.
+        steps, changes: (memory, 3 r) pairs of the history: s [m], and the change y of the gradient [N].
+        curvature, share: (memory,) s . y [J], and scratch of the two-loop recursion.
         status: (1,) record with the fields of `STATUS`.
     """
 
@@ -118,13 +118,9 @@ class Workspace(NamedTuple):
     outside: NDArray[np.float64]
     size: NDArray[np.float64]
     steps: NDArray[np.float64]
-    images: NDArray[np.float64]
-    row: NDArray[np.int32]
-    serial: NDArray[np.int64]
-    triangle: NDArray[np.float64]
-    gram: NDArray[np.float64]
-    products: NDArray[np.float64]
-    recent: NDArray[np.float64]
+    changes: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+    share: NDArray[np.float64]
     status: NDArray[np.void]
 
 
@@ -143,7 +139,7 @@ def allocate(rows: int, x: NDArray[np.float64], cells: tuple[int, int], memory: 
 
 def allocate_part(rows: int, whole: Workspace) -> Workspace:
     """Return a workspace for fewer ``rows`` that uses the positions, forces and energies of the ``whole`` body."""
-    return _with_history(rows, len(whole.row), whole.x, whole.force, whole.energies, whole.outside)
+    return _with_history(rows, len(whole.curvature), whole.x, whole.force, whole.energies, whole.outside)
 
 
 def _with_history(rows: int, memory: int, *shared: NDArray[np.float64]) -> Workspace:
@@ -152,10 +148,6 @@ def _with_history(rows: int, memory: int, *shared: NDArray[np.float64]) -> Works
         *shared,
         np.zeros(1),
         *(np.zeros((memory, 3 * rows)) for _ in range(2)),
-        np.arange(memory, dtype=np.int32),
-        np.zeros(memory, dtype=np.int64),
-        *(np.zeros((memory, memory)) for _ in range(2)),
-        np.zeros((4, memory)),
-        np.zeros(2 * WINDOW),
+        *(np.zeros(memory) for _ in range(2)),
         np.zeros(1, dtype=STATUS).view(np.recarray),
     )

@@ -15,16 +15,12 @@ from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.history import UpdateHistory
-from gdfe_ros.solver.descent.minimiser import SAFETY, Minimiser, Observer, Task
-from gdfe_ros.solver.descent.workspace import LONG_MEMORY, MEMORY
-from gdfe_ros.solver.distance import largest_shift
+from gdfe_ros.solver.descent.minimiser import SHARE, TRUST, Minimiser, Observer, Task
 from gdfe_ros.solver.elements.pressures import at_rest
 from gdfe_ros.solver.equilibrium.dormancy import Dormancy
 from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Predictor
-from gdfe_ros.solver.equilibrium.saddles import Saddles
-from gdfe_ros.solver.equilibrium.slender import for_slender
+from gdfe_ros.solver.equilibrium.rest import take_rest
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.equilibrium.stability import Stability
 from gdfe_ros.solver.handle_motions import HandleMotions
@@ -35,15 +31,12 @@ from gdfe_ros.solver.reactions import vertex_forces
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import Known, State, Summary
+from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
 
-LEAP = 100.0
-"""A solve is warm only if its start is within this multiple of the tolerance from the last equilibrium."""
 REORIENT = 0.3
-"""If a handle has rotated by this angle [rad], its coupling to the constant matrix is recomputed, and the history is
-emptied.
-"""
+"""If a handle has rotated by this angle [rad], its coupling to the constant matrix is recomputed."""
 RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 
@@ -94,24 +87,23 @@ class EquilibriumSolver:
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
         self._predictor = predictor(self.handles) if predictor else Predictor(body, self.handles)
-        memory = LONG_MEMORY if self.actuation.drives and predictor is None else MEMORY
         still = not self.actuation.growths
-        self._whole = ActiveSet.whole(body, self.matrix, memory, rigid=still, skip=skip)
+        self._whole = ActiveSet.whole(body, self.matrix, rigid=still, skip=skip)
         self._dormancy = Dormancy(body, self._whole, skip if still else (), pushed=bool(self.actuation.terms))
-        model = Model(body, self.actuation, self.handles, Minimiser(body, stiffness, bending), softening=softening)
-        shared = self._whole.threads(threads)
-        given = model, self._whole, self.matrix, self.at_rest(), stiffness, bending
-        with one_blas_thread():
-            self._model = for_slender(*given, threads=shared, moving=predictor is not None)
-        self.minimiser = self._model.minimiser
-        if self.minimiser.certified:
+        level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
+        moving = predictor is not None
+        self.minimiser = Minimiser(body, stiffness, level, moving=moving)
+        self._model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
+        if level.affordable:
             self._dormancy.forbid()
+            with one_blas_thread():
+                take_rest(self._model, self._whole, self.matrix, self.at_rest())
         count = len(body.material)
         self._stored, self._least = np.zeros(count), np.ones(count)
         self._loaded: Known | None = None
         self._run = 0
-        still = predictor is None and self._model.softest is not None
-        self._saddles = Saddles(Stability(body, self._model.softest)) if still else None
+        exact = all(term.exact for term in self.actuation.terms)
+        self._stability = None if moving or not body.unknowns.rows else Stability(body, self.minimiser, exact=exact)
 
     def at_rest(self) -> State:
         """Return the undeformed state; it is no equilibrium if the body is inside of an obstacle."""
@@ -144,6 +136,7 @@ class EquilibriumSolver:
             operators=ungrown,
             sleep=self._dormancy.at_rest(),
             balance=self.actuation.balance(body.rest, neutral),
+            proved=0.0,
             summary=summary,
         )
 
@@ -170,28 +163,18 @@ class EquilibriumSolver:
         """Find the equilibrium of ``problem`` from ``start``, which is not modified."""
         self._run += 1
         base = self.handles.base(problem.poses, start.poses, start.base)
-        active = self._dormancy.choose(start, base)
+        active = self._dormancy.choose(start, base) if start.tangent is None else self._whole
         prediction = self._predictor.predict(start, base, start.change_to(problem.commands), active)
-        near = LEAP * problem.tolerance * self.body.size
-        motion = largest_shift(prediction.positions, start.positions)
-        solve = Solve(
-            self._model,
-            problem,
-            start,
-            base,
-            prediction,
-            active.elements,
-            warm=bool(prediction.ratio and (prediction.sure or motion <= near)),
-        )
+        solve = Solve(self._model, problem, start, base, prediction, active.elements)
         held = self._dormancy.is_part(active)
         if held:
             self._load(start.sleep.known)
         else:
             self._loaded = None
-        found = self.descend(solve, active, start.part_history if held else start.history)
+        found = self.descend(solve, active)
         if not held or past(problem.deadline):
             return self._judged(solve, found, part=held)
-        target = SAFETY * problem.tolerance * self.body.size
+        target = SHARE * TRUST * problem.tolerance * self.body.size
         if found.converged and not solve.pressures.stiffened:
             moved, yielding = self._dormancy.disturbance(start.sleep, target)
             if moved <= target:
@@ -207,7 +190,7 @@ class EquilibriumSolver:
             solve.go_on_from(found.state)
         else:
             solve.begin_anew(self._whole.elements)
-        again = self.descend(solve, self._whole, start.history, spent=found.iterations)
+        again = self.descend(solve, self._whole, spent=found.iterations)
         return self._judged(solve, changed(again, iterations=found.iterations + again.iterations), part=False)
 
     def accept(self, solution: Solution, previous: State) -> State:
@@ -220,19 +203,14 @@ class EquilibriumSolver:
             raise RuntimeError("only the solution of the last solve can be accepted")
         found, active = solution.state, solution.active
         change = previous.change_to(found.commands)
-        part = self._dormancy.is_part(active)
-        exported = active.keeper.export() if self.minimiser.remembers else UpdateHistory.empty()
-        sleep = found.sleep
+        sleep = found.sleep if found.tangent is None else None  # frozen parts have no tangent
         if self._dormancy.touched(previous, found.base):
             sleep = self._dormancy.woken(sleep)
         sleep = self._dormancy.accepted(sleep, active, found.positions, solution.tolerance)
         sleep = self._dormancy.learned(sleep, lambda: self._known(found))
-        same = sleep is not None and sleep.awake is (previous.sleep and previous.sleep.awake)
         return found.with_(
             motion=self._predictor.motion(previous, found, change),
             turns=self.handles.within_a_turn(found.turns),
-            history=previous.history if part else exported,
-            part_history=exported if part else previous.part_history if same else UpdateHistory.empty(),
             sleep=sleep,
             balance=solution.balance,
         )
@@ -258,26 +236,30 @@ class EquilibriumSolver:
         return solve.evaluate(self._whole, self._coupling(self._orientation(solve), self._whole), threads=threads)
 
     def _judged(self, solve: Solve, found: Solution, *, part: bool) -> Solution:
-        return self._saddles.judged(self, solve, found, part=part) if self._saddles and found.converged else found
+        """Return a solution with its stability, and with a new tangent if that lowers the cost of the next solves."""
+        if part or not found.converged:
+            return found
+        if self._stability is None:
+            if self.minimiser.is_overdue(found.state.tangent):
+                self.minimiser.renew(self.task_at(solve, found))
+                found = changed(found, state=found.state.with_(tangent=self.minimiser.tangent))
+            return found
+        return self._stability.judged(self, solve, found)
 
     def _coupling(self, orientation: NDArray[np.float64] | None, active: ActiveSet) -> Coupling:
         """Return the coupling of the handles' rigid rows in an active set, at a result of `_orientation`."""
         return active.matrix.coupling if orientation is None else active.matrix.turned(orientation)
 
-    def descend(self, solve: Solve, active: ActiveSet, history: UpdateHistory, *, spent: int = 0) -> Solution:
+    def descend(self, solve: Solve, active: ActiveSet, *, spent: int = 0) -> Solution:
         """Return the solution of minimisations and multiplier updates from the present positions of ``solve``.
 
         Args:
             solve: the solve.
             active: unknowns and elements.
-            history: quasi-Newton history at the beginning.
             spent: number of iterations that the solve has made before.
         """
         orientation = self._orientation(solve)
         coupling = self._coupling(orientation, active)
-        if orientation is not None and orientation is not solve.start.orientation:
-            history = UpdateHistory.empty()
-        active.keeper.load(history)
         solve.descend(active, coupling, threads=active.threads(self._threads), limit=solve.problem.limit - spent)
         if self.minimiser.ran_away(active):
             summary = changed(solve.start.summary, converged=False, error_estimate=np.inf, message=RAN_AWAY)

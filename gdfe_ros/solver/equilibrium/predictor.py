@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import Movable
+from gdfe_ros.solver.elements.barrier import THRESHOLD
+from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.state import Motion, State
 
@@ -18,6 +20,8 @@ LARGEST_RATIO = 2.0
 """Largest multiple of the last step that is extrapolated."""
 STILL = 1e-12
 """Handle displacement, divided by the body's size, that counts as rounding and is not extended to the free vertices."""
+FAR = 1e-2
+"""Extrapolated displacements below this multiple of the body's size fold no element."""
 SMOOTH = 0.5
 """The last motion is extrapolated if the present motion differs from a multiple of it by at most this fraction."""
 
@@ -50,6 +54,7 @@ class Predictor:
 
     def __init__(self, body: Body, handles: HandleMotions) -> None:
         self._held, self._handles, self._size = body.unknowns.prescribed, handles, body.size
+        self._shape = body.shape
         self._turning = handles.turning_vertices()
 
     def predict(
@@ -57,11 +62,24 @@ class Predictor:
     ) -> Prediction:
         """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m].
 
-        ``change`` (c,) are the changes of the commands of actuators and loads. Only ``movable`` vertices move.
+        ``change`` (c,) are the changes of the commands of actuators and loads. Only ``movable`` vertices move. A motion
+        whose extrapolation folds elements is not extrapolated.
         """
+        motion = base[self._held] - state.base[self._held]
+        ratio = _ratio(state.motion, motion, change)
+        found = self._predicted(state, base, movable, ratio)
+        if ratio != 0.0 and self._is_far(state, ratio) and least_volume_ratio(found.positions, self._shape) < THRESHOLD:
+            return self._predicted(state, base, movable, 0.0)
+        return found
+
+    def _is_far(self, state: State, ratio: float) -> bool:
+        """Return whether the extrapolated motion is so long that it may fold elements."""
+        return ratio * float(np.abs(state.motion.move).max()) > FAR * self._size
+
+    def _predicted(self, state: State, base: NDArray[np.float64], movable: Movable, ratio: float) -> Prediction:
+        """Return the start with the last motion extrapolated by ``ratio``."""
         held, last = self._held, state.motion
         motion = base[held] - state.base[held]
-        ratio = _ratio(last, motion, change)
         start, rest, slides, turns = state.positions.copy(), motion, state.slides, state.turns
         if last is not None and ratio != 0.0:
             rest = motion - ratio * last.base

@@ -24,40 +24,36 @@ class DescentSchedule:
         actuation: the terms; contact forces may require a finer tolerance.
         tolerance: tolerance of the solve.
         first: tolerance of the first minimisation, without contact forces.
-        share: initial factor of all tolerances.
-        certified: whether the first minimisation ignores the contact forces, which are those of the last step.
+        patient: whether the first minimisation ignores the contact forces, which are those of the last step.
 
     Attributes:
-        present: tolerance of the present minimisation, without contact forces and without ``share``.
-        share: factor of all tolerances.
+        present: tolerance of the present minimisation, without contact forces.
     """
 
-    def __init__(self, actuation: Actuation, tolerance: float, *, first: float, share: float, certified: bool) -> None:
-        self._actuation, self._tolerance, self.share, self._certified = actuation, tolerance, share, certified
+    def __init__(self, actuation: Actuation, tolerance: float, *, first: float, patient: bool) -> None:
+        self._actuation, self._tolerance, self._patient = actuation, tolerance, patient
         self.present, self._finest, self._count = first, tolerance, 0
         self._rough, self._aim = False, np.inf
 
-    def aims(self) -> dict[str, float]:
-        """Return the tolerance of the next minimisation, and that of the whole solve, as arguments of `descend`."""
+    def aim(self, *, confirms: bool) -> float:
+        """Return the tolerance of the next minimisation; if it only ``confirms`` the positions, that of the solve."""
+        if confirms:
+            self._aim = max(self._finest, self._tolerance)
+            return self._aim
         coarser = COARSER[self._count] if self._count < len(COARSER) and self.present > self._tolerance else 1.0
-        if self._count == 0 and self._certified:
+        if self._count == 0 and self._patient:
             coarser = np.inf
         self._count += 1
         fine, least = coarser * self._actuation.resolution, ROUGH * self._actuation.missed
         fine, self._rough = max(fine, least), least > fine
-        self._aim = self.share * min(self.present, fine)
-        return {"tolerance": self._aim, "final": self.share * min(self._finest, fine)}
+        self._aim = min(self.present, fine)
+        return self._aim
 
     @property
     def exact(self) -> bool:
         """Whether the last minimisation had the tolerance of the solve and that of the present contact forces."""
-        coarse = self._aim > self.share * min(self.present, self._actuation.resolution)
+        coarse = self._aim > min(self.present, self._actuation.resolution)
         return self.present <= self._tolerance and not self._rough and not coarse
-
-    def look(self) -> None:
-        """Let the next minimisation only confirm the positions: the multipliers have settled."""
-        if not self._certified:
-            self.share = 1.0
 
     def refine(self) -> None:
         """Decrease the tolerance of the solve: multipliers still change, but by too little for another iteration."""

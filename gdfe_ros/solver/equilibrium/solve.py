@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Task
-from gdfe_ros.solver.descent.quasi_newton import ROUNDING
-from gdfe_ros.solver.descent.workspace import LONG_MEMORY, End, Problem
+from gdfe_ros.solver.descent.search import ROUNDING
+from gdfe_ros.solver.descent.workspace import End, Problem
 from gdfe_ros.solver.elements.fields import store_energies
 from gdfe_ros.solver.elements.flatness import flattened
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
@@ -26,32 +24,17 @@ from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 
-SCALE_SLACK = 10.0
-"""Allowed change of an hourglass scale of a stocky body in the last update, divided by the tolerance. Positions then
-stay within the tolerance.
+FAINT = 0.3
+"""If the error of a constraint, or the change of an hourglass scale, exceeds this multiple of the tolerance, a
+minimisation has to show that the positions are still within the tolerance. (With a single cell across, the whole
+bending stiffness follows the scale.)
 """
-SLENDER_SCALE = 0.3
-"""`SCALE_SLACK` for a slender body: with a single cell across, its whole bending stiffness follows the scale."""
-SLENDER_VOLUME = 5.0
-"""Allowed volume error of a slender body's elements, divided by the tolerance and by the square root of the softness,
-which is a seventh of the thickness t over the length L of a bar. If the volumes on one side of the bar are wrong by a
-fraction e, its end is displaced by up to e L / (2 t) of its length.
+LAGGING_VOLUME, LAGGING_SCALE = 10.0, 100.0
+"""Allowed errors of volumes, and allowed changes of hourglass scales in the last update, in motion and divided by the
+tolerance. The updates of the next step reduce these errors.
 """
-WARM_SLACK = 10.0
-"""Factor that increases the allowed volume error and the allowed change of hourglass scales in a step that continues a
-motion, if the distance is not certified. The updates of the next step reduce these errors.
-"""
-WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
-"""Least numbers of iterations of three kinds of steps: a step that continues a motion, a step that does not, and a step
-of a driven body whose history is not full. The first number keeps the errors of many small steps from accumulating. The
-third number is needed because the history does not yet contain the softest modes, which forces excite most.
-"""
-COLD_AIM = 0.2
-"""A cold solve, one at the end of a command that continues no motion but that of the command's other increments, is
-solved to this fraction of the tolerance. Its history does not contain the softest modes yet, so its iterations become
-short before the distance does. A certified distance needs no such fraction, but multipliers do: the force of a stiff
-constraint has a far larger relative error than the positions.
-"""
+SLOW = 10
+"""If this number of updates of exact minimisations does not settle the constraints, the minimisations become finer."""
 MOST_UPDATES = 60
 """Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
 TOO_STRONG = "a load or an actuator is so strong that the rounding of its energy hides the energy of the body"
@@ -68,11 +51,9 @@ class Solve:
         base: (n, 3) [m]; rows of handle vertices are their commanded positions.
         prediction: positions at the beginning.
         elements: (k,) int32 indices of the elements that move.
-        warm: whether the motion continues smoothly and the start is near the equilibrium.
 
     Attributes:
         problem, start: the arguments.
-        warm: the argument, or False after a saddle was left.
         anew: whether the solve continues no motion.
         turns: (p, 3) free rotation vectors [rad] of the handles at the beginning.
         pressures: the elements' pressures, multipliers of their volumes.
@@ -87,14 +68,11 @@ class Solve:
         base: NDArray[np.float64],
         prediction: Prediction,
         elements: NDArray[np.int32],
-        *,
-        warm: bool,
     ) -> None:
         self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
-        self._level, self._softening = model.level, model.softening
-        self.problem, self.start, self.warm = problem, start, warm
+        self._softening, self._moving = model.softening, model.moving
+        self.problem, self.start = problem, start
         self.anew = not prediction.ratio
-        self._cold = problem.ends == 1.0 and (self.anew or problem.begins > 0.0)
         self._base, self._frame, self._prediction = base, model.handles.frame(base), prediction
         self._operators = self._actuation.growths.at(problem.commands, start.operators)
         self.iterations, self._watch = 0, Watch.over(len(self._body.material))
@@ -102,17 +80,23 @@ class Solve:
         self._resumed = start.unfinished if same else None
         self.begin_anew(elements)
 
+    @property
+    def interrupted(self) -> bool:
+        """Whether the load path to the command was divided, or an earlier solve was cut."""
+        return self.problem.begins > 0.0 or self._resumed is not None
+
     @classmethod
     def at(cls, model: Model, state: State) -> Solve:
         """Return a solve that begins exactly at a state."""
         problem = Increment.at(state, tolerance=1.0, limit=0)
         here = Prediction(state.positions, state.slides, state.turns, 0.0)
-        return cls(model, problem, state, state.base, here, np.zeros(0, np.int32), warm=False)
+        return cls(model, problem, state, state.base, here, np.zeros(0, np.int32))
 
     def begin_anew(self, elements: NDArray[np.int32]) -> None:
         """Start from the prediction, with extrapolated multipliers in the moving ``elements``."""
         start, here = self.start, self._prediction
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
+        self._tangent = start.tangent
         self.pressures = Pressures(self._body, start.elements, elements, here.ratio)
         self._scale = _followed_scale(start.elements, here.ratio)
         self._actuation.stiffen(self._nearly_folded())
@@ -122,12 +106,13 @@ class Solve:
     def go_on_from(self, state: State) -> None:
         """Start from ``state``, which this solve has reached, with unchanged multipliers."""
         self._positions, self._slides, self.turns = state.positions, state.slides, state.turns
+        self._tangent = state.tangent
         self.pressures.begin()
 
     def leave_to(self, state: State) -> None:
         """Start from ``state`` beside a saddle, without the extrapolations of the solve that ended at the saddle."""
         self.go_on_from(state)
-        self.warm, self._resumed = False, None
+        self._resumed = None
         self._prediction = Prediction(state.positions, state.slides, state.turns, 0.0)
 
     def evaluate(self, active: ActiveSet, coupling: Coupling, *, threads: int | None) -> Task:
@@ -154,92 +139,64 @@ class Solve:
         )
         active.place(self._positions, self._base, self._slides, self.turns)
         self._watch.room[...] = -1.0
-        return Task(active, problem, coupling, self.problem.deadline, self._level)
+        return Task(active, problem, coupling, self.problem.deadline)
 
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
         """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
-        self._minimiser.begin(active, self.start, warm=self.warm)
+        self._minimiser.begin(active, self._tangent)
         task = self._placed(active, coupling, threads)
-        accumulates = bool(len(active.carried) or self._actuation.updates)
-        updates = accumulates or self._softens(active)
-        self._schedule = self._scheduled(active, updates=updates, accumulates=accumulates)
-        least = self._least_iterations(active)
-        self._settled, self.iterations, self._cut = not updates, 0, False
+        updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
+        self._schedule = self._scheduled(updates=updates)
+        self._settled, self._exact, self.iterations, self._cut = not updates, 0, 0, False
         if self._actuation.hopeless:
             task.evaluate()
             return
         for _ in range(MOST_UPDATES):
-            aims, left = self._schedule.aims(), limit - self.iterations
-            went = self._minimiser.descend(task, **aims, least=max(0, least - self.iterations), limit=left)
+            aim, left = self._schedule.aim(confirms=self._settled and updates), limit - self.iterations
+            went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=self._settled and updates)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
             failed = went.cut or self._failed(active)
             updates |= not failed and self._actuation.reached(active.workspace.x)
             if failed or not updates or self._actuation.hopeless:
                 break
-            if self._balanced(active, still=went.iterations == 0, accumulates=accumulates):
+            if self._balanced(active, still=went.iterations == 0):
                 break
             self._schedule.tighten()
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:
                 break
 
-    def _scheduled(self, active: ActiveSet, *, updates: bool, accumulates: bool) -> DescentSchedule:
+    def _scheduled(self, *, updates: bool) -> DescentSchedule:
         """Return the tolerances of the minimisations; those of an unfinished solve go on where it ended."""
         tolerance, resumed = self.problem.tolerance, self._resumed
-        first = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
+        first = max(FIRST_TOLERANCE, tolerance) if updates and self.anew else tolerance
         if resumed is not None:
             first = max(resumed.tolerance, tolerance)
-            active.workspace.recent[...], active.status["seen"] = resumed.recent, resumed.seen
-        certified = self._minimiser.certified
-        share = COLD_AIM if self._cold and self._softening and (accumulates or not certified) else 1.0
-        given = {"share": share, "certified": certified}
-        return DescentSchedule(self._actuation, tolerance, first=first, **given)
-
-    def _least_iterations(self, active: ActiveSet) -> int:
-        """Return the least number of iterations of this solve."""
-        least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
-        if self._actuation.drives and active.status["count"] < LONG_MEMORY and not self._prediction.sure:
-            least = LEARNING_ITERATIONS
-        return least if self._resumed is None else max(0, least - self._resumed.iterations)
+        return DescentSchedule(self._actuation, tolerance, first=first, patient=not self._moving)
 
     def _failed(self, active: ActiveSet) -> bool:
         """Return whether the last minimisation ran away or was given up, so that updates are useless."""
         ended = active.ended
-        runaway = ended is End.RUNAWAY or (ended is not End.NONE and bool(active.status["blocked"]))
-        return runaway or self._minimiser.lost
+        return ended is End.RUNAWAY or (ended in (End.STALLED, End.EXHAUSTED) and bool(active.status["blocked"]))
 
-    def _balanced(self, active: ActiveSet, *, still: bool, accumulates: bool) -> bool:
+    def _balanced(self, active: ActiveSet, *, still: bool) -> bool:
         """Update pressures, multipliers and scales, unless the last update stands; return whether the solve ends.
 
-        Args:
-            active: the moving elements.
-            still: whether the last minimisation made no iteration.
-            accumulates: whether there are pressures or multipliers.
+        In statics, the solve ends if the last update was faint, or if the minimisation after it made no iteration
+        (``still``). In motion, it ends after the first update that keeps the constraints.
         """
         if still and self._settled:  # the last update has not moved the equilibrium
             return True
         # Even if no further descent is possible, new pressures and scales may make one possible.
-        last = self._schedule.exact or active.ended is not End.NONE
-        # Scales follow the positions alone: where these have not moved, another update changes nothing.
-        quiet = still and not accumulates
-        moved = self._update(active, still=still)
-        self._settled = last and moved <= 1.0
-        if last and still and not self._settled:
-            self._schedule.refine()
+        last = self._schedule.exact or active.ended is not End.NEAR
+        error, change = self._update(active, still=still)
+        self._settled = last and error <= 1.0
+        self._exact += last
+        if last and not self._settled and (still or self._exact % SLOW == 0):
+            self._schedule.refine()  # the positions are not accurate enough for the constraints
         self._actuation.hasten(np.inf if self._settled else self.problem.tolerance)
-        if not self._settled or quiet or not self._looks(active):
-            return self._settled
-        self._schedule.look()
-        return False
-
-    def _looks(self, active: ActiveSet) -> bool:
-        """Return whether a minimisation must confirm the positions after the last update of the multipliers.
-
-        New contact forces may have moved the equilibrium of a slender body by more than the tolerance, and new
-        pressures that of any body in a cold solve.
-        """
-        touches = self._minimiser.certified and bool(self._actuation.contacts)
-        return touches or (self._cold and len(active.carried) > 0)
+        faint = max(error, change) <= FAINT and not self._actuation.contacts
+        return self._settled and (still or faint or self._moving)
 
     def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
         """Write energies [J] and least volume ratios of the active elements to ``stored`` and ``least`` (m,)."""
@@ -291,14 +248,13 @@ class Solve:
                 terms=self._actuation.finish(start.terms, positions),
                 elements=elements,
                 operators=self._operators,
-                tangent=self._minimiser.spent_tangent(),
-                unfinished=self._unfinished(active) if self._cut and not converged else None,
+                tangent=self._minimiser.used_tangent(),
+                unfinished=self._unfinished() if self._cut and not converged else None,
                 summary=summary,
             ),
             iterations=self.iterations,
             cut=self._cut and not converged,
             exhausted=active.ended is End.EXHAUSTED and not converged,
-            lost=self._minimiser.lost and not converged,
             buried=self._actuation.buried,
             began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,
@@ -307,23 +263,25 @@ class Solve:
             tolerance=problem.tolerance,
         )
 
-    def _update(self, active: ActiveSet, *, still: bool) -> float:
-        """Update pressures, multipliers and scales; return the largest change divided by the allowed change."""
-        x, moved = active.workspace.x, [0.0]
+    def _update(self, active: ActiveSet, *, still: bool) -> tuple[float, float]:
+        """Update pressures, multipliers and scales.
+
+        Returns:
+            The largest error of a constraint and the largest change of an hourglass scale, both divided by the
+            tolerance.
+        """
+        x, errors, change = active.workspace.x, [0.0], 0.0
         tolerance = self.problem.keeping or self.problem.tolerance
-        if self._minimiser.certified:
-            volumes, scales = min(1.0, SLENDER_VOLUME * math.sqrt(self._level.first_shift)), SLENDER_SCALE
-        else:
-            volumes = WARM_SLACK if self.warm else 1.0
-            scales = SCALE_SLACK * volumes
         if len(active.carried):
-            change = self.pressures.update(x, active.carried, self._operators.shape, still=still)
-            moved.append(change / (volumes * (self.problem.volumes or tolerance)))
+            wrong = self.pressures.update(x, active.carried, self._operators.shape, still=still)
+            errors.append(wrong / (self.problem.volumes or tolerance * (LAGGING_VOLUME if self._moving else 1.0)))
         if self._actuation.updates:
-            moved.append(self._actuation.update(x) / tolerance)
+            errors.append(self._actuation.update(x) / tolerance)
         if self._softens(active):
-            moved.append(self._update_scales(active) / (scales * tolerance))
-        return float(np.max(moved))
+            change = self._update_scales(active) / tolerance
+        if self._moving:
+            errors.append(change / LAGGING_SCALE)
+        return float(np.max(errors)), change
 
     def _nearly_folded(self) -> NDArray[np.int32]:
         """Return the vertices of elements that are nearly folded at the start."""
@@ -349,14 +307,13 @@ class Solve:
             return False, np.inf, TOO_DEEP
         if ROUNDING * float(active.status["outside"]) > self._body.strain_energy_scale:
             return False, np.inf, TOO_STRONG
-        share = 1.0 if self._minimiser.certified else self._schedule.share
-        tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active) / share
-        if estimate <= tolerance and self._settled and (self.warm or not self._cut):
+        tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active)
+        if estimate <= tolerance and self._settled and not self._cut:
             return True, estimate, ""
         if self._cut:
             late = past(self.problem.deadline)
             reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
-            far = float(active.status["distance"]) / self._body.size
+            far = float(active.status["step"]) / self._body.size
             text = f"{reason}: the distance to equilibrium is not known yet; the last step was {far:.3g} of the size"
             return False, np.inf, f"{text}; the next step goes on from here"
         if estimate <= tolerance:
@@ -369,15 +326,9 @@ class Solve:
         message = f"{reason}: about {estimate:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
         return False, estimate, message
 
-    def _unfinished(self, active: ActiveSet) -> Unfinished:
+    def _unfinished(self) -> Unfinished:
         done = self._resumed.iterations if self._resumed else 0
-        work = active.workspace
-        return Unfinished(
-            tolerance=self._schedule.present,
-            iterations=done + self.iterations,
-            recent=work.recent.copy(),
-            seen=int(active.status["seen"]),
-        )
+        return Unfinished(tolerance=self._schedule.present, iterations=done + self.iterations)
 
 
 def _followed_scale(elements: ElementState, ratio: float) -> NDArray[np.float64]:

@@ -1,24 +1,52 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stability of an equilibrium, and the descent from a saddle of the energy."""
+"""Proof that an equilibrium is a minimum of the energy, and the descent from a saddle.
+
+The proof is the Cholesky factor of the tangent at the equilibrium: it exists only if the tangent is positive definite.
+The factor is not lost, because it preconditions the next step, and it gives the distance to the equilibrium. If there
+is none, the Lanczos method finds a direction of negative curvature, the body is moved along it while the energy falls,
+and the minimisation goes on from there.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.minimiser import Task
+from gdfe_ros.solver.deadline import past
+from gdfe_ros.solver.descent.active_set import ActiveSet
+from gdfe_ros.solver.descent.minimiser import SHARE, Minimiser, Task
 from gdfe_ros.solver.descent.products import TangentProducts
-from gdfe_ros.solver.distance import largest
-from gdfe_ros.solver.tangent.curvature import Lowest, lowest
+from gdfe_ros.solver.distance import largest, largest_distance
+from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.solution import Solution
+from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
+from gdfe_ros.solver.value import changed
 
+GROWTH, LONG = 4.0, 1e-2
+"""A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex moves by
+more than this multiple of the body's size in one solve.
+"""
+DEAR, SURE = 40, 0.3
+"""If a factor costs more than the first number of solutions, the Lanczos method with the kept tangent M proves a
+minimum. Its proof counts if the least eigenvalue of M^-1 K exceeds the second number.
+"""
+NEAR = 3
+"""A proof still holds after this number of further iterations."""
+ROUNDS = 12
+"""Largest number of proofs in one solve. Each saddle takes one; a long, nearly flat valley of the energy takes many."""
 FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
 """First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers are
 the largest numbers of doublings of this length and of its divisions by four."""
 FALL = 1e-9
 """Least relative decrease of the energy along a descent direction; a smaller decrease counts as rounding."""
+UNSTABLE = (
+    "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
+)
+
+NEUTRAL = "a motion of the body hardly changes its energy, and the body still follows it; remedy: hold this motion"
 
 
 class Downhill(NamedTuple):
@@ -33,33 +61,130 @@ class Downhill(NamedTuple):
     positions: NDArray[np.float64]
 
 
+class Descents(Protocol):
+    """The part of the equilibrium solver that a proof needs."""
+
+    @property
+    def whole(self) -> ActiveSet:
+        """The active set of the whole body."""
+
+    def task_at(self, solve: Solve, found: Solution) -> Task:
+        """Return the minimisation's task at a solution, with unchanged multipliers."""
+
+    def descend(self, solve: Solve, active: ActiveSet, *, spent: int = 0) -> Solution:
+        """Return the solution of minimisations and multiplier updates from the present positions of ``solve``."""
+
+
 class Stability:
-    """Finds directions along which the energy of an equilibrium has negative curvature.
+    """Proves that equilibria are minima, and leaves saddles.
 
     Args:
         body: the discretised body.
-        softest: (3 r,) the constant matrix times the undeformed body's softest mode, in which bodies often buckle.
+        minimiser: its minimiser.
+        exact: whether the kept tangent of every term is the whole second derivative of its energy. If not, a factor
+            proves nothing, and the Lanczos method searches for negative curvature also where a factor exists.
     """
 
-    def __init__(self, body: Body, softest: NDArray[np.float64]) -> None:
-        self._size, self._product = body.size, TangentProducts(body)
-        noise = np.random.default_rng(0).standard_normal(len(softest))
-        # The random load is as large as the softest mode's, because buckling may be local. With a tenth of it, the
-        # search may converge to the softest mode before it finds a mode of negative curvature.
-        self._load = softest + np.linalg.norm(softest) / np.linalg.norm(noise) * noise
+    def __init__(self, body: Body, minimiser: Minimiser, *, exact: bool) -> None:
+        self._size, self._product, self._minimiser, self._exact = body.size, TangentProducts(body), minimiser, exact
+        self._noise = np.random.default_rng(0).standard_normal(3 * body.unknowns.rows)
+
+    def judged(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
+        """Return a converged solution with its stability, which is proved anew only where that is due.
+
+        A saddle is left for a point of lower energy beside it.
+        """
+        if self._is_due(solve, found):
+            return self._proved(descents, solve, found)
+        return _told(found, stable=solve.start.summary.stable, proved=solve.start.proved)
+
+    def _is_due(self, solve: Solve, found: Solution) -> bool:
+        """Return whether to prove a solution: after a cold, long, divided or resumed solve, or with an old tangent."""
+        start, energy = solve.start, found.state.summary.energy
+        if start.proved is None or energy > GROWTH * start.proved or solve.interrupted:
+            return True
+        overdue = self._minimiser.is_overdue(found.state.tangent)
+        return overdue or largest_distance(found.positions, start.positions) > LONG * self._size
+
+    def _proved(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
+        stable, distance = None, np.inf
+        for count in range(ROUNDS):
+            task = descents.task_at(solve, found)
+            if count == 0 and (least := self._least_curvature(task)) > SURE:
+                distance, _ = self._minimiser.newton_step(task)
+                if distance <= SHARE * least * solve.problem.tolerance:
+                    return _told(_at(found, distance / least), stable=True)
+            definite = self._minimiser.renew(task)
+            found = _with(found, tangent=self._minimiser.tangent)
+            stable, direction = self._verdict(task, definite=definite)
+            late = past(solve.problem.deadline) or found.iterations >= solve.problem.limit
+            distance, step = self._minimiser.newton_step(task)
+            near = distance <= SHARE * solve.problem.tolerance
+            if late or (near and stable is not False):
+                return _told(_at(found, distance), stable=stable)
+            solve.go_on_from(found.state)
+            if stable is False or count:  # beside a saddle, or in a nearly flat valley
+                moved = self._leave(descents, solve, found, task, step if direction is None else direction)
+                if near and not moved:
+                    return _told(found, stable=False)
+            again = descents.descend(solve, descents.whole, spent=found.iterations)
+            more, spent = again.iterations, found.iterations + again.iterations
+            if not (again.converged and again.min_det > 0.0):
+                return _told(changed(found, iterations=spent), stable=stable)
+            found = changed(again, iterations=spent)
+            if stable is not False and more <= NEAR:
+                return _told(found, stable=stable)
+        if distance <= solve.problem.tolerance:
+            return _told(_at(found, distance), stable=stable)
+        summary = changed(found.state.summary, converged=False, error_estimate=distance, message=NEUTRAL)
+        return changed(_with(found, summary=summary), exhausted=True)
+
+    def _leave(
+        self, descents: Descents, solve: Solve, found: Solution, task: Task, direction: NDArray[np.float64]
+    ) -> bool:
+        """Let the solve go on from the point of least energy along a direction (3 r,); return whether there is one."""
+        down = self.leave(task, direction)
+        if down is None:
+            return False
+        descents.whole.workspace.u[...] = down.unknowns
+        slides, turns = descents.whole.rigid_motion()
+        solve.leave_to(found.state.with_(positions=down.positions, slides=slides, turns=turns))
+        return True
+
+    def _least_curvature(self, task: Task) -> float:
+        """Return the least eigenvalue of M^-1 K, 0 if it is unknown, or if K is factored instead."""
+        minimiser = self._minimiser
+        if minimiser.tangent is None or minimiser.level.price <= DEAR:
+            return 0.0
+        minimiser.level.turn(task.active.workspace.x)
+        seen = self.look(task)
+        return seen.value if seen.known else 0.0
+
+    def _verdict(self, task: Task, *, definite: bool) -> tuple[bool | None, NDArray[np.float64] | None]:
+        """Return whether the energy has positive curvature in every direction, None if that is unknown.
+
+        If it has not, a direction (3 r,) of negative curvature is the second result.
+        """
+        if definite and self._exact:
+            return True, None
+        seen = self.look(task)
+        # A kink may mislead the search, e.g. that of a cable that is just slack.
+        if seen.value > -FLAT or self.curvature(task, seen.direction) > -FLAT:
+            return True if seen.known and seen.value > FLAT else None, None
+        return False, seen.direction
 
     def look(self, task: Task) -> Lowest:
         """Return the softest direction at the unknowns of ``task``, at which all terms must be evaluated.
 
-        The start vector has a random part with a fixed seed, so that it contains all modes. The loads of a perfectly
-        symmetric body would not contain the buckling mode.
+        The start vector is random with a fixed seed, so that it contains all modes. The loads of a perfectly symmetric
+        body would not contain the buckling mode.
         """
         with task.turn:
             self._product.begin(task)
-            return lowest(self._product, task.precondition, self._load)
+            return lowest(self._product, lambda right, out: self._minimiser.precondition(task, right, out), self._noise)
 
     def curvature(self, task: Task, direction: NDArray[np.float64]) -> float:
-        """Return the curvature of the energy along a direction (3 r,) that `look` found, now or earlier."""
+        """Return the curvature of the energy along a direction (3 r,) that `look` found."""
         with task.turn:
             self._product.begin(task)
             return float(direction @ self._product(direction))
@@ -86,3 +211,25 @@ class Stability:
             best, found = energy, Downhill(work.u + length * unit, self._product.positions.copy())
             length *= 2.0
         return found
+
+
+def _with(found: Solution, **changes: object) -> Solution:
+    """Return a solution with other attributes of its state."""
+    return changed(found, state=found.state.with_(**changes))
+
+
+def _at(found: Solution, distance: float) -> Solution:
+    """Return a solution at another estimated ``distance`` to the equilibrium, divided by the body's size."""
+    return _with(found, summary=changed(found.state.summary, error_estimate=distance))
+
+
+def _told(found: Solution, *, stable: bool | None, proved: float | None = None) -> Solution:
+    """Return a solution with its stability, and a message if it is unstable.
+
+    ``proved`` is the strain energy [J] of the last proof; None stands for that of this solution.
+    """
+    if not found.converged:
+        return found
+    message = found.message if stable is not False else f"{UNSTABLE}; {found.message}".rstrip("; ")
+    summary = changed(found.state.summary, stable=stable, message=message)
+    return _with(found, summary=summary, proved=summary.energy if proved is None else proved)

@@ -10,10 +10,9 @@ from weakref import WeakValueDictionary
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
 
 from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
-from gdfe_ros.solver.matrix.supernodes import NotDefiniteError, supernodal
+from gdfe_ros.solver.matrix.supernodes import supernodal
 
 DENSE_UP_TO = 200
 """Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
@@ -28,11 +27,10 @@ REFINED = 3
 
 
 class Factorisation(str, Enum):
-    """Library or method that solves with the constant matrix."""
+    """Method of solving with the constant matrix."""
 
     DENSE = "dense inverse"
     SUPERNODES = "supernodes"
-    SCIPY = "scipy splu"
 
 
 class Factor:
@@ -41,31 +39,24 @@ class Factor:
     Args:
         matrix: (f, f), symmetric positive definite.
         points: (f, 3) positions of its vertices [m].
-        kind: method of factorisation. If `Factorisation.SUPERNODES` finds an almost singular matrix not definite,
-            scipy's LU is used instead.
+        kind: method of factorisation.
 
     Attributes:
-        kind: the method in use.
-        inverse: the inverse for the kernels; empty for scipy's LU.
+        kind: the argument.
+        inverse: the inverse for the kernels. If `Factorisation.SUPERNODES` finds the matrix not definite, because of
+            rounding, it is the inverse of the matrix plus a small multiple of its diagonal.
     """
 
     def __init__(self, matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> None:
         self.kind, self.inverse, self._matrix = kind, Inverse.of(), matrix
-        self._library = None
         if matrix.shape[0] == 0:
             return
         if kind is Factorisation.DENSE:
             self.inverse = Inverse.of(np.ascontiguousarray(np.linalg.inv(matrix.toarray())))
-        elif kind is Factorisation.SUPERNODES:
-            try:
-                self.inverse = supernodal(matrix, points)
-                if not self._sound():
-                    self.inverse = supernodal(matrix, points, exact=True)
-            except NotDefiniteError:
-                self.kind = Factorisation.SCIPY
-        if self.kind is Factorisation.SCIPY:
-            options = {"SymmetricMode": True}
-            self._library = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        else:
+            self.inverse = supernodal(matrix, points)
+            if not self._sound():
+                self.inverse = supernodal(matrix, points, exact=True)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64], *, exact: bool = False) -> None:
         """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``.
@@ -73,9 +64,6 @@ class Factor:
         With a factor of 16 bits, the relative error is up to `SOUND`. If ``exact``, the solution is corrected
         `REFINED` times.
         """
-        if self._library is not None:
-            out[...] = self._library.solve(right)
-            return
         apply_free(self.inverse, right.reshape(-1), out.reshape(-1), None)
         for _ in range(REFINED if exact and len(self.inverse.coarse) else 0):
             out += self._correction(right, out)

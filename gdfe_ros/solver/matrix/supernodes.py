@@ -26,12 +26,12 @@ CODES = np.iinfo(np.int16).max
 
 GROUPS = 4
 """Number of groups of supernodes in a large factor; threads divide the groups."""
+REGULAR = 1e-12
+"""Multiple of the largest diagonal entry of a supernode that is added to its diagonal if it has no factor; it grows
+tenfold until there is one.
+"""
 ZEROS = 0.15
 """Largest fraction of zeros in a supernode. This matrix is factored once and used often; few zeros are then fastest."""
-
-
-class NotDefiniteError(ArithmeticError):
-    """Error: the matrix has no Cholesky factor in double precision."""
 
 
 @kernel
@@ -46,10 +46,8 @@ def extend(left, places, front):
 def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact: bool = False) -> Inverse:
     """Return the factor of a matrix (f, f) of vertices at ``points`` (f, 3) [m], for the kernels.
 
-    A large factor is stored as 16-bit integers, unless ``exact`` is set.
-
-    Raises:
-        NotDefiniteError: the matrix is not positive definite.
+    A large factor is stored as 16-bit integers, unless ``exact`` is set. Where rounding leaves the matrix not positive
+    definite, as for a body that nothing holds, a small multiple of the diagonal is added.
     """
     graph = matrix.tocsr()
     graph.sort_indices()
@@ -85,8 +83,11 @@ def _factor(graph: sparse.csr_matrix, found: Elimination, inverse: Inverse, valu
         for child, places in reversed(left.pop(node, [])):
             extend(child, places, front.T)
         upper, failed = dpotrf(front[:own, :own], clean=1)
-        if failed:
-            raise NotDefiniteError
+        added = REGULAR * float(np.abs(front[range(own), range(own)]).max())
+        while failed:
+            front[range(own), range(own)] += added
+            upper, failed = dpotrf(front[:own, :own], clean=1)
+            added *= 10.0
         own_rows = np.zeros((own, height))
         own_rows[:, :own] = upper
         if own < height:

@@ -32,8 +32,6 @@ def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
     old, new = moving.state, fresh.state
     state = old.with_(
         elements=new.elements,
-        history=new.history,
-        part_history=new.part_history,
         tangent=new.tangent,
         sleep=new.sleep,
         unfinished=None,
@@ -69,12 +67,10 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, old: Sequence[Handle], new
         orientation=_taken(before.orientation, start.orientation, loose),
         motion=None,
         terms=terms,
-        history=start.history,
-        part_history=start.part_history,
         tangent=start.tangent,
         sleep=start.sleep,
         unfinished=None,
-        soft=None,
+        proved=None,
         anchor=None,
         summary=changed(
             before.summary, converged=False, reactions=_known(before.summary.reactions, start.summary.reactions)

@@ -14,7 +14,6 @@ from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_now
-from gdfe_ros.solver.descent.history import UpdateHistory
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.state import Saved, State
@@ -47,7 +46,6 @@ def put_elsewhere(
         turns=turns,
         terms=terms,
         motion=None,
-        history=UpdateHistory.empty(),
         tangent=None,
         summary=changed(state.summary, converged=False, message=UNTOLD),
         ledger=changed(state.ledger, failure=None),

@@ -25,7 +25,6 @@ from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble_centring
 from gdfe_ros.solver.matrix.coupling import close_coupling
-from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.matrix.unknowns import gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.relative.shape_factor import shape_factors
@@ -55,9 +54,9 @@ class RelativeEquilibrium:
 
     patience = 120
 
-    def __init__(self, body: Body, actuation: Actuation | None = None, *, library: Factorisation | None = None) -> None:
+    def __init__(self, body: Body, actuation: Actuation | None = None) -> None:
         self._body, self._actuation = body, actuation or Actuation(body)
-        self.matrix = ConstantMatrix(assemble_centring(body.shape), body.rest, body.unknowns, library=library)
+        self.matrix = ConstantMatrix(assemble_centring(body.shape), body.rest, body.unknowns)
         self.handles = HandleMotions(body)
         self._movable = Movable.all_of(body.unknowns, self.matrix)
         self._predictor = Predictor(body, self.handles)

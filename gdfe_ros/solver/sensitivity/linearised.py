@@ -38,9 +38,9 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.term import terms_energy
 
-SOFT, STIFF, STIFFEST = 1e-6, 1e-8, 1e-10
-"""Relative tolerances of the linear solve: without and with multipliers, and with incompressible elements. Constraints
-make the forces stiff, so that small errors of positions are large errors of reactions.
+EXACT, STIFF = 1e-8, 1e-10
+"""Relative tolerances of the linear solve, without and with incompressible elements. Constraints make the forces stiff,
+so that small errors of positions are large errors of reactions.
 """
 SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
 """Displacements in finite differences, divided by the body's size: for terms without friction, for terms with friction,
@@ -201,7 +201,7 @@ class Linearised:
         load[rows - len(turned) :] += turned
         right = np.concatenate([-load, change / self._weights])
         if self._system is None:
-            tolerance = STIFFEST if self.volumes.rigid else STIFF if len(self.multipliers) else SOFT
+            tolerance = STIFF if self.volumes.rigid else EXACT
             self._system = ConjugateResiduals(self._multiplied, self._eliminated, tolerance=tolerance)
         found = self._system.solve(right)
         unknowns, multipliers = found[:rows], found[rows:] * self._weights

@@ -60,7 +60,7 @@ class Attempt:
         """Whether the solve ended neither at a sound equilibrium nor as near to it as its precision allows."""
         solution = self.solution
         stuck = solution.error_estimate > STUCK and self.way.length > SHORTEST_STUCK
-        given_up = (solution.exhausted or solution.lost) and not stuck
+        given_up = solution.exhausted and not stuck
         return not (solution.converged or given_up) or not self.sound
 
     @property

@@ -55,7 +55,7 @@ class Stepper:
             options = {"skip": settings.skip, "threads": settings.threads}
             self.equilibrium = EquilibriumSolver(body, self.actuation, **options)
             for contact in self.actuation.contacts:
-                contact.gives_up, contact.stocky = True, not self.equilibrium.minimiser.certified
+                contact.gives_up = True
         else:
             self.equilibrium = RelativeEquilibrium(body, self.actuation)
 

@@ -50,15 +50,19 @@ class ElementStiffness:
 
     Attributes:
         values: (m, 3 c, 3 c) [N/m] the last result of `at`.
+        memory: size of these values [bytes].
     """
 
     def __init__(self, count: int, corners: int = 8) -> None:
-        self.values = np.zeros((count, 3 * corners, 3 * corners))
+        self._shape, self.memory = (count, 3 * corners, 3 * corners), 8 * count * (3 * corners) ** 2
+        self.values = np.zeros((0, 3 * corners, 3 * corners))
         self._force, self._energy = np.zeros((count, corners, 3)), np.zeros(count)
         self._tangents = cell_type_with(corners).tangents
 
     def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tangents (m, 3 c, 3 c) [N/m] at ``x`` (n, 3) [m], in an array that the next call overwrites."""
+        if len(self.values) != self._shape[0]:
+            self.values = np.zeros(self._shape)
         shape, material, table = problem.shape, problem.material, problem.table
         self._tangents(x, shape, problem.blocks, material, problem.pressure, problem.scale, table, self.values)
         scratch = self._force, self._energy

@@ -15,7 +15,7 @@ from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 UNIQUE = 0.05
-"""An element, or a vertex, counts as not rotated if the measure of its rotation's uniqueness is below this (see
+"""A vertex counts as not rotated if the measure of its rotation's uniqueness is below this (see
 `rotation_from_stretch_sum`). Without deformation the measure is 8 / 27^(1/2).
 """
 LEAST_TURN = 3e-3
@@ -28,24 +28,25 @@ ten decades, small differences between the rotations make the tangent worse.
 def vertex_rotations(x, before, shape, free, held, sums, out):
     """Write the rotations (f, 9) of the ``free`` vertices from ``before`` to ``x`` (n, 3) [m].
 
-    Each rotation is the mean of the rotations of the elements at the vertex. A body that no handle holds (``held`` is
-    False) has one rotation for all vertices. Otherwise R K0 R^T would not conserve its momentum. ``sums`` (n, 9) is
-    scratch.
+    Each is the rotation of the mean of the deformation gradients of the elements at the vertex, taken from ``before``.
+    A body that no handle holds (``held`` is False) has one rotation for all vertices. Otherwise R K0 R^T would not
+    conserve its momentum. ``sums`` (n, 9) is scratch.
     """
     sums[...] = 0.0
     for e in range(len(shape.cells)):
         f0 = mean_gradient(before, shape, e)
         f, c = mean_gradient(x, shape, e), cofactor(f0)
-        if not determinant(f0, c) > 0.0:
+        j = determinant(f0, c)
+        if not j > 0.0:
             continue
-        # F F0^-1 = F cof(F0)^T / J0; the factor 1 / J0 does not change the rotation
-        change = times(c, (f[0], f[1], f[2])) + times(c, (f[3], f[4], f[5])) + times(c, (f[6], f[7], f[8]))
-        r, margin, _ = rotation(change)
-        if margin > UNIQUE:
-            for corner in range(shape.cells.shape[1]):
-                v = shape.cells[e, corner]
-                for i in range(9):
-                    sums[v, i] += r[i]
+        # F F0^-1 = F cof(F0)^T / J0
+        p, q, s = times(c, (f[0], f[1], f[2])), times(c, (f[3], f[4], f[5])), times(c, (f[6], f[7], f[8]))
+        for corner in range(shape.cells.shape[1]):
+            total = sums[shape.cells[e, corner]]
+            for i in range(3):
+                total[i] += p[i] / j
+                total[3 + i] += q[i] / j
+                total[6 + i] += s[i] / j
     most = 0.0
     if not held:
         for i in range(9):

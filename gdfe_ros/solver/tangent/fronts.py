@@ -181,13 +181,18 @@ class Fronts:
     Args:
         graph: (f, f) symmetric pattern with an entry for each block (3, 3) of the matrices, in the order of the blocks.
         points: (f, 3) positions of the vertices [m].
+        kind: precision in which the factor is kept; it is always computed in double precision.
 
     Attributes:
         price: cost of a factorisation, divided by the cost of a solution.
+        operations: number of multiplications of a factorisation.
+        memory: bytes of the factor and of the scratch arrays.
         kept: the last factor.
     """
 
-    def __init__(self, graph: sparse.csr_matrix, points: NDArray[np.float64]) -> None:
+    def __init__(
+        self, graph: sparse.csr_matrix, points: NDArray[np.float64], *, kind: type[np.floating] = np.float32
+    ) -> None:
         orders = narrow_order(graph, points), least_degree(graph)
         found = min((eliminated(graph, order) for order in orders), key=lambda each: each.work)
         widths, heights = found.widths, found.heights
@@ -210,31 +215,35 @@ class Fronts:
         )
         left = 9 * (heights - widths) ** 2
         taken = np.bincount(found.parent[inner], weights=left[inner], minlength=len(widths)).astype(np.int64)
-        self._room, self._height = room, np.cumsum(left - taken).max(initial=0)
+        self._room, self._height = room, int(np.cumsum(left - taken).max(initial=0))
+        self.operations = 27 * int(found.work)
+        self._kind = np.dtype(kind)
+        self.memory = self._kind.itemsize * int(self._plan.value_start[-1]) + 8 * (2 * room**2 + self._height)
         self._ends = np.empty(room, np.int64)
-        self._store(found.order, np.float64, np.float64)
-
-    def _store(self, order: NDArray[np.int64], kind: type[np.floating], kept: type[np.floating]) -> None:
-        """Allocate the factor in precision ``kept`` and all scratch arrays in precision ``kind``."""
-        self._fronts, self._panel = np.empty((2, self._room**2), kind), np.empty((PANEL + 1) * TILE, kind)
-        self._stack, values = np.empty(self._height, kind), np.empty(self._plan.value_start[-1], kept)
-        none, rows = np.zeros((0, 0)), 3 * len(order)
+        none, rows, order = np.zeros((0, 0)), 3 * len(found.order), found.order
         bare = {"harmonic": np.zeros((rows, 0)), "schur": none, "springs": none, "reach": none, "inner": none}
         turns = {"frames": unrotated(len(order)), "turned": np.empty(rows)}
-        self.kept = Kept(self._plan, values, order, np.empty(rows, kind), np.empty(self._room, kind), **bare, **turns)
+        values = np.empty(0, kind)
+        self.kept = Kept(self._plan, values, order, np.empty(rows), np.empty(room), **bare, **turns)
+        self._fronts = self._panel = self._stack = np.empty(0)
 
-    def shorten(self, *, computed: bool) -> None:
-        """Keep the factor in single precision from the next factorisation on, which takes half of the memory.
-
-        Solutions take less time. If ``computed``, factors are also computed in single precision, in less time.
-        """
-        self._store(self.kept.order, np.float32 if computed else np.float64, np.float32)
+    def _allocate(self) -> None:
+        """Allocate the factor and all scratch arrays."""
+        self._fronts, self._panel = np.empty((2, self._room**2)), np.empty((PANEL + 1) * TILE)
+        self._stack = np.empty(self._height)
+        self.kept = self.kept._replace(values=np.empty(self._plan.value_start[-1], self._kind))
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
         """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. Otherwise it has no factor."""
+        if not len(self.kept.values):
+            self._allocate()
         return factor_fronts(
             blocks, self._parts, self._plan, self._fronts, self._panel, self._ends, self._stack, self.kept.values
         )
+
+    def spare(self) -> None:
+        """Let the next factorisation not overwrite the last factor."""
+        self.kept = self.kept._replace(values=np.empty(0, self._kind), frames=self.kept.frames.copy())
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the solution for a right-hand side (3 f,) or for k of them (3 f, k)."""

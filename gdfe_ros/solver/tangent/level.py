@@ -6,6 +6,7 @@ Handles with a free axis are eliminated by their Schur complement, as with the c
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -27,12 +28,16 @@ from gdfe_ros.solver.tangent.tangent import Tangent
 from gdfe_ros.solver.terms.term import Term
 
 SHIFT_GROWTH = 10.0
-"""If a tangent has no factor, or its steps do not shrink in motion, growing multiples of the constant matrix are added
-to it: each is this factor times the last one.
+"""If a tangent has no factor, growing multiples of the constant matrix are added to it: each is this factor times the
+last one.
 """
 MOST_SHIFT = 1e12
 """Largest multiple of the constant matrix that is added to a tangent without a factor. If it is not enough, the
 constant matrix replaces the tangent.
+"""
+OPERATIONS, MEMORY = 4e10, 1e9
+"""Largest number of multiplications of a factorisation, one or two seconds, and largest memory [bytes] for which a
+body has a tangent from the beginning.
 """
 TURN = 1e-6
 """Change of a rigid row in finite differences of the handles' motion, divided by the body's size."""
@@ -49,8 +54,9 @@ class TangentLevel:
 
     Attributes:
         price: cost of factoring a tangent, divided by the cost of a solution with it.
+        affordable: whether a factor takes little time and memory.
         first_shift: first multiple of the constant matrix that is added to a tangent without a factor: the softness of
-            a slender body.
+            the body.
     """
 
     first_shift = 1e-8
@@ -67,20 +73,32 @@ class TangentLevel:
         self._elements = elements or ElementStiffness(*body.cells.shape)
         self._assembly = Assembly([body.cells, *(term.couplings() for term in terms)], body.unknowns)
         self._constant = self._assembly.spread(matrix, body.unknowns)
-        even = [term.stiffness() for term in terms if term.even]
+        even = [term.stiffness() for term in terms if term.even or not term.couplings().size]
+        even = [stiffness for stiffness in even if stiffness is not None]
         self._even = self._assembly.spread(sum(even).tocsc(), body.unknowns) if even else 0.0
         self._free = 3 * self._assembly.free
         free, graph = self._assembly.free, self._assembly.graph()
         movable, members = range(free), range(free, graph.shape[0])
         self._among_free = self._assembly.part(movable, movable).chosen
         self._beside, self._within = self._assembly.part(movable, members), self._assembly.part(members, members)
-        self._factor = Fronts(graph[:free, :free].tocsr(), body.rest[body.unknowns.free])
+        kind = np.float32 if body.handles else np.float64  # only double precision conserves the momentum of free bodies
+        self._factor = Fronts(graph[:free, :free].tocsr(), body.rest[body.unknowns.free], kind=kind)
         self.price = self._factor.price
+        self.affordable = self._factor.operations <= OPERATIONS and self._factor.memory <= MEMORY
         self._loaded: Tangent | None = None
+        self._rest: tuple[Tangent, Kept] | None = None
         self._sums = np.empty((len(body.rest), 9))
         self._kept = self._factor.kept
 
-    def take(self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, shift: float = 0.0) -> Tangent:
+    @property
+    def fits(self) -> bool:
+        """Whether a factor and the elements' tangents fit into half of the memory that is free."""
+        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        return self._factor.memory + self._elements.memory <= 0.5 * free
+
+    def take(
+        self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, definite: bool = False
+    ) -> Tangent | None:
         """Evaluate and factor the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m].
 
         Beyond a buckling load, for example, the tangent is indefinite. A growing multiple of the constant matrix is
@@ -91,35 +109,35 @@ class TangentLevel:
             problem: present data of elements and handles.
             u: the unknowns.
             x: the corresponding positions.
-            shift: multiple of the constant matrix that is added in any case.
+            definite: whether to return None, and to add nothing, if the tangent is not positive definite.
 
         Raises:
             FloatingPointError: not even the constant matrix has a factor.
         """
         stiffness, motion = self._elements.at(problem, x), self._motion(u, problem.frame)
         added, here = [term.tangents(x) for term in self._terms], {"positions": x.copy(), **self._springs(x)._asdict()}
-        tangent = self._assembly.blocks([stiffness, *added]) + self._even
+        tangent = self._assembly.blocks([stiffness, *added])
+        tangent += self._even
+        shift = 0.0
         while shift <= MOST_SHIFT:
-            found = {"blocks": tangent + shift * self._constant, "softest": float(not shift), "shift": shift}
+            found = {"blocks": tangent + shift * self._constant if shift else tangent, "shift": shift}
             if self._load(Tangent(motion=motion, **found, **here)):
                 return self._loaded
+            if definite:
+                return None
             if not np.isfinite(tangent).all():
                 break
-            shift = self.next_shift(shift)
+            shift = max(self.first_shift, SHIFT_GROWTH * shift)
         if not self._load(
             Tangent(blocks=self._constant, motion=self._motion(np.zeros_like(u), problem.frame), shift=shift)
         ):
             raise FloatingPointError("neither the tangent nor the constant matrix has a factor")
         return self._loaded
 
-    def next_shift(self, shift: float) -> float:
-        """Return the multiple of the constant matrix to add after the multiple ``shift`` was too small."""
-        return max(self.first_shift, SHIFT_GROWTH * shift)
-
-    def shorten(self, *, computed: bool) -> None:
-        """Keep factors in single precision from the next tangent on. If ``computed``, compute them in it, too."""
-        self._factor.shorten(computed=computed)
-        self._kept, self._loaded = self._factor.kept, None
+    def keep(self, rest: Tangent) -> None:
+        """Keep the factor of the loaded tangent for good; later factors are stored elsewhere."""
+        self._rest = rest, self._kept
+        self._factor.spare()
 
     @property
     def stiffness(self) -> NDArray[np.float64]:
@@ -129,8 +147,11 @@ class TangentLevel:
     def load(self, tangent: Tangent) -> None:
         """Factor a tangent that `take` returned, in this run or in another run, unless it is already loaded."""
         if self._loaded is None or self._loaded.blocks is not tangent.blocks:
-            self._load(tangent)
-        elif self._loaded.ways is not tangent.ways:
+            if self._rest is None or self._rest[0].blocks is not tangent.blocks:
+                self._load(tangent)
+                return
+            self._loaded, self._kept = self._rest
+        if self._loaded.ways is not tangent.ways:
             self._connect(tangent)
 
     @property
@@ -141,11 +162,12 @@ class TangentLevel:
     def reconnected(self, tangent: Tangent, x: NDArray[np.float64]) -> Tangent:
         """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if they connect other vertices.
 
-        The other parts keep the values and the factor of the tangent, and the rotations of the last call of `turn`.
+        The other parts keep the values and the factor of the tangent.
         """
         springs = self._springs(x)
         if springs.alike(tangent.springs):
             return tangent
+        self.turn(x)
         frames = np.tile(np.eye(3), (len(x), 1, 1))
         frames[self._unknowns.free] = self._kept.frames.reshape(-1, 3, 3)
         ways = np.einsum("eij,ei->ej", frames[springs.ends], springs.ways)

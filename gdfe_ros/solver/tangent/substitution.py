@@ -51,7 +51,7 @@ class Kept(NamedTuple):
 
     Attributes:
         plan: the index arrays.
-        values: entries of the factor, in double or single precision; the next factorisation overwrites them.
+        values: entries of the factor, in single or double precision; the next factorisation overwrites them.
         order: (f,) vertices in the order of their elimination.
         x, local: scratch.
         harmonic: (3 f, q) displacement of the free vertices that each rigid row causes, times -1.
@@ -66,8 +66,8 @@ class Kept(NamedTuple):
     plan: Plan
     values: NDArray[np.floating]
     order: NDArray[np.int64]
-    x: NDArray[np.floating]
-    local: NDArray[np.floating]
+    x: NDArray[np.float64]
+    local: NDArray[np.float64]
     harmonic: NDArray[np.float64]
     schur: NDArray[np.float64]
     springs: NDArray[np.float64]
@@ -75,6 +75,13 @@ class Kept(NamedTuple):
     inner: NDArray[np.float64]
     frames: NDArray[np.float64]
     turned: NDArray[np.float64]
+
+    @classmethod
+    def none(cls, rows: int) -> Kept:
+        """Return an empty factor, in place of which the constant matrix preconditions ``rows`` unknowns."""
+        index, real, squares = np.zeros(0, np.int64), np.zeros(0), [np.zeros((0, 0))] * 5
+        values, frames, turned = np.zeros(0, np.float32), np.zeros((0, 9)), np.zeros(rows)
+        return cls(Plan(*[index] * 9), values, index, real, real, *squares, frames, turned)
 
 
 @vector_kernel

@@ -21,12 +21,8 @@ class Tangent:
         positions: (n, 3) [m] at which the tangent was taken; None for the constant matrix, which does not follow
             rotations.
         shift: multiple of the constant matrix that was added for definiteness.
-        softest: upper bound of the least ratio, over all modes, of a mode's true stiffness to its stiffness in this
-            tangent. It is 1 if nothing was added and no softer mode was found yet, and 0 if it is unknown.
-        searched: whether a random load, which excites all modes, was among the loads that determined ``softest``.
         row, ends, ways: arrays of the springs, as in `Springs`; older archives have (m, c) ``ends`` and no ``row``.
-        spent: number of iterations and products since the tangent was evaluated, without the `newton.FREE` products of
-            each Newton step.
+        spent: number of iterations since the tangent was evaluated.
         solves: number of solves with the tangent.
         latest: the part of ``spent`` in the last of these solves.
     """
@@ -39,8 +35,6 @@ class Tangent:
     ends: NDArray[np.int32] = field(default_factory=lambda: Springs.none().ends)
     ways: NDArray[np.float64] = field(default_factory=lambda: Springs.none().ways)
     spent: int = 0
-    softest: float = 0.0
-    searched: bool = False
     solves: int = 0
     latest: int = 0
 

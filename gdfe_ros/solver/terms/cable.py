@@ -135,7 +135,7 @@ class CableTerm(Term):
         neutral_command: the command without effect on the undeformed body, in the unit of its mode.
     """
 
-    kernel = _entry
+    kernel, exact = _entry, True
 
     def __init__(self, cable: Cable, body: Body) -> None:
         self.actuator, self._elastic = cable, math.isfinite(cable.stiffness)

@@ -23,6 +23,7 @@ from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.tangent.springs import Springs
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.terms.volume_curvature import PRODUCTS, volume_curvature
 
 EFFORT, TARGET, STIFFNESS, LIMIT = range(4)
 """Offsets in ``reals`` of p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] above which the chamber counts as unstable.
@@ -217,12 +218,14 @@ class ChamberTerm(Term):
         self._quads, self._six = integers, chamber.quads.shape[1] == 6
         if self._six:
             self.kernel = _face_entry
+        self.exact = chamber.points is None
         if (points := chamber.points) is not None:
             self.kernel = _carried_entry
             reals = np.concatenate([reals, points.weights.ravel()])
             integers = np.concatenate([[len(points.corners)], points.corners.ravel(), integers], dtype=np.int32)
         super().__init__(chamber.name, reals, integers)
         self._around = np.unique(self._quads if points is None else points.corners)[None].astype(np.int32)
+        self._faces = chamber.quads.astype(np.int32) if self.exact else np.zeros((0, 1), np.int32)
         self._rest_volume = self._volume(body.rest)
         self.updates = chamber.constrains
         self.neutral_command = self._rest_volume if self.updates else 0.0
@@ -242,6 +245,19 @@ class ChamberTerm(Term):
             pulls, force = points.weights[..., None] * force[:, None], np.zeros_like(positions)
             np.add.at(force, points.corners, pulls)
         return force
+
+    def couplings(self) -> NDArray[np.int32]:
+        """Return the corners of the faces (k, c); none if other vertices carry them."""
+        return self._faces
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the tangents -p d2V/dx2 [N/m] of the faces, (k, 3 c, 3 c)."""
+        count, corners = self._faces.shape
+        found = np.zeros((count, 3 * corners, 3 * corners))
+        pressure = chamber_pressure(self._volume(positions), self.reals)
+        if pressure and count:
+            volume_curvature(positions, self._faces, PRODUCTS[corners], -pressure, found)
+        return found
 
     def springs(self, positions: NDArray[np.float64]) -> Springs:
         """Return a commanded volume with its penalty k as a spring: k dV/dx dV/dx^T."""

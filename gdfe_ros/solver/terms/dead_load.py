@@ -48,7 +48,7 @@ class DeadLoadTerm(Term):
         body: the body on which it acts.
     """
 
-    kernel = _entry
+    kernel, exact = _entry, True
 
     def __init__(self, load: Load, body: Body) -> None:
         self._forces, self._rest = load.forces(body.rest, body.cells), body.rest

@@ -74,6 +74,7 @@ class FibreTerm(Term):
 
     def __init__(self, layer: FibreLayer, body: Body) -> None:
         self._layer, self._count = layer, len(body.rest)
+        self.exact = not layer.compression
         faces = layer.families[0].faces
         self._factors = np.concatenate([family.factors for family in layer.families], axis=1)
         self._springs = layer.stiffness * np.concatenate([family.areas for family in layer.families], axis=1)

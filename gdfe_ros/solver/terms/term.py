@@ -84,12 +84,13 @@ class Term:
         updates: whether `update` changes multipliers.
         inside: whether the body was inside of the term's obstacle at the beginning of the solve.
         delicate: whether the term's forces change within tiny displacements, as at the onset of slip.
+        exact: whether `tangents`, `springs` and `stiffness` are the whole second derivative of the term's energy.
         even: whether `stiffness` is the term's whole tangent, acts on x, y and z alike, and never changes. Kept
             tangents then use it directly.
     """
 
     kernel: TermKernel | None = None
-    updates, even, inside, delicate = False, False, False, False
+    updates, even, exact, inside, delicate = False, False, False, False, False
 
     def __init__(self, name: str, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         self.name, self.reals, self.integers = name, reals, integers

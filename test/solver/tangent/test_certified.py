@@ -36,13 +36,16 @@ loads: {weight: {gravity: [0, 0, -1.0]}}
 
 @pytest.mark.parametrize("name", FORKS)
 def test_a_fork_that_is_drawn_in_one_step_is_near_or_says_that_it_is_not(name: str) -> None:
-    """Three fingers drawn far in one step end within `PROMISE` tolerances of the equilibrium, or not converged."""
+    """Three fingers drawn far in one step end near the equilibrium, or say that it is unstable or not found."""
     scene = fork(dict(zip(FINGERS, FORKS[name], strict=True)))
     simulation, fine = Simulation(scene), Simulation(scene, settings=replace(scene.solver, tolerance=1e-8))
     result = next(simulation.play(1))
     if not result.converged:
         assert np.isinf(result.error_estimate)
         assert "edge of its stability" in result.message
+        return
+    if result.stable is False:
+        assert "the equilibrium is unstable" in result.message
         return
     fine.restore(simulation.snapshot())
     true = fine.step()
@@ -78,16 +81,13 @@ def test_errors_of_small_steps_do_not_add_up(name: str, steps: int) -> None:
             assert error_of(result, true, simulation.mesh.size) <= simulation.settings.tolerance
 
 
-def test_a_step_that_continues_no_motion_takes_few_newton_steps() -> None:
-    """A strip whose load rises and falls takes at most three Newton steps for each load, and is near its equilibrium.
-
-    It took four when minimisations before the last one were as exact as the last one.
-    """
+def test_a_step_that_continues_no_motion_takes_few_iterations() -> None:
+    """A strip whose load rises and falls takes at most six iterations for each load, and is near its equilibrium."""
     scene = scene_from_text(STRIP)
     simulation, fine = Simulation(scene), Simulation(scene, settings=replace(scene.solver, tolerance=1e-8))
     for weight in (1.0, 3.0, 2.0, 4.0, 3.0, 5.0, 4.0, 6.0):
         result = simulation.step(Command(loads={"weight": weight}))
         assert result.converged, result.message
-        assert result.iterations <= 3
+        assert result.iterations <= 6
         fine.restore(simulation.snapshot())
         assert error_of(result, fine.step(), simulation.mesh.size) <= simulation.settings.tolerance

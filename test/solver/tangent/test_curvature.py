@@ -8,7 +8,6 @@ import pytest
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.tangent.curvature import lowest
-from gdfe_ros.solver.tangent.smooth_field import smooth_field
 
 COUNT = 60
 
@@ -65,19 +64,3 @@ def test_softness_is_the_least_eigenvalue() -> None:
 
     found = lowest(lambda direction: matrix @ direction, keep, start, most=59, steady=0.0)
     assert found.value == pytest.approx(1e-3, rel=0.05)
-
-
-def test_the_start_holds_every_low_motion() -> None:
-    """The smooth start field is a cubic polynomial of the position, and the same at every call."""
-    points, one = np.random.default_rng(0).standard_normal((200, 3)), np.zeros(200, np.int32)
-    np.testing.assert_array_equal(smooth_field(points, one), smooth_field(points, one))
-    x = points[:, 0]
-    assert np.linalg.matrix_rank(np.stack([smooth_field(points, one)[:, 0], np.ones(200), x, x**2, x**3], axis=1)) == 5
-
-
-def test_each_piece_has_a_field_of_its_own() -> None:
-    """Each of two separate pieces has the smooth field that it has alone, even a thousand sizes apart."""
-    points, one = np.random.default_rng(0).standard_normal((200, 3)), np.zeros(200, np.int32)
-    alone, both = smooth_field(points, one), np.concatenate([points, points + 1000.0])
-    found = smooth_field(both, np.repeat(np.arange(2, dtype=np.int32), 200))
-    np.testing.assert_allclose(found, np.concatenate([alone, alone]), atol=1e-9)

@@ -62,41 +62,27 @@ def _matrix(graph: sparse.csr_matrix, blocks: NDArray[np.float64]) -> NDArray[np
     "body", [_bar(1, 1, 1), _bar(12, 2, 2), _bar(6, 5, 5), _hand(3, 6)], ids=["cell", "bar", "block", "hand"]
 )
 def test_it_solves(body: tuple[sparse.csr_matrix, NDArray[np.float64]]) -> None:
-    """A factor gives the solution of a dense solver for one and for three right-hand sides."""
+    """A factor gives, to its rounding, the solution of a dense solver for one and for three right-hand sides."""
     graph, points = body
     found, blocks = Fronts(graph, points), _blocks(graph)
     assert found.factor(blocks)
     right = np.random.default_rng(1).standard_normal((3 * len(points), 3))
     expected = np.linalg.solve(_matrix(graph, blocks), right)
-    np.testing.assert_allclose(found.solve(right), expected, atol=1e-12)
-    np.testing.assert_allclose(found.solve(right[:, 0]), expected[:, 0], atol=1e-12)
+    np.testing.assert_allclose(found.solve(right), expected, atol=1e-6)
+    np.testing.assert_allclose(found.solve(right[:, 0]), expected[:, 0], atol=1e-6)
     np.testing.assert_array_equal(found.solve(right[:, 0]), found.solve(right)[:, 0])
 
 
-@pytest.mark.parametrize("computed", [True, False])
-def test_single_precision_solves_to_its_rounding(computed: bool) -> None:
-    """A factor kept in single precision gives the solution of a dense solver to a millionth."""
-    graph, points = _hand(3, 6)
-    found, blocks = Fronts(graph, points), _blocks(graph)
-    found.shorten(computed=computed)
-    assert found.factor(blocks)
-    assert found.kept.values.dtype == np.float32
-    right = np.random.default_rng(1).standard_normal(3 * len(points))
-    np.testing.assert_allclose(found.solve(right), np.linalg.solve(_matrix(graph, blocks), right), atol=1e-6)
-
-
-def test_a_factor_that_is_only_kept_in_single_precision_has_the_soft_modes() -> None:
-    """A matrix with a condition number of 1e9 is solved to 1 % if its factor is computed in double precision."""
+def test_a_factor_that_is_kept_in_single_precision_has_the_soft_modes() -> None:
+    """A matrix with a condition number of 1e9 is solved to 1 %, because its factor is computed in double precision."""
     graph, points = _bar(6, 5, 5)
     found, soft = Fronts(graph, points), np.linalg.eigvalsh(_matrix(graph, _blocks(graph, least=0.0)))
     blocks = _blocks(graph, least=-soft[0] + 1e-9 * (soft[-1] - soft[0]))
     right = np.random.default_rng(1).standard_normal(3 * len(points))
     expected = np.linalg.solve(_matrix(graph, blocks), right)
-    found.shorten(computed=False)
     assert found.factor(blocks)
+    assert found.kept.values.dtype == np.float32
     np.testing.assert_allclose(found.solve(right), expected, atol=0.01 * np.abs(expected).max())
-    found.shorten(computed=True)
-    assert not found.factor(blocks) or np.abs(found.solve(right) - expected).max() > 0.1 * np.abs(expected).max()
 
 
 def test_what_is_not_definite_has_no_factor() -> None:
@@ -140,7 +126,9 @@ def test_what_is_filled_is_what_a_dense_factor_fills(slack: float, monkeypatch: 
 def test_the_order_with_less_work_is_taken() -> None:
     """The elimination order with the smaller factor is used: for a hand this is not the narrow order."""
     graph, points = _hand(4, 20)
-    assert len(Fronts(graph, points).kept.values) < 9 * eliminated(graph, narrow_order(graph, points)).entries
+    found = Fronts(graph, points)
+    assert found.factor(_blocks(graph))
+    assert len(found.kept.values) < 9 * eliminated(graph, narrow_order(graph, points)).entries
 
 
 def test_a_bar_is_as_narrow_as_its_cross_section() -> None:

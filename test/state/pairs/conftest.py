@@ -215,21 +215,10 @@ def cut(results: list[StepResult]) -> bool:
     return any(result.cut_after is not None and not result.converged for result in results)
 
 
-def asleep(results: list[StepResult]) -> bool:
-    """Return whether elements were dormant in a step."""
-    return any(result.skipped.get("dormant elements") for result in results)
-
-
 FAR = {
     "mesh": "{grid: {x: [50.0, 50.025, 50.05, 50.075, 50.1], y: [-0.01, 0, 0.01], z: [-0.01, 0, 0.01]}}",
     "actuators__pull__cable__points": [[50.025, 0, 0.008], [50.1, 0, 0.008]],
     "probes__edge": [50.05, 0, 0.01],
-}
-LONG = {
-    "mesh": "{bar: {size: [0.7, 0.04, 0.04], cells: [62, 4, 4]}}",
-    "wall": "wall: {where: {box: {x: [0.349, 0.351]}}, fixed: true}, ",
-    "actuators__pull__cable__points": [[0.6, 0, 0.016], [0.7, 0, 0.016]],
-    "probes__edge": [0.6, 0, 0.01],
 }
 SHARED = {"mesh": "{bar: {size: [0.1, 0.02, 0.02], cells: [30, 4, 4]}}", "solver__threads": 2}
 CURVE = "{law: curve, strain: [0.1, 0.4, 1.0, 2.0], stress: [1.0e5, 3.0e5, 6.0e5, 11.0e5], poisson: 0.45}"
@@ -260,7 +249,6 @@ FEATURES: dict[str, Callable[[], Feature]] = {
     "cut-ball": lambda: blown("pressure", 8e4, 1.2e5, 1e6, cuts=(4, 1, 9), parts=6, seen=cut),
     "relative": relative,
     "all": lambda: moved("x, ry", Pose((0.0, 0.0, 0.01)), heat=0.4, loads=1.0, materials__rubber__poisson=0.495),
-    "dormant": lambda: moved(pose=Pose((0.0, 0.0, 0.01)), parts=8, seen=asleep, **LONG),
 }
 if "PAIRS_IN_THREADS" in os.environ:
     FEATURES = {"threads": lambda: moved(parts=2, **SHARED)}

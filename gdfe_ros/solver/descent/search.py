@@ -1,26 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled L-BFGS with the constant global matrix as its initial Hessian (Liu, Bouaziz and Kavan 2017).
-
-The inverse Hessian is kept in the compact form of Byrd, Nocedal and Schnabel (1994). Let s be the steps, y the changes
-of the gradient g, and v = A^-1 y. An iteration needs the products s_i . g and v_i . g, one pass over the history to
-form the direction, and one solve z = A^-1 g. The largest displacement of the direction also decides when to stop.
-"""
+"""Compiled evaluation of the potential and its gradient, and the line search along a direction or an arc."""
 
 from __future__ import annotations
 
 import math
 
 from gdfe_ros.compiled import internal, kernel, merged
-from gdfe_ros.solver.descent.pairs import LARGE, find_direction, inner, remember
-from gdfe_ros.solver.descent.stopping import LONGEST_WAY, note_step, way_left
+from gdfe_ros.solver.descent.pairs import inner
 from gdfe_ros.solver.descent.workspace import End
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.elements.watch import look
-from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_in_threads, gather_rigid_rows, gather_rows, place
-from gdfe_ros.solver.tangent.substitution import solve_kept
 from gdfe_ros.solver.terms.term import terms_energy
 
+LARGE = 50_000
+"""Least number of unknowns for which threads divide the sum of the elements' forces."""
 ARMIJO = 1e-4
 """Fraction of the decrease predicted by the slope that a step must achieve: the usual value."""
 MAX_CUTS = 30
@@ -36,10 +30,6 @@ ROUNDING = 1e-13
 SHIFT_AND_TURN = 2.0
 """A vertex may move by this multiple of the largest displacement in a step: translation and rotation of a handle add up
 at its vertices.
-"""
-MOST_FLAT = 60
-"""The minimisation ends after this number of iterations without progress: the energy fell by no more than rounding, and
-the length of the step did not fall to half of its least value.
 """
 
 
@@ -106,7 +96,7 @@ def search(problem, work, first):
         for n in range(len(work.u)):
             motion = length * (work.direction[n] + length * work.curve[n])
             work.trial[n] = work.u[n] + motion if length > 0.0 else work.u[n]
-        found = energy_and_gradient(work.trial, problem, work, SHIFT_AND_TURN * length * status.distance)
+        found = energy_and_gradient(work.trial, problem, work, SHIFT_AND_TURN * length * status.step)
         if length == 0.0:
             status.energy = found
             status.ended = End.NONE if first else End.STALLED
@@ -126,7 +116,7 @@ def search(problem, work, first):
     for n in range(len(work.u)):
         work.u[n] = work.trial[n]
         work.direction[n] = length * (work.direction[n] + length * work.curve[n])
-        work.trial[n], work.curve[n] = work.step[n], 0.0
+        work.curve[n] = 0.0
 
 
 @internal
@@ -160,69 +150,11 @@ def absolute_sum(values):
 
 
 @kernel
-def advance(problem, work, target, first):
-    """Make one iteration; return whether the minimisation has ended, at its target or because it cannot continue.
+def advance(problem, work, first):
+    """Search along the direction, or the arc; return whether no step lowers the energy enough.
 
-    ``work.step`` must contain the preconditioned gradient. The quasi-Newton step estimates the distance to the
-    equilibrium. The minimisation ends when the largest vertex displacement of this step is at most ``target`` [m], and
-    the result of `way_left` is at most `LONGEST_WAY` times the target. With ``first`` the terms are only evaluated at
-    ``work.u``: nothing moves, and the history stays. One function does both, because each compiled copy takes seconds
-    to compile.
+    With ``first`` the terms are only evaluated at ``work.u``. One function does both, because each compiled copy takes
+    seconds to compile.
     """
-    status = work.status[0]
-    if first:
-        status.blocked = 0
-        status.plateau = 0
-        status.nearest = math.inf
-    else:
-        if status.given == 1:
-            status.given = 0
-        else:
-            find_direction(work, problem.threads)
-        note_step(work)
-        if status.distance <= target and way_left(work) <= LONGEST_WAY * target:
-            return True
-        if not status.distance <= status.reach:
-            status.ended = End.RUNAWAY
-            status.count = 0
-            return True
-        status.plateau += 1
-        if status.distance < 0.5 * status.nearest:
-            status.nearest = status.distance
-            status.plateau = 0
-        elif status.plateau > MOST_FLAT:
-            status.ended = End.EXHAUSTED
-            status.count = 0
-            return True
     search(problem, work, first)
-    return status.ended != End.NONE
-
-
-@kernel
-def descend(problem, work, coupling, floor, least, target, limit, evaluate):
-    """Make iterations with the constant matrix until the step is at most ``target`` [m]; return their number.
-
-    At most ``limit`` iterations are made. In the first ``least`` iterations, ``floor`` [m] replaces the target. With
-    ``evaluate``, the terms are first evaluated at the start.
-    """
-    if evaluate:
-        advance(problem, work, target, evaluate)
-    apply_inverse(work.gradient, coupling, work.step, problem.threads)
-    first = limit < 0  # not a literal: numba would compile another copy of `advance` for it, which rounds differently
-    for iteration in range(limit):
-        if advance(problem, work, floor if iteration < least else target, first):
-            return iteration
-        apply_inverse(work.gradient, coupling, work.step, problem.threads)
-        remember(work)
-    return limit
-
-
-@kernel
-def descend_kept(problem, work, kept, target, limit):
-    """Iterate as `descend`, but with a kept tangent; ``work.step`` must contain the first preconditioned gradient."""
-    for iteration in range(limit):
-        if advance(problem, work, target, limit < 0):
-            return iteration
-        solve_kept(kept, work.gradient, work.step)
-        remember(work)
-    return limit
+    return work.status[0].ended != End.NONE

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The compiled minimisation: L-BFGS around a tangent that turns with the body.
+
+The initial matrix is M = R K R^T: K is the tangent stiffness at earlier positions, at first those of the undeformed
+body, and R the rotation of each vertex since then. Near an equilibrium, M differs from the present tangent by strains
+alone. The eigenvalues of M^-1 K then lie near 1, the steps shrink by half or more in each iteration, and the length of
+the step measures the distance to the equilibrium: if successive steps shrink by the ratio r, the sum of all further
+steps is |d| / (1 - r).
+
+For a body whose tangent is too expensive, M is the constant matrix A.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.solver.descent.arc import follow_arc
+from gdfe_ros.solver.descent.pairs import begin_recursion, end_recursion, inner, remember
+from gdfe_ros.solver.descent.search import advance
+from gdfe_ros.solver.descent.workspace import End
+from gdfe_ros.solver.distance import largest
+from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
+from gdfe_ros.solver.matrix.coupling import Coupling
+from gdfe_ros.solver.tangent.frames import vertex_rotations
+from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
+
+RATE, SLOWEST = 0.3, 0.9
+"""Ratio of two successive steps that is assumed before it is known, and upper limit of the ratio."""
+UNPROVEN = 0.2
+"""A minimisation ends without an iteration if its first step, divided by the target, is at most this."""
+STRAIGHT, FOLLOWED = 3e-3, 1e-2
+"""Displacements divided by the body's size: steps up to the first are straight, and rotations of the vertices are
+computed anew after the second.
+"""
+WILD, TAME = 1.0, 0.1
+"""Steps divided by the body's size. If elements are nearly folded, and their barriers are not in the tangent, steps are
+longer than the first. The constant matrix then replaces the tangent until steps are shorter than the second.
+"""
+MOST_FLAT = 60
+"""The minimisation ends after this number of iterations without progress: the energy fell by no more than rounding, and
+the length of the step did not fall to half of its least value.
+"""
+
+
+class Metric(NamedTuple):
+    """The initial matrix M of a minimisation, and scratch.
+
+    Attributes:
+        kept: factor of the tangent; without rows if M is the constant matrix.
+        coupling: the constant matrix, and its coupling to the rigid rows of handles.
+        before: (n, 3) positions [m] at which the tangent was taken.
+        held: whether handles hold the body.
+        trust: least part of the distance to the equilibrium that a step covers; 1 for a tangent.
+        weight: (m,) weights of the elements in the constant matrix [Pa].
+        u, gradient, x, force, sums: scratch (3 r,), (3 r,), (n, 3), (m, c, 3) and (n, 9).
+    """
+
+    kept: Kept
+    coupling: Coupling
+    before: NDArray[np.float64]
+    held: bool
+    trust: float
+    weight: NDArray[np.float64]
+    u: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    x: NDArray[np.float64]
+    force: NDArray[np.float64]
+    sums: NDArray[np.float64]
+
+
+@internal
+def precondition(metric, right, out, threads):
+    """Write M^-1 ``right`` (3 r,) to ``out``."""
+    if len(metric.kept.order) > 0:
+        solve_kept(metric.kept, right, out)
+    else:
+        apply_inverse(right, metric.coupling, out, threads)
+
+
+@internal
+def find_direction(problem, work, metric):
+    """Write the quasi-Newton direction, its slope [J] and its largest displacement [m]; return whether it descends."""
+    status, d = work.status[0], work.direction
+    begin_recursion(work)
+    if status.wild == 1:
+        apply_inverse(work.step, metric.coupling, d, problem.threads)
+        for n in range(len(d)):
+            d[n] *= status.scale
+    else:
+        precondition(metric, work.step, d, problem.threads)
+    end_recursion(work, d)
+    for n in range(len(d)):
+        d[n] = -d[n]
+    status.slope, status.step = inner(work.gradient, d), largest(d)
+    return status.slope < 0.0
+
+
+@internal
+def choose_direction(problem, work, metric, size):
+    """Write a direction of descent with the tangent, or with the constant matrix where the tangent's step is wild.
+
+    Return whether there is one. A history that gives none is dropped.
+    """
+    status = work.status[0]
+    descends = find_direction(problem, work, metric)
+    if status.wild == 1 and status.step < TAME * size:
+        status.wild = 0
+        descends = find_direction(problem, work, metric)
+    if not descends and status.count > 0 and status.step > 0.0:
+        status.count = 0
+        descends = find_direction(problem, work, metric)
+    folded = problem.watch.count[0] > 0 and len(metric.kept.order) > 0
+    if status.wild == 0 and status.step > WILD * size and folded:
+        status.wild, status.scale, status.count = 1, 1.0, 0
+        descends = find_direction(problem, work, metric)
+    return descends
+
+
+@internal
+def rescale(problem, work, metric):
+    """Scale the constant matrix to the curvature of the newest pair."""
+    status = work.status[0]
+    newest = (status.head - 1) % len(work.curvature)
+    y, z = work.changes[newest], metric.u
+    apply_inverse(y, metric.coupling, z, problem.threads)
+    status.scale = work.curvature[newest] / inner(y, z)
+
+
+@internal
+def measure(status, trust):
+    """Estimate the distance to the equilibrium [m] from the length of the step and the rate at which steps shrink."""
+    rate = min(status.step / status.before, SLOWEST) if status.before < math.inf else status.rate
+    status.distance = status.step / (trust * (1.0 - max(rate, status.rate)))
+    status.rate = rate
+
+
+@internal
+def begin(status):
+    """Reset the fields of ``status`` that belong to one minimisation."""
+    status.before, status.rate, status.nearest = math.inf, RATE, math.inf
+    status.made, status.blocked, status.plateau, status.ended = 0, 0, 0, End.NONE
+
+
+@internal
+def is_exhausted(status):
+    """Count an iteration without progress; return whether there are too many."""
+    status.plateau += 1
+    if status.step < 0.5 * status.nearest:
+        status.nearest, status.plateau = status.step, 0
+    return status.plateau > MOST_FLAT
+
+
+@kernel
+def descend(problem, work, metric, size, target, proven, most, limit, begins):
+    """Minimise until the distance to the equilibrium is at most ``target`` [m]; return the number of iterations.
+
+    ``work.status[0].ended`` is the reason for the end; it is `End.NONE` if ``limit`` iterations were made.
+
+    Args:
+        problem: constant data of the minimisation.
+        work: its workspace.
+        metric: the initial matrix.
+        size: size of the body [m].
+        target: allowed distance [m].
+        proven: whether the rates of an earlier minimisation have shown that the length of a step is the distance.
+        most: number of iterations for which one tangent serves.
+        limit: largest number of iterations.
+        begins: whether the minimisation begins, so that all terms are evaluated first.
+    """
+    status, first = work.status[0], limit < 0  # not a literal: numba would compile another copy of `advance` for it
+    if begins:
+        begin(status)
+        advance(problem, work, begins)
+    for iteration in range(limit):
+        if status.since >= most:
+            status.ended = End.WORN
+            return iteration
+        if status.turned > FOLLOWED * size and len(metric.kept.order) > 0:
+            given = problem.unknowns.free, metric.held, metric.sums, metric.kept.frames
+            vertex_rotations(work.x, metric.before, problem.shape, *given)
+            status.turned = 0.0
+        descends = choose_direction(problem, work, metric, size)
+        if status.step == 0.0:
+            status.distance, status.ended = 0.0, End.NEAR
+            return iteration
+        if not descends:
+            status.distance, status.ended = math.inf, End.WORN
+            return iteration
+        measure(status, metric.trust)
+        shown = proven or status.made > 0
+        near = status.distance <= target * (1.0 if shown else UNPROVEN)
+        if near and status.wild == 0:
+            status.ended = End.NEAR
+            return iteration
+        if is_exhausted(status):
+            status.ended = End.EXHAUSTED
+            return iteration
+        status.before = status.step
+        if status.step > STRAIGHT * size and status.wild == 0:
+            follow_arc(problem, work, metric)
+        if not status.step <= status.reach:
+            status.ended = End.RUNAWAY
+            return iteration
+        if advance(problem, work, first):
+            if status.count == 0:
+                return iteration
+            status.count, status.ended = 0, End.NONE  # the pairs may be rounding
+            continue
+        status.turned += status.step
+        status.made += 1
+        status.since += 1
+        if remember(work) and status.wild == 1:
+            rescale(problem, work, metric)
+    return limit

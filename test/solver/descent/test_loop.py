@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One loop for every body: few iterations, and a distance to the equilibrium that is true."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.tangent.level import TangentLevel
+
+STRIP = """
+name: strip
+mesh: {bar: {size: [0.2, 0.02, 0.001], cells: [40, 4, 1]}}
+materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: m}]
+handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
+solver: {tolerance: 1.0e-4, max_iterations: 20000}
+"""
+COLUMN = """
+name: column
+mesh: {bar: {size: [0.2, 0.004, 0.004], cells: [20, 1, 1]}}
+materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.3}}
+regions: [{material: m}]
+handles: {base: {where: {face: x-}, fixed: true}}
+loads: {push: {surface: {where: {face: x+}, force: [-1.0, 0, 0]}}}
+"""
+EULER = np.pi**2 * 1e6 * 0.004**4 / 12.0 / (4.0 * 0.2**2)
+"""Buckling load [N] of the column."""
+TUBE = """
+name: tube
+mesh: {tube: {inner: 0.009, outer: 0.010, length: 0.08, cells: [1, 20, 24], cap: 0.004}}
+materials: {m: {law: neo_hookean, young: 6.0e5, poisson: 0.45}}
+regions: [{material: m}]
+handles: {left: {where: {face: x-}, fixed: true}, right: {where: {face: x+}, fixed: true}}
+actuators: {air: {chamber: {command: pressure}}}
+"""
+MEMBRANE = """
+name: membrane
+mesh: {bar: {size: [0.06, 0.06, 0.001], cells: [20, 20, 1]}}
+materials: {m: {law: neo_hookean, young: 6.0e5, poisson: 0.45}}
+regions: [{material: m}]
+handles: {rim: {where: {any: [{face: x-}, {face: x+}, {face: y-}, {face: y+}]}, fixed: true}}
+loads: {p: {surface: {where: {face: z-}, traction: [0, 0, 1]}}}
+"""
+
+
+def true_errors(text: str, commands: list[Command]) -> list[float]:
+    """Return the distance of each step to the same step solved to 1e-9, divided by tolerance and size."""
+    simulation, errors = Simulation(scene_from_text(text)), []
+    settings = replace(simulation.settings, tolerance=1e-9, max_iterations=20000)
+    fine = Simulation(scene_from_text(text), settings=settings)
+    size, tolerance = simulation.stepper.body.size, simulation.settings.tolerance
+    for command in commands:
+        result = simulation.step(command)
+        assert result.converged
+        fine.restore(simulation.snapshot())
+        exact = fine.step(command)
+        assert exact.converged
+        apart = np.linalg.norm(result.positions - exact.positions, axis=1).max()
+        errors.append(float(apart) / (size * tolerance))
+    return errors
+
+
+@pytest.mark.parametrize(
+    ("text", "commands"),
+    [
+        (STRIP, [Command(handles={"tip": Pose((0.0, 0.0, z))}) for z in np.linspace(0.0, 0.02, 11)[1:]]),
+        (STRIP, [Command(handles={"tip": Pose((-x, 0.0, 0.0))}) for x in np.linspace(0.0, 0.02, 9)[1:]]),
+        (TUBE, [Command(actuators={"air": -p}) for p in np.linspace(0.0, 4e3, 9)[1:]]),
+        (MEMBRANE, [Command(loads={"p": p}) for p in np.linspace(0.0, 3e3, 6)[1:]]),
+    ],
+    ids=["strip", "pushed strip", "tube under vacuum", "membrane"],
+)
+def test_thin_bodies_are_where_they_say(text: str, commands: list[Command]) -> None:
+    """Converged steps of thin bodies held at both ends or all round are within one tolerance of the equilibrium."""
+    assert max(true_errors(text, commands)) <= 1.0
+
+
+@pytest.mark.parametrize("load", [1.16, 1.5, 1.93, 2.5])
+def test_a_column_bends_in_one_step(load: float) -> None:
+    """A straight column under 1.16 to 2.5 buckling loads, applied in one step, ends bent."""
+    simulation = Simulation(scene_from_text(COLUMN))
+    result = simulation.step(Command(loads={"push": load * EULER}))
+    assert result.converged
+    assert np.abs(result.positions[:, 1:] - simulation.mesh.vertices[:, 1:]).max() > 0.05 * 0.2
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "most"),
+    [
+        ("bend5", {}, 30),
+        ("bend5", {"mesh.bar.cells": [10, 1, 1]}, 30),
+        ("twist90", {}, 40),
+        ("twist90_uniform", {}, 40),
+        ("tensile", {}, 80),
+    ],
+)
+def test_bars_take_few_iterations(name: str, overrides: dict[str, Any], most: int) -> None:
+    """One step of a bar from rest to the full command takes a quarter of the iterations with the constant matrix."""
+    simulation = Simulation(load_scene(name, overrides=overrides))
+    (result,) = simulation.play(1)
+    assert result.converged
+    assert result.iterations <= most
+
+
+def test_a_factor_follows_a_rotation() -> None:
+    """Under a rotation of the strip by a radian, the rotated stored tangent equals the tangent taken in that pose."""
+    simulation = Simulation(scene_from_text(STRIP.replace(", fixed: true", "")))
+    equilibrium = simulation.stepper.equilibrium
+    body, state = equilibrium.body, equilibrium.at_rest()
+    turned = np.ascontiguousarray(body.rest @ Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix().T)
+    first, second = (TangentLevel(body, equilibrium.matrix.assembled) for _ in range(2))
+    for level, x in ((first, body.rest), (second, turned)):
+        solve = Solve.at(equilibrium.model, state.with_(positions=x, base=x))
+        task = solve.evaluate(equilibrium.whole, equilibrium.matrix.coupling, threads=None)
+        level.take(task.problem, task.active.workspace.u, x)
+    right = np.random.default_rng(4).standard_normal(3 * len(body.unknowns.free))
+    answers = np.empty((3, len(right)))
+    first.solve(right, answers[0])
+    first.turn(turned)
+    first.solve(right, answers[1])
+    second.solve(right, answers[2])
+    np.testing.assert_allclose(answers[1], answers[2], atol=1e-4 * np.abs(answers[2]).max())
+    assert np.abs(answers[0] - answers[2]).max() > 0.1 * np.abs(answers[2]).max()
