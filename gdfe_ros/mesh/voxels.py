@@ -71,19 +71,24 @@ def read_voxels(
 
 
 def examine_surface(
-    surface: str | Path, *, scale: float | None = None, closed: bool = True
+    surface: str | Path, *, scale: float | None = None, closed: bool = True, suffixes: tuple[str, ...] = SUFFIXES
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], list[str]]:
     """Read a surface file, and examine whether the surface can be filled.
 
+    Args:
+        surface: the file.
+        scale: metres for each unit of the file; None assumes metres and rejects implausible sizes.
+        closed: whether an open surface is a defect.
+        suffixes: suffixes of allowed files.
+
     Returns:
-        Vertices [m], shape (n, 3); triangles, shape (t, 3); and the defects. With ``closed=False`` an open surface is
-        no defect.
+        Vertices [m], shape (n, 3); triangles, shape (t, 3); and the defects.
 
     Raises:
         MeshError: the file has no usable surface; the error names the reason.
     """
     path = Path(surface)
-    vertices, triangles = _read(path, f"surface {path}")
+    vertices, triangles = _read(path, f"surface {path}", suffixes)
     defects = unit_defects(math.hypot(*np.ptp(vertices, axis=0)), scale)
     defects += _open_edges(vertices, triangles) if closed else []
     return vertices * (scale or 1.0), triangles, defects
@@ -133,14 +138,14 @@ def fill_surface(
     return mesh
 
 
-def _read(path: Path, heading: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _read(path: Path, heading: str, suffixes: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     try:
         library = import_module("trimesh")
     except ImportError as error:
         raise MeshError(heading, ["trimesh is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
     require_file(path, heading)
-    if path.suffix.lower() not in SUFFIXES:
-        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
+    if path.suffix.lower() not in suffixes:
+        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(suffixes)}"])
     try:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()), np.errstate(all="ignore"):
             surface = library.load(path, force="mesh", process=False)

@@ -62,6 +62,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     notes = _converted(scene.mesh)
     notes += [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
     notes += [f"material {key!r}: {item.caveat}" for key, item in scene.materials.items() if item.caveat]
+    notes += [f"arm {arm.name!r}: {text}" for arm in scene.arms for text in arm.remarks]
     if policy is Policy.RELATIVE:
         used = [item for item in scene.materials.values() if item.omega is None]
         notes += calibration_remarks(np.array([item.young0 for item in used])) if used else []
