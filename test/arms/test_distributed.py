@@ -22,7 +22,7 @@ from test.arms.robots import ROBOTS, write_scene
 
 pin = pytest.importorskip("pinocchio")
 
-CASE = Path(__file__).parents[1] / "data" / "arms" / "two_link.urdf"
+CASE = Path(__file__).parents[1] / "data" / "cases" / "urdf" / "two_link.urdf"
 MADE = [
     "ur_description/urdf/ur3_robot.urdf",
     "ur_description/urdf/ur3_gripper.urdf",
