@@ -33,8 +33,8 @@ def tensile_rows(fit: TensileFit) -> list[tuple[str, str]]:
 
 
 def tensile_remarks(fit: TensileFit) -> list[str]:
-    """Return remarks on laws that were refused and on a large misfit; empty if there are none."""
-    notes = list(fit.refused)
+    """Return remarks on points left out, on refused laws and on a large misfit; empty if there are none."""
+    notes = [*fit.notes, *fit.refused]
     if fit.largest > ACCEPTABLE:
         text = f"no stable law of this kind has a largest misfit below {100.0 * fit.largest:.2g} %"
         notes.append(f"{text}; remedy: law: curve with the measured table (csv), which passes through every point")

@@ -254,7 +254,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     ),
     arm_schema.ArmModel: (
         "{urdf: ur5e.urdf, flange: tool0, handle: wrist, at: [-0.4, 0, 0], rotation_deg: [0, 0, 90], start: "
-        "{elbow_joint: 1.57}, packages: {ur_description: /opt/ros/jazzy/share/ur_description}, limits: "
+        "{elbow_joint: 1.57}, velocity: 2.0, packages: {ur_description: /opt/ros/jazzy/share/ur_description}, limits: "
         "{elbow_joint: {velocity: 1.0}}, acceleration: 10.0, links: [forearm_link], friction: 0.3}",
         "{urdf: arm.urdf, flange: left_tool0, handle: left_wrist, prefix: left_, "
         "compliance: {left_elbow: {stiffness: 8000, damping: 20}}}",
