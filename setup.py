@@ -45,7 +45,7 @@ EXTRAS = {
     "video": ["av>=14.0"],
     "live": ["viser>=1.1,<2"],
     "control": ["quadprog>=0.1.12"],
-    "gym": ["gymnasium>=1.0"],
+    "gym": ["gymnasium>=1.0", "pyvista>=0.45"],
     "bench": [
         "felupe>=11.3",
         "tensortrax>=0.29",
