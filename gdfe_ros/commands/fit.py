@@ -16,7 +16,7 @@ from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
-LAWS = ("linear", "neo_hookean", "ogden", "curve")
+LAWS = ("linear", "neo_hookean", "mooney_rivlin", "yeoh", "arruda_boyce", "gent", "ogden", "curve")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

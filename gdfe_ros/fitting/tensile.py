@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.invariant_fit import INVARIANT_LAWS, invariant_candidates
 from gdfe_ros.fitting.tensile_data import TestData, prepare
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden
 
@@ -97,7 +98,7 @@ def fit_tensile(
     Args:
         strain: engineering strains (k,); compression is negative.
         stress: nominal stresses (k,) [Pa].
-        law: ``LINEAR``, ``NEO_HOOKEAN``, ``OGDEN`` or ``CURVE`` (a polynomial).
+        law: the law; ``CURVE`` is a polynomial.
         terms: number of terms of Ogden's law. None means the least number for which a stable law has a misfit below
             ``GOOD`` at every point, or the number of the best stable law if there is no such law.
         degree: degree of the polynomial.
@@ -119,6 +120,8 @@ def fit_tensile(
     common = {"poisson": poisson, "density": density}
     if law is Law.OGDEN:
         fit = _ogden(e, s, weights, terms, common)
+    elif law in INVARIANT_LAWS:
+        fit = _invariant(e, s, weights, law, common)
     else:
         fit = _assess(e, s, weights, _linear_in_parameters(e, s, weights, law, degree, common))
     fit = replace(fit, notes=data.remarks)
@@ -182,6 +185,21 @@ def _linear_in_parameters(
             f"the best modulus is {young:.4g} Pa, which is unstable; remedy: check the signs of the columns"
         )
     return kinds[law](young=young, **common), {"young": young}
+
+
+def _invariant(
+    e: NDArray[np.float64], s: NDArray[np.float64], weights: NDArray[np.float64], law: Law, common: Mapping[str, Any]
+) -> TensileFit:
+    """Fit a law of the invariants; if the best one is unstable, the best one without negative coefficients."""
+    refused = []
+    for found in invariant_candidates(e, s, weights, law, common):
+        fit = _assess(e, s, weights, found)
+        if not fit.remarks:
+            return replace(fit, refused=tuple(refused))
+        refused.append(_refusal(fit))
+    name = law.name.lower()
+    why = "; ".join(refused) or f"the best {name} law has a negative modulus"
+    raise GdfeError(f"no stable law {name}: {why}; remedy: check the signs of the columns, or --law ogden")
 
 
 def _ogden(

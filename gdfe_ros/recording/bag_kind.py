@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of bags, told by the first bytes of their files."""
+"""Kinds of bags, which the first bytes of their files show."""
 
 from __future__ import annotations
 

@@ -171,6 +171,19 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     where_schema.SphereModel: ("{center: [0.0, 0.0, 0.0], radius: 0.01}",),
     material_schema.LinearModel: ("{law: linear, young: 1.0e5, poisson: 0.45, density: 1100, omega: 0.5}",),
     material_schema.NeoHookeanModel: ("{law: neo_hookean, young: 1.0e5, poisson: 0.49, density: 1100, omega: 0.5}",),
+    material_schema.PublishedModel: (
+        "{published: ecoflex_00_30_gent_membrane, poisson: 0.495, density: 1070, omega: 0.5, scale: 0.8}",
+    ),
+    material_schema.YeohModel: (
+        "{law: yeoh, c10: 0.11e6, c20: 0.02e6, c30: 0.0, poisson: 0.499, density: 1070, omega: 0.5}",
+    ),
+    material_schema.MooneyRivlinModel: (
+        "{law: mooney_rivlin, c10: 0.14e6, c01: 0.06e6, poisson: 0.499, density: 1070, omega: 0.5}",
+    ),
+    material_schema.ArrudaBoyceModel: (
+        "{law: arruda_boyce, mu: 0.2e6, lambda_m: 3.0, poisson: 0.499, density: 1070, omega: 0.5}",
+    ),
+    material_schema.GentModel: ("{law: gent, mu: 31.7e3, jm: 39.6, poisson: 0.499, density: 1070, omega: 0.5}",),
     material_schema.OgdenModel: (
         "{law: ogden, mu: [0.187e6, 0.092e6, 3.397e6], alpha: [1.94, 4.01, -1.51], poisson: 0.495, density: 1200, "
         "omega: 0.5}",
