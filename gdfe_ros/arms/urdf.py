@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 from xml.etree import ElementTree
@@ -19,8 +20,10 @@ from gdfe_ros.spelling import did_you_mean
 
 _NAMED = {"link": ("name",), "joint": ("name",), "parent": ("link",), "child": ("link",), "mimic": ("joint",)}
 """Dict from XML element to the attribute that contains the name of a link or a joint."""
-_XACRO = "http://www.ros.org/wiki/xacro"
-"""Namespace of xacro's elements. URDFs that xacro wrote still declare it, but have no element of it."""
+_XACRO = re.compile(r"\{[^}]*xacro[^}]*\}", re.IGNORECASE)
+"""Namespace of xacro's elements, of which there are several. URDFs that xacro wrote still declare it, but have no
+element of it.
+"""
 _MACROS = "it has xacro macros; remedy: `xacro arm.urdf.xacro > arm.urdf`, and give that file"
 _NUMBERS = {GeometryKind.BOX: ("size",), GeometryKind.CYLINDER: ("radius", "length"), GeometryKind.SPHERE: ("radius",)}
 """Dict from kind of a shape to its XML attributes; meshes are not included."""
@@ -63,7 +66,7 @@ def parse_urdf(
 def _has_macros(robot: Element) -> bool:
     """Return whether an element belongs to xacro, or an attribute has an expression or argument of xacro."""
     return any(
-        str(element.tag).startswith(f"{{{_XACRO}}}")
+        _XACRO.match(str(element.tag)) is not None
         or any("${" in value or "$(" in value for value in element.attrib.values())
         for element in robot.iter()
     )

@@ -48,6 +48,7 @@ LIMIT = '<limit lower="-2" upper="2" velocity="1.5" effort="20"/>'
         ("<robot", "<robot></robot><robot", "not XML"),
         ('<link name="base"/>', '<link name="base"/><xacro:arm/>', "remedy: `xacro arm.urdf.xacro"),
         ('<robot name="two">', XACRO + "<xacro:arm/>", "remedy: `xacro arm.urdf.xacro"),
+        ('<robot name="two">', XACRO.replace("www.ros.org/wiki", "wiki.ros.org") + "<xacro:x/>", "remedy: `xacro arm"),
         ('<mass value="2.0"/>', '<mass value="${mass}"/>', "remedy: `xacro arm.urdf.xacro"),
         (LIMIT, "", "joint 'bend': it has no limit lower, upper; remedy: <limit lower="),
         (LIMIT, LIMIT.replace('"2"', '"nan"'), "upper is 'nan'; allowed: a finite number"),
