@@ -62,15 +62,19 @@ def _blocks(path: Path, heading: str, included: list[Path]) -> Iterator[Block]:
         if block is not None:
             yield block
         block = _keyword(line, number)
+        if "INPUT" not in block.parameters:
+            continue
+        other = path.parent / block.name("INPUT")
+        included.append(other)
+        if not other.is_file() or len(included) > MOST_INCLUDES:
+            why = "there is no such file" if not other.is_file() else "it includes itself"
+            text = f"line {number}: *{block.keyword.title()} of {block.name('INPUT')!r}: {why}"
+            raise MeshError(heading, [f"{text}; remedy: put it beside this file"])
         if block.keyword == "INCLUDE":
-            other = path.parent / block.name("INPUT")
-            included.append(other)
-            if not other.is_file() or len(included) > MOST_INCLUDES:
-                why = "there is no such file" if not other.is_file() else "it includes itself"
-                text = f"line {number}: *Include of {block.name('INPUT')!r}: {why}"
-                raise MeshError(heading, [f"{text}; remedy: put it beside this file"])
             yield from _blocks(other, heading, included)
-            block = Block("INCLUDE", {}, number)
+        else:
+            lines = _joined_lines(other, heading)
+            block.rows.extend([part.strip() for part in line.split(",")] for _, line in lines)
     if block is not None:
         yield block
 

@@ -128,7 +128,7 @@ class _Reader:
             text = f"line {block.line}: *Instance of the part {block.name('PART')!r}, which this file does not contain"
             raise self._defect(f"{text}; remedy: an input file with all of its parts")
         self._used.add(name)
-        numbers = [[float(value) for value in row if value] for row in block.rows]
+        numbers = [[_real(value) for value in row if value] for row in block.rows]
         placed = _Instance(self._parts[name].copy())
         if numbers:
             placed.shift = np.array((numbers[0] + [0.0, 0.0, 0.0])[:3])
@@ -148,7 +148,7 @@ class _Reader:
         if block.name("SYSTEM").upper() not in ("", "R"):
             raise self._defect(f"line {block.line}: nodes in cylindrical or spherical coordinates; allowed: x, y, z")
         for row in block.rows:
-            part.nodes[int(row[0])] = tuple((*(float(value or 0.0) for value in row[1:4]), 0.0, 0.0))[:3]
+            part.nodes[int(row[0])] = tuple((*(_real(value or "0") for value in row[1:4]), 0.0, 0.0))[:3]
         if name := block.name("NSET"):
             part.node_sets.setdefault(name, []).extend(int(row[0]) for row in block.rows)
 
@@ -189,9 +189,12 @@ class _Reader:
                 continue
             for value in row:
                 owner, _, item = value.rpartition(".")
-                there = sets if not owner else self._sets_of(owner, key, block)
-                found = [int(item)] if item.isdigit() else self._members(there, item, block)
-                there.setdefault(block.name(key), []).extend(found)
+                places = [self._sets_of(owner, key, block)] if owner else [sets]
+                if part is self._assembly and not owner and not item.isdigit():
+                    places = [each for each in self._all_sets(key) if _named(each, item)] or [sets]
+                for there in places:
+                    found = [int(item)] if item.isdigit() else self._members(there, item, block)
+                    there.setdefault(block.name(key), []).extend(found)
 
     def _instance(self, owner: str, block: Block) -> _Instance:
         known = {name.upper(): item for name, item in self._instances.items()}
@@ -205,11 +208,16 @@ class _Reader:
         part = self._instance(owner, block).part
         return part.node_sets if key == "NSET" else part.element_sets
 
+    def _all_sets(self, key: str) -> list[dict[str, list[int]]]:
+        """Return the sets of nodes or elements of the assembly and of each instance."""
+        parts = [self._assembly, *(item.part for item in self._instances.values())]
+        return [part.node_sets if key == "NSET" else part.element_sets for part in parts]
+
     def _members(self, sets: dict[str, list[int]], name: str, block: Block) -> list[int]:
-        known = {key.upper(): ids for key, ids in sets.items()}
-        if name.strip('"').upper() not in known:
+        ids = _named(sets, name)
+        if ids is None:
             raise self._defect(f"line {block.line}: the set {name!r} is not there; remedy: define it before this line")
-        return list(known[name.strip('"').upper()])
+        return list(ids)
 
     def mesh(self) -> RawMesh:
         """Return the mesh of all instances, or of the nodes and elements outside of parts."""
@@ -229,6 +237,16 @@ class _Reader:
         if self._assembly.elements:
             self._remarks.append(f"{len(self._assembly.elements)} elements of the assembly itself are left out")
         return _joined(placed, self._heading, self._remarks)
+
+
+def _named(sets: dict[str, list[int]], name: str) -> list[int] | None:
+    """Return the set with a name, whose case does not count; None if there is no such set."""
+    return next((ids for key, ids in sets.items() if key.upper() == name.strip('"').upper()), None)
+
+
+def _real(text: str) -> float:
+    """Return a number as Fortran writes it: 1.5, 1.5e-3, 1.5D-3."""
+    return float(text.upper().replace("D", "E"))
 
 
 def _rows_of(numbers: list[list[int]], size: int) -> Iterable[list[int]]:

@@ -197,13 +197,14 @@ class CurveModel(_Common):
         Raises:
             ValueError: the data do not form a valid curve.
         """
+        caveat = "; ".join([*(self.csv.remarks if self.csv is not None else ()), TENSION_ONLY])
         if self.coefficients is not None:
             data = CurveData.polynomial(self.coefficients, strain_max=self.strain_max)
         elif self.csv is not None:
             data = CurveData.table(self.csv.strain, self.csv.stress)
         else:
             data = CurveData.table(self.strain, self.stress)
-        return Curve(data=data, caveat=TENSION_ONLY, **self.common)
+        return Curve(data=data, caveat=caveat, **self.common)
 
 
 class PresetModel(_Common):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gdfe_ros import Simulation, load_scene
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.tensile import fit_tensile
@@ -179,3 +180,17 @@ def test_wrong_signs_have_no_stable_law() -> None:
     """Stresses against the strains are refused with a remedy."""
     with pytest.raises(GdfeError, match=r"no stable law of Ogden: .*check the signs"):
         fit_tensile(STRAIN[1:], -rubber(STRAIN[1:]), law=Law.OGDEN)
+
+
+def test_choices_of_a_scene_are_remarks(tmp_path: Path) -> None:
+    """A scene with `csv` reports which column it takes, and that a curve is exact in tension only."""
+    (tmp_path / "test.csv").write_text(table("strain (video),strain,stress [MPa]", "{e},9,{s}"))
+    (tmp_path / "scene.yaml").write_text(
+        "name: cube\nmesh: {bar: {size: [0.02, 0.02, 0.02], cells: [1, 1, 1]}}\n"
+        "materials: {skin: {law: curve, csv: test.csv, poisson: 0.45}}\nregions: [{material: skin}]\n"
+        "handles: {base: {where: {face: x-}, fixed: true}}\n"
+    )
+    told = " ".join(Simulation(load_scene(tmp_path / "scene.yaml")).remarks())
+    assert "2 columns of strain: the first, 'strain (video)', is used" in told
+    assert "exact in uniaxial tension only" in told
+    assert "20 % too low at stretch 1.25 and 50 % at 2" in told

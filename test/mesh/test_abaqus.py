@@ -58,6 +58,7 @@ def test_the_case_of_two_instances() -> None:
     assert len(mesh.cell_sets["Set-1"]) == 40
 
 
+OF_BOTH = "*Nset, nset=a, instance=i0\n1, 2\n*Nset, nset=a, instance=i1\n3\n"
 MOVED = "0.1, 0.2, 0.3\n"
 TURNED = "0.1, 0., 0.\n0.1, 0., 0., 0.1, 0., 1., 90.\n"
 PLACED = [
@@ -91,6 +92,10 @@ def test_instances_are_placed(tmp_path: Path, instances: tuple[str, ...], bounds
         (
             assembly("", more="*Elset, elset=e, instance=i0\n1\n*Nset, nset=n, instance=i0, elset=e\n"),
             {"low": 4, "n": 8},
+        ),
+        (
+            assembly("", MOVED, more=OF_BOTH + "*Nset, nset=b\na\n"),
+            {"low": 8, "a": 3, "b": 3},
         ),
         (NODES + CELL + '*Nset, nset="my nodes"\n 1,2 ,\n', {"my nodes": 2}),
         (NODES.replace("*Node", "*NODE, NSET=every") + CELL, {"every": 8}),
@@ -129,6 +134,14 @@ def test_includes_comments_and_long_lines(tmp_path: Path) -> None:
     assert len(mesh.cell_sets["all"]) == 1
 
 
+def test_data_in_other_files_and_fortran_numbers_are_read(tmp_path: Path) -> None:
+    """Nodes and elements whose data are in files of their own are read, with exponents D."""
+    (tmp_path / "nodes.txt").write_text(NODES.partition("\n")[2].replace("0.02", "2.0D-2"))
+    (tmp_path / "cells.txt").write_text("1, 1, 2, 3, 4, 5, 6, 7, 8\n")
+    mesh = read(tmp_path, "*Node, input=nodes.txt\n*Element, type=C3D8, input=cells.txt\n")
+    assert check_mesh(mesh).volume == pytest.approx(2e-6)
+
+
 def test_nodes_in_an_instance_are_its_own(tmp_path: Path) -> None:
     """An independent instance lists its nodes and elements itself."""
     text = (
@@ -153,6 +166,7 @@ def test_elements_that_are_no_solids_are_told(tmp_path: Path) -> None:
         (NODES.replace("*Node", "*Node, system=C") + CELL, "nodes in cylindrical or spherical coordinates"),
         ("*Instance, name=i, part=P\n*End Instance\n", "the part 'P', which this file does not contain; remedy"),
         ("*Include, input=not.inc\n", "Include of 'not.inc': there is no such file; remedy: put it beside"),
+        ("*Node, input=not.txt\n", "Node of 'not.txt': there is no such file; remedy: put it beside"),
         ("*Include, input=job.inp\n", "Include of 'job.inp': it includes itself"),
         (PART + PART.replace("Brick", "Other"), "the parts BRICK, OTHER have no instance; remedy"),
         (NODES + CELL.replace("7, 8", "7"), "element 1 of type C3D8 has 7 nodes; allowed: 8; the file seems cut off"),

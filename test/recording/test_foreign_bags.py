@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import shutil
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,8 +23,10 @@ from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.errors import GdfeError, RecordingError
 from gdfe_ros.fitting.bag_topics import TopicValues
 from gdfe_ros.fitting.match_schema import CompareModel
+from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.foreign_bag import ForeignBag, open_bag
 from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.scene import scene_from_text
 
 SCENE = """
@@ -106,12 +109,15 @@ def write(
     maker: Maker,
     *,
     storage: StoragePlugin | None,
-    mode: CompressionMode | None = None,
+    mode: Any = None,
     version: int = 9,
 ) -> Path:
     """Write a bag by rosbags; without a storage, a ROS 1 bag. Return its path."""
     if storage is None:
-        with Writer1(path) as bag:
+        writer = Writer1(path)
+        if mode is not None:
+            writer.set_compression(mode)
+        with writer as bag:
             _fill(bag, messages, maker, maker.store.serialize_ros1)
         return path
     writer = Writer2(path, version=version, storage_plugin=storage)
@@ -139,6 +145,8 @@ KINDS = {
     "SQLite, messages compressed": (MODERN, SQLITE, MESSAGE, 9),
     "SQLite of Foxy": (OLD, SQLITE, None, 8),
     "ROS 1": (NOETIC, None, None, 0),
+    "ROS 1, bz2": (NOETIC, None, Writer1.CompressionFormat.BZ2, 0),
+    "ROS 1, lz4": (NOETIC, None, Writer1.CompressionFormat.LZ4, 0),
 }
 
 
@@ -354,3 +362,11 @@ def test_a_type_without_definition_is_named(tmp_path: Path, monkeypatch: pytest.
         bag.decoder()("my_msgs/msg/X", b"")
     assert isinstance(open_bag(make(tmp_path / "other", rows, "MCAP")), BagReader)
     assert SimpleNamespace(run=bag.run).run is None
+
+
+def test_definitions_of_idl_files_are_read() -> None:
+    """A definition made of IDL files, as MCAP bags of types without .msg files have it, is decoded."""
+    rule, kind = "=" * 80 + "\n", "robot_msgs/msg/Force"
+    text = f"{rule}IDL: {kind}\nmodule robot_msgs {{ module msg {{ struct Force {{ double newton; }}; }}; }};\n"
+    decode = array_decoder([TopicInfo(name="/force", type=kind, definition=text)])
+    assert decode(kind, b"\0\1\0\0" + struct.pack("<d", 2.5)).newton == 2.5
