@@ -34,7 +34,8 @@ EXTRAS = {
     ],
     "mcap": ["mcap>=1.6", "lz4>=4.3", "zstandard>=0.22", "rosbags>=0.11"],
     # Kinematics and Newton-Euler of arms. Its name on PyPI is pin; apt has ros-jazzy-pinocchio.
-    "arm": ["pin>=3.0"],
+    # trimesh and pycollada read the shapes of links.
+    "arm": ["pin>=3.0", "trimesh>=4.0", "pycollada>=0.8"],
     "fast": ["threadpoolctl>=3.2"],
     "mesh": ["meshio>=5.3", "trimesh>=4.0"],
     # gmsh (GPL) runs in a process of its own; pytetwild needs pyvista to be imported.
@@ -44,7 +45,7 @@ EXTRAS = {
     "video": ["av>=14.0"],
     "live": ["viser>=1.1,<2"],
     "control": ["quadprog>=0.1.12"],
-    "gym": ["gymnasium>=1.0"],
+    "gym": ["gymnasium>=1.0", "pyvista>=0.45"],
     "bench": [
         "felupe>=11.3",
         "tensortrax>=0.29",
@@ -69,6 +70,8 @@ EXTRAS = {
         "gymnasium>=1.0",
         "quadprog>=0.1.12",
         "pin>=3.0",
+        "pycollada>=0.8",
+        "example-robot-data>=6.0",
         "gmsh>=4.13",
         "pytetwild>=0.4.2",
         "pyvista>=0.45",

@@ -31,8 +31,9 @@ from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.node import tables as node_tables
 from benchmarks.report import KEPT, read_report
 from benchmarks.tables import all_tables
+from docs.scripts.compatibility import compatibility_table
 from docs.scripts.constants import constant_table
-from docs.scripts.library import library_table
+from docs.scripts.library import library_table, published_table
 from gdfe_ros.node import reference as node_reference
 from gdfe_ros.scene import reference as scene_reference
 
@@ -51,6 +52,8 @@ def texts() -> dict[str, str]:
         "node": node_reference.markdown(),
         "constants": constant_table(),
         "library": library_table(),
+        "published": published_table(),
+        "compatibility": compatibility_table(),
     }
     for name, tables in TABLES.items():
         report = read_report(KEPT / f"{name}.json")

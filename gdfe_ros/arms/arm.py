@@ -55,6 +55,7 @@ class Arm:
         springs: of the joints that yield; None if all joints are rigid.
         links: obstacles with the shapes of those links that can touch the body.
         visuals: drawn shapes of the arm's links.
+        remarks: messages about meshes that are left out of pictures.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Arm:
     springs: JointSprings | None = None
     links: tuple[ArmLink, ...] = ()
     visuals: tuple[Visual, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def joints(self) -> tuple[Joint, ...]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -101,7 +101,7 @@ class Joint:
         name: of the joint.
         motion: kind of the joint.
         parent, child: names of the two links that it connects.
-        limits: limits of a joint that moves; None for a fixed joint.
+        limits: limits of a joint that accepts commands; None for a fixed joint and for one that mimics another.
         mimic: coupling to another joint; None for a joint without a coupling.
     """
 
@@ -133,6 +133,7 @@ class Description:
         root: name of the link without a parent.
         links: dict from name to link, in the order of the file.
         joints: dict from name to joint, in the order of the file.
+        remarks: messages about content that is implausible, or left out.
         parents: dict from link to the joint that connects it to its parent.
     """
 
@@ -141,6 +142,7 @@ class Description:
     root: str
     links: Mapping[str, Link]
     joints: Mapping[str, Joint]
+    remarks: tuple[str, ...] = ()
     parents: Mapping[str, Joint] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -173,3 +175,8 @@ class Description:
         """Yield the URI of each mesh file once."""
         shapes = (shape for link in self.links.values() for shape in (*link.collisions, *link.visuals))
         yield from dict.fromkeys(shape.file for shape in shapes if shape.kind is GeometryKind.MESH)
+
+    def collision_files(self, links: Iterable[str]) -> set[str]:
+        """Return the URIs of the mesh files among the collision shapes of ``links``."""
+        shapes = (shape for name in links for shape in self.links[name].collisions)
+        return {shape.file for shape in shapes if shape.kind is GeometryKind.MESH}

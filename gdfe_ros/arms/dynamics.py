@@ -63,7 +63,8 @@ class LinkDynamics:
             raise ArmError(f"robot {description.name}", [f"pinocchio refuses it: {error}"]) from error
         self._data = self._model.createData()
         self._spread, self._offset = self._couplings()
-        self._frames = {name: self._model.getFrameId(name) for name in description.links}
+        body = pin.FrameType.BODY  # a joint may have the name of a link
+        self._frames = {name: self._model.getFrameId(name, body) for name in description.links}
 
     def _couplings(self) -> tuple[Vector, Vector]:
         """Return S (m, n) and o (m,): the positions of pinocchio's m joints, mimic joints included, are S q + o."""

@@ -14,12 +14,14 @@ from scipy.spatial import ConvexHull, QhullError
 
 from gdfe_ros.errors import ArmError, MeshError
 from gdfe_ros.mesh.shells import shell_numbers
-from gdfe_ros.mesh.voxels import examine_surface
+from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 
+DEBRIS = 1e-6
+"""Least volume of a convex piece of a collision mesh, divided by that of the largest piece."""
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 """Vertices (n, 3) [m], and triangles (t, 3)."""
-MARK = "package.xml"
-"""File that marks a folder as a ROS package."""
+LINK_SUFFIXES = (*SUFFIXES, ".dae", ".glb", ".gltf", ".3mf")
+"""Suffixes of files with the shape of a link."""
 
 
 def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
@@ -28,8 +30,8 @@ def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
     Args:
         uri: ``package://name/path``, ``file:///path``, or a path relative to the folder of the URDF.
         folder: folder of the URDF.
-        packages: dict from package to its folder. Other packages are searched in ``AMENT_PREFIX_PATH``, and in and
-            beside the folders above the URDF.
+        packages: dict from package to its folder. Other packages are searched in ``AMENT_PREFIX_PATH``, and in,
+            beside and below the folders above the URDF.
 
     Raises:
         ArmError: there is no such file; the error lists the searched places.
@@ -45,52 +47,71 @@ def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
     for path in candidates:
         if path.is_file():
             return path
-    places = ", ".join(map(str, candidates)) or f"no folder is known for the package {parts.netloc!r}"
+    places = ", ".join(map(str, candidates[:3])) + (", ..." if len(candidates) > 3 else "")
     raise ArmError(uri, [f"the mesh is missing ({places}); {remedy}"])
 
 
 def _package(name: str, folder: Path, packages: Mapping[str, Path]) -> list[Path]:
-    """Return the possible folders of a package: the given folder, else folders in ROS' index and above the URDF."""
+    """Return the possible folders of a package: the given folder, else folders in ROS' index and around the URDF.
+
+    Copies of a package often have another folder name, or no ``package.xml``. The folders above the URDF are therefore
+    tried, too, each as the package itself; the nearest folder comes first.
+    """
     if name in packages:
         return [packages[name]]
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    found = [Path(prefix) / "share" / name for prefix in prefixes if prefix]
-    for above in (folder, *folder.parents):
-        found += [above] if above.name == name and (above / MARK).is_file() else []
-        found += [above / name] if (above / name / MARK).is_file() else []
-    return [path for path in found if path.is_dir()]
+    above = (folder, *folder.parents)
+    prefixes = [prefix for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    named = [path for path in above if path.name == name] + [path / name for path in above if (path / name).is_dir()]
+    return [*named, *(Path(prefix) / "share" / name for prefix in prefixes), *above]
+
+
+def renamed_package(uri: str, path: Path, *, packages: Mapping[str, Path]) -> list[str]:
+    """Return a list with a remark if the ``path`` of a mesh is in no folder with the name of its package."""
+    parts = urlparse(uri)
+    if parts.scheme != "package" or parts.netloc in packages or parts.netloc in path.parts:
+        return []
+    folder = str(path).removesuffix(unquote(parts.path))
+    return [f"no folder has the name of the package {parts.netloc!r}; its meshes are taken from {folder}"]
 
 
 def read_surface(uri: str, path: Path) -> Surface:
     """Return the vertices (n, 3) of a mesh file, in the file's unit, and its triangles (t, 3).
 
+    COLLADA and glTF files state their unit; their vertices are in metres.
+
     Raises:
         ArmError: the file cannot be read.
     """
     try:
-        vertices, triangles, _ = examine_surface(path, scale=1.0, closed=False)
+        vertices, triangles, _ = examine_surface(path, scale=1.0, closed=False, suffixes=LINK_SUFFIXES)
     except MeshError as error:
         raise ArmError(uri, error.defects) from error
     return vertices, triangles.astype(np.int64)
 
 
-def convex_pieces(surface: Surface) -> list[Surface]:
-    """Return the convex hull of each connected piece of a surface; normals of its triangles point outward.
+def convex_pieces(surface: Surface) -> tuple[list[Surface], int]:
+    """Return the convex hull of each connected piece of a surface, and the number of pieces that are left out.
+
+    Normals of the hulls' triangles point outward. Collision meshes often have a few stray triangles. A piece is left
+    out if its hull is flat, or has less than `DEBRIS` of the largest hull's volume.
 
     Raises:
-        MeshError: a piece is flat.
+        MeshError: all pieces are flat.
     """
     vertices, triangles = surface
-    pieces, numbers = [], shell_numbers(len(vertices), triangles)
-    for number in range(int(numbers.max()) + 1):
-        points = vertices[np.unique(triangles[numbers == number])]
+    hulls, numbers = [], shell_numbers(len(vertices), triangles)
+    count = int(numbers.max()) + 1
+    for number in range(count):
         try:
-            hull = ConvexHull(points)
-        except QhullError as error:
-            text = "a piece of it is flat, and bounds no solid; remedy: close it, or leave it out of <collision>"
-            raise MeshError("the collision mesh", [text]) from error
-        pieces.append(_outward(hull))
-    return pieces
+            hulls.append(ConvexHull(vertices[np.unique(triangles[numbers == number])]))
+        except QhullError:
+            continue  # this piece is flat, and is counted below
+    if not hulls:
+        text = "it is flat, and bounds no solid; remedy: close it, or leave it out of <collision>"
+        raise MeshError("the collision mesh", [text])
+    largest = max(hull.volume for hull in hulls)
+    kept = [_outward(hull) for hull in hulls if hull.volume >= DEBRIS * largest]
+    return kept, count - len(kept)
 
 
 def _outward(hull: ConvexHull) -> Surface:

@@ -28,8 +28,8 @@ def touching_links(
     surfaces: Mapping[str, Surface],
     rest: Mapping[str, LinkFrame],
     friction: float,
-) -> tuple[ArmLink, ...]:
-    """Return the obstacles of links, named ``<link>_piece``, ``<link>_piece_2`` and so on.
+) -> tuple[tuple[ArmLink, ...], list[str]]:
+    """Return the obstacles of links, named ``<link>_piece``, ``<link>_piece_2`` and so on, and remarks on them.
 
     Args:
         arm: name of the arm.
@@ -40,11 +40,11 @@ def touching_links(
         friction: Coulomb's friction coefficient.
 
     Raises:
-        MeshError: a piece of a collision mesh is flat.
+        MeshError: a collision mesh is flat.
     """
-    found = []
+    found, remarks = [], []
     for name in names:
-        pieces = [piece for shape in robot.links[name].collisions for piece in _forms(name, shape, surfaces)]
+        pieces = [piece for shape in robot.links[name].collisions for piece in _forms(name, shape, surfaces, remarks)]
         for number, (form, shape) in enumerate(pieces, start=1):
             frame = rest[name]
             turn = Rotation.from_matrix(frame.axes @ shape.axes).as_rotvec()
@@ -59,10 +59,12 @@ def touching_links(
                     friction=friction,
                 )
             )
-    return tuple(found)
+    return tuple(found), remarks
 
 
-def _forms(link: str, shape: Geometry, surfaces: Mapping[str, Surface]) -> Iterator[tuple[Form, Geometry]]:
+def _forms(
+    link: str, shape: Geometry, surfaces: Mapping[str, Surface], remarks: list[str]
+) -> Iterator[tuple[Form, Geometry]]:
     match shape.kind:
         case GeometryKind.BOX:
             yield Box(shape.numbers), shape
@@ -73,7 +75,10 @@ def _forms(link: str, shape: Geometry, surfaces: Mapping[str, Surface]) -> Itera
         case GeometryKind.MESH:
             vertices, triangles = surfaces[shape.file]
             try:
-                for points, faces in convex_pieces((vertices * np.array(shape.numbers), triangles)):
+                pieces, debris = convex_pieces((vertices * np.array(shape.numbers), triangles))
+                if debris:
+                    remarks.append(f"link {link!r}: {debris} flat pieces of {shape.file} are left out of contact")
+                for points, faces in pieces:
                     yield TriangleMesh(_solid(points.tobytes(), faces.tobytes())), shape
             except MeshError as error:
                 raise MeshError(
@@ -89,10 +94,17 @@ def _solid(points: bytes, faces: bytes) -> Solid:
 
 
 def visuals(robot: Description, surfaces: Mapping[str, Surface]) -> tuple[Visual, ...]:
-    """Return the drawn shapes of all links. A link without visual shapes is drawn with its collision shapes."""
+    """Return the drawn shapes of all links, except meshes that are not among the ``surfaces``.
+
+    A link without visual shapes, or with none that is left, is drawn with its collision shapes.
+    """
     found = []
     for name, link in robot.links.items():
-        for shape in link.visuals or link.collisions:
+        drawn, solid = (
+            [shape for shape in shapes if not shape.file or shape.file in surfaces]
+            for shapes in (link.visuals, link.collisions)
+        )
+        for shape in drawn or solid:
             faces = _faces(shape, surfaces) @ shape.axes.T + shape.origin
             found.append(Visual(link=name, faces=faces, colour=shape.colour))
     return tuple(found)

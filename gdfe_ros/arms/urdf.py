@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 from xml.etree import ElementTree
@@ -19,12 +20,22 @@ from gdfe_ros.spelling import did_you_mean
 
 _NAMED = {"link": ("name",), "joint": ("name",), "parent": ("link",), "child": ("link",), "mimic": ("joint",)}
 """Dict from XML element to the attribute that contains the name of a link or a joint."""
+_XACRO = re.compile(r"\{[^}]*xacro[^}]*\}", re.IGNORECASE)
+"""Namespace of xacro's elements, of which there are several. URDFs that xacro wrote still declare it, but have no
+element of it.
+"""
+_MACROS = "it has xacro macros; remedy: `xacro arm.urdf.xacro > arm.urdf`, and give that file"
 _NUMBERS = {GeometryKind.BOX: ("size",), GeometryKind.CYLINDER: ("radius", "length"), GeometryKind.SPHERE: ("radius",)}
 """Dict from kind of a shape to its XML attributes; meshes are not included."""
 
 
 def parse_urdf(
-    text: str, *, where: str = "the URDF", prefix: str = "", limits: Mapping[str, Mapping[str, float]] | None = None
+    text: str,
+    *,
+    where: str = "the URDF",
+    prefix: str = "",
+    limits: Mapping[str, Mapping[str, float]] | None = None,
+    velocity: float | None = None,
 ) -> Description:
     """Return the robot that a URDF describes.
 
@@ -33,6 +44,7 @@ def parse_urdf(
         where: name of the URDF in an error.
         prefix: text before the name of every link and joint, so that the names of two equal arms differ.
         limits: dict from joint (with the prefix) to values of `UrdfLimits` that replace those of the URDF.
+        velocity: largest velocity [rad/s] or [m/s] of joints for which the URDF states none, or zero.
 
     Raises:
         ArmError: the URDF has defects; each is listed with a remedy.
@@ -40,13 +52,24 @@ def parse_urdf(
     try:
         robot = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
+        if "xacro:" in text:
+            raise ArmError(where, [_MACROS]) from error
         raise ArmError(where, [f"this is not XML: {error}; remedy: `xmllint` on the file names the place"]) from error
     if robot.tag != "robot":
         raise ArmError(where, [f"the outermost element is <{robot.tag}>; allowed: <robot>, as in every URDF"])
-    if "http://www.ros.org/wiki/xacro" in text or "xacro:" in text:
-        raise ArmError(where, ["it has xacro macros; remedy: `xacro arm.urdf.xacro > arm.urdf`, and give that file"])
+    if _has_macros(robot):
+        raise ArmError(where, [_MACROS])
     _add_prefix(robot, prefix)
-    return _Reader(where, limits or {}).description(robot)
+    return _Reader(where, limits or {}, velocity).description(robot)
+
+
+def _has_macros(robot: Element) -> bool:
+    """Return whether an element belongs to xacro, or an attribute has an expression or argument of xacro."""
+    return any(
+        _XACRO.match(str(element.tag)) is not None
+        or any("${" in value or "$(" in value for value in element.attrib.values())
+        for element in robot.iter()
+    )
 
 
 def _add_prefix(robot: Element, prefix: str) -> None:
@@ -59,13 +82,20 @@ def _add_prefix(robot: Element, prefix: str) -> None:
 class _Reader:
     """Parser of one robot, which collects all defects."""
 
-    def __init__(self, where: str, limits: Mapping[str, Mapping[str, float]]) -> None:
-        self._where, self._limits, self._defects = where, limits, []
+    def __init__(self, where: str, limits: Mapping[str, Mapping[str, float]], velocity: float | None) -> None:
+        self._where, self._limits, self._velocity, self._defects = where, limits, velocity, []
+        self._unlimited: list[str] = []
+        self._remarks: list[str] = []
 
     def description(self, robot: Element) -> Description:
         colours = {item.get("name"): _colour(item) for item in robot.findall("material")}
         links = [self._link(item, colours) for item in robot.findall("link")]
         joints = [joint for item in robot.findall("joint") if (joint := self._joint(item)) is not None]
+        if self._unlimited:
+            noun, verb = ("joint", "has") if len(self._unlimited) == 1 else ("joints", "have")
+            text = f"the {noun} {', '.join(self._unlimited)} {verb} no largest velocity"
+            remedy = "remedy: `velocity: 2.0` [rad/s, m/s] in the arm's entry of the scene, for all of them"
+            self._add(f'{text}; {remedy}, or <limit velocity="2.0" .../> in the URDF')
         self._require_unique("link", [link.name for link in links])
         self._require_unique("joint", [joint.name for joint in joints])
         by_name = {joint.name: joint for joint in joints}
@@ -81,7 +111,7 @@ class _Reader:
         if self._defects:
             raise ArmError(self._where, self._defects)
         text = ElementTree.tostring(robot, encoding="unicode")
-        given = {"links": {link.name: link for link in links}, "joints": by_name}
+        given = {"links": {link.name: link for link in links}, "joints": by_name, "remarks": tuple(self._remarks)}
         return Description(name=robot.get("name", "arm"), text=text, root=root, **given)
 
     def _add(self, defect: str) -> None:
@@ -105,6 +135,9 @@ class _Reader:
             )
             for tag in ("visual", "collision")
         }
+        pictures = [text for text in self._defects if text.startswith(f"link {name!r}, <visual>")]
+        self._defects = [text for text in self._defects if text not in pictures]
+        self._remarks += [f"left out of pictures: {text}" for text in pictures]
         inertial = item.find("inertial")
         if inertial is not None:
             self._check_inertial(inertial, name)
@@ -125,7 +158,8 @@ class _Reader:
             least = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             if least[0] < -1e-9 * max(least[2], 1e-12) or least[0] + least[1] < (1.0 - 1e-6) * least[2]:
                 text = f"principal moments {', '.join(f'{part:.3g}' for part in least)} kg m^2 belong to no rigid body"
-                self._add(f"link {name!r}: its {text}; allowed: each at most the sum of the two others")
+                remedy = "remedy: each at most the sum of the two others; until then efforts in motion are as wrong"
+                self._remarks.append(f"link {name!r}: its {text}; {remedy}")
 
     def _geometry(self, part: Element, where: str, colours: Mapping[str | None, Any]) -> Geometry | None:
         shape = part.find("geometry")
@@ -168,10 +202,11 @@ class _Reader:
         motion = JointKind(kind)
         self._place(item.find("origin"), where)
         axis = item.find("axis")
-        if axis is not None and not any(self._vector(axis, "xyz", f"{where}, <axis>", (1.0, 0.0, 0.0))):
+        turns = motion is not JointKind.FIXED and axis is not None
+        if turns and not any(self._vector(axis, "xyz", f"{where}, <axis>", (1.0, 0.0, 0.0))):
             self._add(f'{where}: its axis is zero; remedy: a direction, e.g. <axis xyz="0 0 1"/>')
         mimic, limits = self._mimic(item.find("mimic"), where), None
-        if motion is not JointKind.FIXED:
+        if motion is not JointKind.FIXED and mimic is None:
             limits = self._joint_limits(item.find("limit"), name, motion)
         return Joint(name=name, motion=motion, parent=ends[0], child=ends[1], limits=limits, mimic=mimic)
 
@@ -190,7 +225,12 @@ class _Reader:
         if motion is JointKind.CONTINUOUS:
             own.setdefault("lower", -math.inf)
             own.setdefault("upper", math.inf)
-        missing = [part for part in ("lower", "upper", "velocity") if part not in own]
+        # Many URDFs state 0 for an effort or velocity that nobody knows; a joint that cannot move is fixed.
+        if not own.get("velocity", 0.0) > 0.0 and not math.isnan(own.get("velocity", 0.0)):
+            own["velocity"] = self._velocity or math.inf
+            if self._velocity is None:
+                self._unlimited.append(name)
+        missing = [part for part in ("lower", "upper") if part not in own]
         if missing:
             example = '<limit lower="-3.1" upper="3.1" velocity="2.0" effort="50"/>'
             given = ", ".join(f"{part}: 1.0" for part in missing)
@@ -201,13 +241,8 @@ class _Reader:
         own.setdefault("effort", math.inf)
         if not own["lower"] <= own["upper"]:
             self._add(f"{where}: its lower limit {own['lower']:g} is above its upper one, {own['upper']:g}")
-        for part in ("velocity", "acceleration", "effort"):
-            # Many URDFs state 0 for an effort or velocity that nobody knows; a joint that cannot move is fixed.
-            if not own[part] > 0.0:
-                own[part] = math.inf if part == "effort" else own[part]
-                if part != "effort":
-                    remedy = 'remedy: a limit above 0, or type="fixed"'
-                    self._add(f"{where}: its largest {part} is {own[part]:g}; {remedy}")
+        for part in ("acceleration", "effort"):
+            own[part] = own[part] if own[part] > 0.0 else math.inf
         return UrdfLimits(**own)
 
     def _place(self, origin: Element | None, where: str) -> tuple[np.ndarray, np.ndarray]:

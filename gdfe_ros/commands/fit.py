@@ -16,7 +16,7 @@ from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
-LAWS = ("linear", "neo_hookean", "ogden", "curve")
+LAWS = ("linear", "neo_hookean", "mooney_rivlin", "yeoh", "arruda_boyce", "gent", "ogden", "curve")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +51,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="directory for the results (default: <name>_fit)")
     tensile = parser.add_argument_group("a material from a tensile test")
     tensile.add_argument(
-        "--tensile", type=Path, metavar="CURVE.csv", help="CSV file with the columns strain and stress [Pa]"
+        "--tensile",
+        type=Path,
+        metavar="CURVE.csv",
+        help="table of a testing machine: strain and stress, or force, extension and size",
     )
     tensile.add_argument(
         "--law", choices=LAWS, default="ogden", help="law that is fitted to the curve (default: ogden)"
@@ -62,6 +65,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     tensile.add_argument("--degree", type=int, default=6, help="degree of the polynomial of the law curve (default: 6)")
     tensile.add_argument(
         "--poisson", type=float, default=0.499, help="Poisson's ratio of the material (default: 0.499)"
+    )
+    tensile.add_argument(
+        "--slack", type=float, help="strain at which the specimen becomes taut (default: found in the data; 0: none)"
     )
     tensile.add_argument("--density", type=float, help="density of the material [kg/m^3]")
 
@@ -94,6 +100,7 @@ def _fit_tensile(arguments: argparse.Namespace) -> int:
         degree=arguments.degree,
         poisson=arguments.poisson,
         density=arguments.density,
+        slack=arguments.slack,
     )
     name = arguments.tensile.stem
     out = arguments.out or Path(f"{name}_fit")
@@ -103,7 +110,7 @@ def _fit_tensile(arguments: argparse.Namespace) -> int:
     for row in tensile_rows(fit):
         table.add_row(*map(escape, row))
     console.print(table)
-    for text in tensile_remarks(fit):
+    for text in [*curve.remarks, *tensile_remarks(fit)]:
         console.print(f"note: {text}", style="yellow", markup=False, highlight=False)
     (out / "material.yaml").write_text(material_text(fit, name), encoding="utf-8")
     draw_tensile(out / "tensile.png", fit, title=name)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -24,9 +25,12 @@ DEFECTIVE = 1
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "file",
+        "files",
+        nargs="+",
+        metavar="FILE",
         type=Path,
-        help="file of hexahedra or tetrahedra (.msh, .vtk, .vtu, .inp), of a surface (.stl, .obj, .ply), or .step",
+        help="one or several files: hexahedra or tetrahedra (.msh, .vtk, .vtu, .inp), a surface (.stl, .obj, .ply), "
+        "or .step; several files give one line for each",
     )
     parser.add_argument("--scale", type=float, help="metres per unit of the file, e.g. 0.001 for millimetres")
     parser.add_argument(
@@ -46,11 +50,16 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         GdfeError: there is no such file, a number is out of range, or the picture cannot be written.
     """
-    require_file(arguments.file, f"file {arguments.file}")
+    for path in arguments.files:
+        require_file(path, f"file {path}")
     require_number("--size", arguments.size, SIZE)
     require_number("--scale", arguments.scale, SCALE)
     require_picture(arguments.picture)
-    found = inspect_file(arguments.file, scale=arguments.scale, size=arguments.size)
+    if len(arguments.files) > 1:
+        if arguments.picture:
+            raise MeshError("--picture", ["it draws one file, but several are given; remedy: one file at a time"])
+        return _inspect_several(arguments.files, scale=arguments.scale, size=arguments.size)
+    found = inspect_file(arguments.files[0], scale=arguments.scale, size=arguments.size)
     Console().print(_table(found))
     for defect in found.defects:
         Console(stderr=True).print(f"fix: {defect}", style="red", markup=False)
@@ -61,14 +70,34 @@ def run(arguments: argparse.Namespace) -> int:
     return DEFECTIVE if found.defects else 0
 
 
+def _inspect_several(paths: Sequence[Path], *, scale: float | None, size: float | None) -> int:
+    """Print one line for each file: its kind and size, or its first defect; return 0, or 1 if one has defects."""
+    console, worst = Console(soft_wrap=True, highlight=False), 0
+    for path in paths:
+        found = inspect_file(path, scale=scale, size=size)
+        facts = dict(found.facts)
+        known = [
+            facts[key] for key in ("kind", "vertices, cells", "vertices, triangles", "solids, surfaces") if key in facts
+        ]
+        notes = f"; {len(found.remarks)} remarks" if found.remarks else ""
+        first = f": {found.defects[0]}" if found.defects else ""
+        style = "red" if found.defects else None
+        console.print(f"{path}: {'; '.join([*known, _verdict(found)])}{notes}{first}", style=style, markup=False)
+        worst = DEFECTIVE if found.defects else worst
+    return worst
+
+
+def _verdict(found: Inspection) -> str:
+    return "can be used as it is" if not found.defects else f"{len(found.defects)} to fix"
+
+
 def _table(found: Inspection) -> Table:
     table = Table(title=str(found.path), title_justify="left", min_width=64)
     table.add_column("quantity")
     table.add_column("value")
     for name, value in found.facts:
         table.add_row(name, value)
-    verdict = "can be used as it is" if not found.defects else f"{len(found.defects)} to fix"
-    table.add_row("verdict", verdict)
+    table.add_row("verdict", _verdict(found))
     return table
 
 

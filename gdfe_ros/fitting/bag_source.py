@@ -17,7 +17,7 @@ from gdfe_ros.fitting.matched import along_of, matched_observable, scale_of
 from gdfe_ros.fitting.observable import CLOUDS, Observable, QuantityKind
 from gdfe_ros.fitting.recording import Schedule, Series
 from gdfe_ros.fitting.track import Track, constant
-from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.foreign_bag import open_bag
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 
@@ -42,7 +42,7 @@ def read_bag(source: Source, scene: Scene) -> Bag:
         GdfeError: a topic, or a requested item of its messages, does not exist.
     """
     match = source.match
-    reader = BagReader(source.path)
+    reader = open_bag(source.path)
     values = TopicValues(reader)
     if reader.run is not None and not match.commands:
         series, schedule, remarks = _own(source, scene)

@@ -8,20 +8,22 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from gdfe_ros.analysis.message_values import cloud_values
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.match_schema import CommandModel, CompareModel
-from gdfe_ros.recording.decoding import array_decoder
+from gdfe_ros.fitting.message_path import follow, vector_of
+from gdfe_ros.recording.foreign_bag import ForeignBag
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.spelling import did_you_mean
 
 KNOWN = (
-    "PoseStamped", "PointStamped", "TransformStamped", "TFMessage", "Marker", "MarkerArray", "WrenchStamped",
-    "JointState", "Float64MultiArray", "Float64", "Float32", "FluidPressure", "PointCloud2",
+    "Pose", "PoseStamped", "PoseWithCovariance", "PoseWithCovarianceStamped", "PoseArray", "Odometry", "Point",
+    "PointStamped", "Vector3", "Vector3Stamped", "Transform", "TransformStamped", "TFMessage", "tfMessage", "Marker",
+    "MarkerArray", "Wrench", "WrenchStamped", "JointState", "Float64MultiArray", "Float64", "Float32", "FluidPressure",
+    "PointCloud2",
 )  # fmt: skip
-"""Types of messages from which quantities or commands can be read."""
+"""Types of messages from which quantities or commands can be read without a `path`."""
 
 
 class TopicValues:
@@ -34,15 +36,16 @@ class TopicValues:
         names: names of the topics that have messages.
     """
 
-    def __init__(self, reader: BagReader) -> None:
-        self._reader, self._decode = reader, array_decoder(reader.topics.values())
+    def __init__(self, reader: BagReader | ForeignBag) -> None:
+        self._reader, self._decode = reader, reader.decoder()
         self.names = sorted(name for name, count in reader.counts.items() if count)
 
     def start(self, models: Sequence[CompareModel | CommandModel]) -> float:
         """Return the time [s] of the earliest message on the topics that the ``models`` name; 0 without topics."""
         topics = [model.topic for model in models if model.topic]
-        for topic in topics:
-            self._require(topic, f"bag {self._reader.path}")
+        for model in models:
+            if model.topic:
+                self._require(model.topic, f"bag {self._reader.path}", path=model.path)
         return min((_stamp(log, message) for topic in topics for log, message in self._first(topic)), default=0.0)
 
     def of(
@@ -58,15 +61,15 @@ class TopicValues:
         Raises:
             GdfeError: there is no such topic, or its messages have no such item.
         """
-        self._require(model.topic, where)
+        self._require(model.topic, where, path=model.path)
         times, rows = [], []
         for log, message in self._messages(model.topic):
             for part in _parts(message, model):
                 numbers = _numbers(part, model, where, pose=pose)
-                times.append(_stamp(log, part if hasattr(part, "header") else message))
+                times.append(_stamp(log, part if hasattr(part, "header") and not model.path else message))
                 rows.append(numbers)
         if not rows:
-            what = model.frame_id or model.marker or model.joint
+            what = model.path or model.frame_id or model.marker or model.joint
             raise GdfeError(f"{where}: topic {model.topic} never has {what!r}; it has {', '.join(self._known(model))}")
         order = np.argsort(times, kind="stable")
         found, first = np.unique(np.array(times)[order], return_index=True)
@@ -85,13 +88,14 @@ class TopicValues:
             clouds.append(points[np.isfinite(points).all(axis=1)])
         return np.array(times), clouds
 
-    def _require(self, topic: str, where: str) -> None:
+    def _require(self, topic: str, where: str, *, path: str | None = None) -> None:
         if topic not in self.names:
             hint = did_you_mean(topic, self.names)
             raise GdfeError(f"{where}: no message on topic {topic!r}; {hint}topics: {', '.join(self.names)}")
         kind = self._reader.topics[topic].type
-        if kind.rpartition("/")[2] not in KNOWN:
-            raise GdfeError(f"{where}: topic {topic} has the type {kind}; allowed: {', '.join(KNOWN)}")
+        if path is None and kind.rpartition("/")[2] not in KNOWN:
+            remedy = "remedy: `path`, e.g. `path: rigid_bodies[0].pose.position`"
+            raise GdfeError(f"{where}: topic {topic} has the type {kind}; known: {', '.join(KNOWN)}; {remedy}")
 
     def _messages(self, topic: str) -> Any:
         for message in self._reader.messages([topic]):
@@ -119,7 +123,10 @@ def _label(part: Any) -> str:
 
 
 def _parts(message: Any, model: CompareModel | CommandModel) -> list[Any]:
-    """Return the parts of a message that ``model`` selects: a frame's transform, a marker, or the whole message."""
+    """Return the parts of a message that ``model`` selects: a path, a frame's transform, a marker, or all of it."""
+    if model.path:
+        found = follow(message, model.path)
+        return [] if found is None else [found]
     if model.joint and hasattr(message, "effort"):  # several publishers may each name their own joints
         return [message] if model.joint in message.name else []
     wanted = model.frame_id or model.marker
@@ -127,20 +134,20 @@ def _parts(message: Any, model: CompareModel | CommandModel) -> list[Any]:
 
 
 def _numbers(part: Any, model: CompareModel | CommandModel, where: str, *, pose: bool) -> list[float]:
-    for place, turn in (("position", "orientation"), ("translation", "rotation")):
-        holder = getattr(part, "pose", None) or getattr(part, "transform", None)
-        if holder is not None and hasattr(holder, place):
-            point = getattr(holder, place)
-            turned = _turn(getattr(holder, turn)) if pose else []
-            return [point.x, point.y, point.z, *turned]
-    if hasattr(part, "point"):
-        return [part.point.x, part.point.y, part.point.z]
-    if hasattr(part, "wrench"):
-        return [part.wrench.force.x, part.wrench.force.y, part.wrench.force.z]
+    if (found := vector_of(part, pose=pose)) is not None:
+        return found
+    if hasattr(part, "poses"):
+        if len(part.poses) == 1:
+            return vector_of(part.poses[0], pose=pose)
+        text = f"{where}: topic {model.topic} has {len(part.poses)} poses a message"
+        raise GdfeError(f"{text}; remedy: `path: poses[0]`")
     if hasattr(part, "fluid_pressure"):
         return [part.fluid_pressure]
     if hasattr(part, "effort"):
         return [_joint(part, model, where)]
+    if model.path and not hasattr(part, "data"):
+        text = f"{where}: `path: {model.path}` of topic {model.topic} leads to {type(part).__name__}"
+        raise GdfeError(f"{text}; remedy: a path to a number, a point, a vector or a pose")
     data = np.atleast_1d(part.data)
     place = int(model.joint or 0)
     if not 0 <= place < data.size:
@@ -157,11 +164,6 @@ def _joint(part: Any, model: CompareModel | CommandModel, where: str) -> float:
     if names.index(model.joint) >= len(values):
         raise GdfeError(f"{where}: topic {model.topic} has no {model.field} of {model.joint}; remedy: another `field`")
     return float(values[names.index(model.joint)])
-
-
-def _turn(orientation: Any) -> list[float]:
-    quaternion = [orientation.x, orientation.y, orientation.z, orientation.w]
-    return list(Rotation.from_quat(quaternion).as_rotvec()) if any(quaternion) else [0.0, 0.0, 0.0]
 
 
 def _stamp(log: float, message: Any) -> float:

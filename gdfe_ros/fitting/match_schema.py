@@ -34,6 +34,11 @@ class _Found(Entry):
     marker: str | None = Field(None, description="bag: `namespace/id` in a Marker or MarkerArray")
     joint: str | None = Field(None, description="bag: name in a JointState, or index in a Float64MultiArray")
     field: Literal["position", "velocity", "effort"] = Field("effort", description="bag: field of a JointState")
+    path: str | None = Field(
+        None,
+        description="bag: path to a number, point, vector or pose in a message of any type, e.g. "
+        "`rigid_bodies[0].pose.position` or `rigid_bodies[rigid_body_name=tip].pose`",
+    )
     unit: Unit | None = Field(None, description="unit of the numbers (default: SI)")
 
 
@@ -41,7 +46,8 @@ class CompareModel(_Found, Choice):
     """A measured quantity, and the simulated quantity with which it is compared."""
 
     options: ClassVar[tuple[str, ...]] = (
-        "column", "columns", "topic", "frame_id", "marker", "joint", "field", "unit", "along", "displacement", "sigma",
+        "column", "columns", "topic", "frame_id", "marker", "joint", "field", "path", "unit", "along", "displacement",
+        "sigma",
     )  # fmt: skip
 
     probe: str | None = Field(None, description="position of a probe [m]")

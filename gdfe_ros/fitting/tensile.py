@@ -13,10 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.invariant_fit import INVARIANT_LAWS, invariant_candidates
+from gdfe_ros.fitting.tensile_data import TestData, prepare
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden
 
 FLOOR = 0.01
 """A misfit is divided by at least this fraction of the largest stress, because small stresses are mostly noise."""
+SURE = 4.0
+"""A misfit is divided by at least this many times the scatter of the stresses, over `GOOD`, so that a point whose
+scatter is larger than its stress decides nothing. Where this exceeds all stresses, the fit is one of absolute least
+squares.
+"""
 GOOD = 0.01
 """Relative misfit at every point below which no further term is tried."""
 MOST_TERMS = 3
@@ -49,10 +56,11 @@ class TensileFit:
         entry: the law as an entry for the key `materials` of a scene.
         strain: engineering strains of the test (k,), without zeros.
         stress: nominal stresses of the test (k,) [Pa].
-        misfit: relative misfit of each point (k,): the error of its stress, divided by the larger of the measured
-            stress and ``FLOOR`` times the largest stress.
+        misfit: relative misfit of each point (k,): the error of its stress, divided by the largest of the measured
+            stress, ``FLOOR`` times the largest stress, and ``SURE / GOOD`` times the scatter.
         remarks: instabilities of the law; empty for an accepted law.
         refused: messages about unstable laws of the same kind that were tried.
+        notes: messages about points that were left out, and about slack.
     """
 
     material: Material
@@ -62,6 +70,7 @@ class TensileFit:
     misfit: NDArray[np.float64]
     remarks: tuple[str, ...]
     refused: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def largest(self) -> float:
@@ -78,21 +87,24 @@ def fit_tensile(
     degree: int = DEGREE,
     poisson: float = 0.499,
     density: float | None = None,
+    slack: float | None = None,
 ) -> TensileFit:
     """Fit a law to a tensile test by least squares of the relative misfit.
 
-    Minimises sum_k ((sigma(e_k) - sigma_k) / max(|sigma_k|, FLOOR max|sigma|))^2, where sigma(e) is the law's nominal
-    stress in incompressible uniaxial tension.
+    Minimises sum_k ((sigma(e_k) - sigma_k) / max(|sigma_k|, FLOOR max|sigma|, SURE/GOOD d))^2, where sigma(e) is the
+    law's nominal stress in incompressible uniaxial tension, and d the scatter of the stresses about a smooth curve.
+    Unloading, outliers and slack of the grips are left out (`tensile_data.prepare`).
 
     Args:
         strain: engineering strains (k,); compression is negative.
         stress: nominal stresses (k,) [Pa].
-        law: ``LINEAR``, ``NEO_HOOKEAN``, ``OGDEN`` or ``CURVE`` (a polynomial).
+        law: the law; ``CURVE`` is a polynomial.
         terms: number of terms of Ogden's law. None means the least number for which a stable law has a misfit below
             ``GOOD`` at every point, or the number of the best stable law if there is no such law.
         degree: degree of the polynomial.
         poisson: initial Poisson's ratio, for the scene.
         density: mass density [kg/m^3], for the scene.
+        slack: strain at which the specimen becomes taut; None to find it in the data.
 
     Raises:
         GdfeError: the columns are not a tensile test, a unit is implausible, or the law that fits best is unstable.
@@ -101,12 +113,18 @@ def fit_tensile(
         >>> fit_tensile([0.1, 0.5, 1.0], [11.1e3, 53.0e3, 113.0e3], law=Law.NEO_HOOKEAN).material.young > 1e5
         True
     """
-    e, s = _checked(strain, stress)
+    data = prepare(*_checked(strain, stress), slack=slack)
+    e, s, weights = data.strain, data.stress, _weights(data)
+    if e.size < 2:
+        raise GdfeError(f"{e.size} points are left of {np.size(strain)}; remedy: a smaller --slack")
     common = {"poisson": poisson, "density": density}
     if law is Law.OGDEN:
-        fit = _ogden(e, s, terms, common)
+        fit = _ogden(e, s, weights, terms, common)
+    elif law in INVARIANT_LAWS:
+        fit = _invariant(e, s, weights, law, common)
     else:
-        fit = _assess(e, s, _linear_in_parameters(e, s, law, degree, common))
+        fit = _assess(e, s, weights, _linear_in_parameters(e, s, weights, law, degree, common))
+    fit = replace(fit, notes=data.remarks)
     if fit.remarks:
         other = "--terms 1" if law is Law.OGDEN else "a smaller --degree, or --law ogden"
         raise GdfeError(f"{_refusal(fit)}; remedy: {other}")
@@ -133,12 +151,19 @@ def _checked(strain: ArrayLike, stress: ArrayLike) -> tuple[NDArray[np.float64],
     return e[moved], s[moved]
 
 
-def _weights(stress: NDArray[np.float64]) -> NDArray[np.float64]:
-    return 1.0 / np.maximum(np.abs(stress), FLOOR * np.abs(stress).max())
+def _weights(data: TestData) -> NDArray[np.float64]:
+    """Return the factor [1/Pa] from the error of each stress to its misfit."""
+    least = max(FLOOR * np.abs(data.stress).max(initial=0.0), SURE / GOOD * data.scatter)
+    return 1.0 / np.maximum(np.abs(data.stress), least)
 
 
 def _linear_in_parameters(
-    e: NDArray[np.float64], s: NDArray[np.float64], law: Law, degree: int, common: Mapping[str, Any]
+    e: NDArray[np.float64],
+    s: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    law: Law,
+    degree: int,
+    common: Mapping[str, Any],
 ) -> tuple[Material, dict[str, Any]]:
     """Fit a law whose stress is linear in its parameters, by linear least squares; return the law and its entry."""
     kinds = {Law.LINEAR: Linear, Law.NEO_HOOKEAN: NeoHookean}
@@ -146,15 +171,15 @@ def _linear_in_parameters(
         if not 1 <= degree <= e.size:
             raise GdfeError(f"a polynomial of degree {degree} through {e.size} points; allowed: 1 to {e.size}")
         columns = e[:, None] ** np.arange(1, degree + 1)
-        coefficients = np.linalg.lstsq(columns * _weights(s)[:, None], s * _weights(s), rcond=None)[0]
+        coefficients = np.linalg.lstsq(columns * weights[:, None], s * weights, rcond=None)[0]
         end = float(e.max())
         if coefficients[0] <= 0.0:
             text = f"the polynomial of degree {degree} starts with the slope {coefficients[0]:.4g} Pa"
             raise GdfeError(f"{text}, which is unstable; remedy: a smaller --degree, or law: ogden")
         curve = CurveData.polynomial(coefficients, strain_max=end)
         return Curve(data=curve, **common), {"coefficients": coefficients.tolist(), "strain_max": end}
-    unit = kinds[law](young=1.0, poisson=0.5).stress_at(e) * _weights(s)
-    young = float(unit @ (s * _weights(s)) / (unit @ unit))
+    unit = kinds[law](young=1.0, poisson=0.5).stress_at(e) * weights
+    young = float(unit @ (s * weights) / (unit @ unit))
     if young <= 0.0:
         raise GdfeError(
             f"the best modulus is {young:.4g} Pa, which is unstable; remedy: check the signs of the columns"
@@ -162,20 +187,45 @@ def _linear_in_parameters(
     return kinds[law](young=young, **common), {"young": young}
 
 
-def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, common: Mapping[str, Any]) -> TensileFit:
+def _invariant(
+    e: NDArray[np.float64], s: NDArray[np.float64], weights: NDArray[np.float64], law: Law, common: Mapping[str, Any]
+) -> TensileFit:
+    """Fit a law of the invariants; if the best one is unstable, the best one without negative coefficients."""
+    refused = []
+    for found in invariant_candidates(e, s, weights, law, common):
+        fit = _assess(e, s, weights, found)
+        if not fit.remarks:
+            return replace(fit, refused=tuple(refused))
+        refused.append(_refusal(fit))
+    name = law.name.lower()
+    why = "; ".join(refused) or f"the best {name} law has a negative modulus"
+    raise GdfeError(f"no stable law {name}: {why}; remedy: check the signs of the columns, or --law ogden")
+
+
+def _ogden(
+    e: NDArray[np.float64],
+    s: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    terms: int | None,
+    common: Mapping[str, Any],
+) -> TensileFit:
     """Fit Ogden's law with ``terms`` terms.
 
     None means the least number for which a stable law has a misfit below `GOOD` at every point, or the number of the
-    best stable law if there is no such law.
+    best stable law if there is no such law. One term is stable for every test with a positive work.
     """
     most = min(MOST_TERMS, e.size // 2)
     if terms is not None:
         if not 1 <= terms <= most:
             raise GdfeError(f"{terms} terms of Ogden's law for {e.size} points; allowed: 1 to {most}")
-        return _assess(e, s, _ogden_terms(e, s, terms, common))
+        return _assess(e, s, weights, _ogden_terms(e, s, weights, terms, common))
     stable, refused = [], []
     for count in range(1, most + 1):
-        fit = _assess(e, s, _ogden_terms(e, s, count, common))
+        try:
+            fit = _assess(e, s, weights, _ogden_terms(e, s, weights, count, common))
+        except GdfeError as error:
+            refused.append(str(error).partition("; remedy")[0])
+            continue
         if fit.remarks:
             refused.append(_refusal(fit))
             continue
@@ -183,15 +233,18 @@ def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, co
         if fit.largest < GOOD:
             break
     if not stable:
-        return fit
+        raise GdfeError(f"no stable law of Ogden: {'; '.join(refused)}; remedy: check the signs of the columns")
     return replace(min(stable, key=lambda item: item.largest), refused=tuple(refused))
 
 
 def _ogden_terms(
-    e: NDArray[np.float64], s: NDArray[np.float64], count: int, common: Mapping[str, Any]
+    e: NDArray[np.float64],
+    s: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    count: int,
+    common: Mapping[str, Any],
 ) -> tuple[Material, dict[str, Any]]:
     """Fit the exponents by a trust-region method, and the moduli for each trial by linear least squares."""
-    weights = _weights(s)
 
     def moduli(alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         alpha = np.where(np.abs(alpha) < FAINT, FAINT, alpha)
@@ -214,12 +267,17 @@ def _ogden_terms(
     return Ogden(mu=tuple(entry["mu"]), alpha=tuple(entry["alpha"]), **common), entry
 
 
-def _assess(e: NDArray[np.float64], s: NDArray[np.float64], found: tuple[Material, dict[str, Any]]) -> TensileFit:
+def _assess(
+    e: NDArray[np.float64],
+    s: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    found: tuple[Material, dict[str, Any]],
+) -> TensileFit:
     """Return the fit of a law: its misfit at each point, and remarks on its stability."""
     material, parameters = found
     entry = {"law": material.law.name.lower(), **parameters, "poisson": material.poisson}
     entry |= {"density": material.density} if material.density is not None else {}
-    misfit = (material.stress_at(e) - s) * _weights(s)
+    misfit = (material.stress_at(e) - s) * weights
     remarks = material.remarks()
     if isinstance(material, Ogden) and sum(map(abs, material.mu)) > CANCELLED * sum(material.mu):
         remarks = ["its terms cancel each other, because the data determine fewer of them", *remarks]

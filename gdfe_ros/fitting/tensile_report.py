@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 
 from gdfe_ros.fitting.tensile import TensileFit
 
+_PLAIN = ("linear", "neo_hookean", "curve")
+"""Laws whose stability needs no check of several deformations."""
 ACCEPTABLE = 0.05
 """Relative misfit above which another law is recommended; repeated tests of one batch differ by about this much."""
 
@@ -28,13 +30,16 @@ def tensile_rows(fit: TensileFit) -> list[tuple[str, str]]:
         ("misfit, root mean square", f"{100.0 * float(np.sqrt(np.mean(fit.misfit**2))):.3g} % of the stress"),
         ("misfit, largest", f"{100.0 * fit.largest:.3g} % at strain {fit.strain[np.abs(fit.misfit).argmax()]:g}"),
         ("valid", f"strain {min(0.0, fit.strain.min()):g} to {max(0.0, fit.strain.max()):g}, of tension alone"),
-        ("stability", "stable in uniaxial, equibiaxial and planar deformation" if "mu" in fit.entry else "stable"),
+        (
+            "stability",
+            "stable" if fit.entry["law"] in _PLAIN else "stable in uniaxial, equibiaxial and planar deformation",
+        ),
     ]
 
 
 def tensile_remarks(fit: TensileFit) -> list[str]:
-    """Return remarks on laws that were refused and on a large misfit; empty if there are none."""
-    notes = list(fit.refused)
+    """Return remarks on points left out, on refused laws and on a large misfit; empty if there are none."""
+    notes = [*fit.notes, *fit.refused]
     if fit.largest > ACCEPTABLE:
         text = f"no stable law of this kind has a largest misfit below {100.0 * fit.largest:.2g} %"
         notes.append(f"{text}; remedy: law: curve with the measured table (csv), which passes through every point")

@@ -3,19 +3,24 @@
 
 from gdfe_ros.materials.curve_data import CurveData
 from gdfe_ros.materials.density import cell_densities, lacks_density
-from gdfe_ros.materials.material import Curve, Law, Linear, Material, NeoHookean, Ogden
+from gdfe_ros.materials.invariant import ArrudaBoyce, Gent, Yeoh
+from gdfe_ros.materials.material import Curve, Law, Linear, Material, MooneyRivlin, NeoHookean, Ogden
 from gdfe_ros.materials.presets import LIBRARY, PRESETS, preset
 
 __all__ = [
     "LIBRARY",
     "PRESETS",
+    "ArrudaBoyce",
     "Curve",
     "CurveData",
+    "Gent",
     "Law",
     "Linear",
     "Material",
+    "MooneyRivlin",
     "NeoHookean",
     "Ogden",
+    "Yeoh",
     "cell_densities",
     "lacks_density",
     "preset",

@@ -6,21 +6,26 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.materials.curve_data import CurveData
-from gdfe_ros.materials.stability import drucker_remarks
+from gdfe_ros.materials.stability import drucker_remarks, separable_hessian
 
 
 class Law(IntEnum):
-    """The stress-strain laws, numbered for the solver's kernels."""
+    """The stress-strain laws. Kernels know the first four; the others have the kernel of ``OGDEN``."""
 
     LINEAR = 0
     NEO_HOOKEAN = 1
     CURVE = 2
     OGDEN = 3
+    YEOH = 4
+    MOONEY_RIVLIN = 5
+    ARRUDA_BOYCE = 6
+    GENT = 7
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,11 +52,23 @@ class Material:
         if not -1.0 < self.poisson <= 0.5:
             raise ValueError(f"poisson must lie in -1 < poisson <= 0.5, got {self.poisson!r}; 0.5 is incompressible")
         if self.density is not None:
-            _within("density", self.density, 0.0, 1e6, "in kg/m^3")
+            require_within("density", self.density, 0.0, 1e6, "in kg/m^3")
         if self.omega is not None and not 0.0 < self.omega <= 1.0:
             raise ValueError(f"omega must lie in 0 < omega <= 1, got {self.omega!r}")
 
     law = Law.LINEAR
+    scalars: ClassVar[dict[str, str]] = {}
+    """Dict from the name of each further parameter that is one number to its unit."""
+
+    @property
+    def kernel(self) -> Law:
+        """Law whose kernel computes this one."""
+        return self.law
+
+    @property
+    def terms(self) -> tuple[tuple[float, float], ...]:
+        """Moduli mu_i [Pa] and exponents alpha_i of Ogden's terms; empty for other laws."""
+        return ()
 
     @property
     def shear0(self) -> float:
@@ -96,7 +113,7 @@ class Linear(Material):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _within("young", self.young, 0.0, 1e13, "in Pa: 1 MPa is 1.0e6")
+        require_within("young", self.young, 0.0, 1e13, "in Pa: 1 MPa is 1.0e6")
 
     @property
     def young0(self) -> float:
@@ -133,11 +150,53 @@ class NeoHookean(Linear):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ogden(Material):
-    """Ogden's law in Abaqus' convention (Eq. 11).
+class PrincipalLaw(Material):
+    """Base class of laws that are sums of Ogden's ``terms`` (Abaqus' convention, Eq. 11).
 
     W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3) + K/2 (J - 1)^2. Here l1, l2, l3 are the
     isochoric principal stretches. The initial shear modulus is mu0 = sum_i mu_i.
+    """
+
+    law = Law.OGDEN
+    kernel = Law.OGDEN
+
+    @property
+    def shear0(self) -> float:
+        """Initial shear modulus [Pa]."""
+        return float(sum(mu for mu, _ in self.terms))
+
+    def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return sum_i 2 mu_i / alpha_i (l^(alpha_i - 1) - l^(-alpha_i/2 - 1)) [Pa] at l = 1 + e."""
+        stretch = 1.0 + np.asarray(strain, dtype=np.float64)
+        parts = (
+            2.0 * mu / alpha * (stretch ** (alpha - 1.0) - stretch ** (-0.5 * alpha - 1.0)) for mu, alpha in self.terms
+        )
+        return sum(parts, np.zeros_like(stretch))
+
+    def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative [Pa] of :meth:`stress_at`."""
+        stretch = 1.0 + np.asarray(strain, dtype=np.float64)
+        parts = (
+            2.0
+            * mu
+            / alpha
+            * ((alpha - 1.0) * stretch ** (alpha - 2.0) + (0.5 * alpha + 1.0) * stretch ** (-0.5 * alpha - 2.0))
+            for mu, alpha in self.terms
+        )
+        return sum(parts, np.zeros_like(stretch))
+
+    def remarks(self) -> list[str]:
+        """Return remarks on the deformations and stretches at which the law is unstable; empty if there are none."""
+        return drucker_remarks(separable_hessian(self._stiffness))
+
+    def _stiffness(self, stretch: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return d tau / d ln l = sum_i 2 mu_i l^alpha_i [Pa] at a principal stretch l; tau is the Kirchhoff stress."""
+        return sum((2.0 * mu * stretch**alpha for mu, alpha in self.terms), np.zeros_like(stretch))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ogden(PrincipalLaw):
+    """Ogden's law in Abaqus' convention.
 
     Attributes:
         mu: moduli mu_i [Pa] of one to six terms.
@@ -146,7 +205,6 @@ class Ogden(Material):
 
     mu: tuple[float, ...]
     alpha: tuple[float, ...]
-    law = Law.OGDEN
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -158,42 +216,39 @@ class Ogden(Material):
             raise ValueError("mu and alpha must be finite and no alpha zero")
         if max(abs(alpha) for alpha in self.alpha) > 20.0:
             raise ValueError(f"alpha must lie in -20 .. 20, got {self.alpha!r}")
-        _within("sum of mu (the initial shear modulus)", sum(self.mu), 0.0, 1e13, "check units and signs of mu")
+        require_within("sum of mu (the initial shear modulus)", sum(self.mu), 0.0, 1e13, "check units and signs of mu")
 
     @property
-    def shear0(self) -> float:
-        """Initial shear modulus [Pa]."""
-        return float(sum(self.mu))
+    def terms(self) -> tuple[tuple[float, float], ...]:
+        """Moduli mu_i [Pa] and exponents alpha_i."""
+        return tuple(zip(self.mu, self.alpha, strict=True))
 
-    def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return sum_i 2 mu_i / alpha_i (l^(alpha_i - 1) - l^(-alpha_i/2 - 1)) [Pa] at l = 1 + e."""
-        stretch = 1.0 + np.asarray(strain, dtype=np.float64)
-        terms = (
-            2.0 * mu / alpha * (stretch ** (alpha - 1.0) - stretch ** (-0.5 * alpha - 1.0))
-            for mu, alpha in zip(self.mu, self.alpha, strict=True)
-        )
-        return sum(terms, np.zeros_like(stretch))
 
-    def remarks(self) -> list[str]:
-        """Return remarks on the deformations and stretches at which the law is unstable; empty if there are none."""
-        return drucker_remarks(self._stiffness)
+@dataclass(frozen=True, kw_only=True)
+class MooneyRivlin(PrincipalLaw):
+    """Law of Mooney and Rivlin, W = C10 (I1 - 3) + C01 (I2 - 3), as in Abaqus.
 
-    def _stiffness(self, stretch: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return d tau / d ln l = sum_i 2 mu_i l^alpha_i [Pa] at a principal stretch l; tau is the Kirchhoff stress."""
-        terms = (2.0 * mu * stretch**alpha for mu, alpha in zip(self.mu, self.alpha, strict=True))
-        return sum(terms, np.zeros_like(stretch))
+    It is Ogden's law with the exponents 2 and -2 and the moduli 2 C10 and 2 C01.
 
-    def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivative [Pa] of :meth:`stress_at`."""
-        stretch = 1.0 + np.asarray(strain, dtype=np.float64)
-        terms = (
-            2.0
-            * mu
-            / alpha
-            * ((alpha - 1.0) * stretch ** (alpha - 2.0) + (0.5 * alpha + 1.0) * stretch ** (-0.5 * alpha - 2.0))
-            for mu, alpha in zip(self.mu, self.alpha, strict=True)
-        )
-        return sum(terms, np.zeros_like(stretch))
+    Attributes:
+        c10, c01: coefficients [Pa]; mu0 = 2 (C10 + C01).
+    """
+
+    c10: float
+    c01: float
+    law = Law.MOONEY_RIVLIN
+    scalars: ClassVar[dict[str, str]] = {"c10": "Pa", "c01": "Pa"}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not np.isfinite([self.c10, self.c01]).all():
+            raise ValueError(f"c10 and c01 must be finite, got {self.c10!r} and {self.c01!r}")
+        require_within("c10 + c01 (half of the initial shear modulus)", self.c10 + self.c01, 0.0, 1e13, "in Pa")
+
+    @property
+    def terms(self) -> tuple[tuple[float, float], ...]:
+        """Moduli mu_i [Pa] and exponents alpha_i of Ogden's law."""
+        return (2.0 * self.c10, 2.0), (2.0 * self.c01, -2.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,6 +283,7 @@ class Curve(Material):
         return self.data.remarks()
 
 
-def _within(name: str, value: float, low: float, high: float, remedy: str) -> None:
+def require_within(name: str, value: float, low: float, high: float, remedy: str) -> None:
+    """Raise ValueError with a remedy if a value is not between two bounds."""
     if not low < value < high:
         raise ValueError(f"{name} must lie in {low:g} < {name} < {high:g}, got {value!r}; {remedy}")

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+Vector = NDArray[np.float64]
 STRETCHES = np.concatenate([np.geomspace(0.3, 1.0, 121), np.geomspace(1.0, 3.0, 121)[1:]])
 """First principal stretches at which the stability of a law is checked."""
 MODES: dict[str, Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], ...]]] = {
@@ -18,21 +19,26 @@ MODES: dict[str, Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], ...]
 """Dict from the name of a deformation to the three principal stretches as functions of the first stretch."""
 
 
-def drucker_remarks(stiffness: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> list[str]:
+Hessian = Callable[[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]
+"""Function of three principal stretches with l1 l2 l3 = 1 that returns the entries 11, 12 and 22 of the Hessian [Pa] of
+the energy with respect to ln l1 and ln l2.
+"""
+
+
+def drucker_remarks(hessian: Hessian) -> list[str]:
     """Return remarks on stretches at which the tangent stiffness is not positive definite; empty if there are none.
 
-    Each deformation of `MODES` is checked in tension and in compression. With d tau_i / d ln l_i = a_i, the Kirchhoff
-    stresses of an incompressible body obey d tau_1 = (a_1 + a_3) d ln l_1 + a_3 d ln l_2, and the same with 1 and 2
-    exchanged. The law is stable if the 2 x 2 matrix of this relation is positive definite.
+    Each deformation of `MODES` is checked in tension and in compression. The Kirchhoff stresses of an incompressible
+    body obey d(tau_1 - tau_3) = h11 d ln l1 + h12 d ln l2, and the same with 1 and 2 exchanged. The law is stable if
+    this matrix is positive definite.
 
     Args:
-        stiffness: function a(l) = d tau / d ln l [Pa] of principal stretches l. The law's energy must be a sum over the
-            principal stretches.
+        hessian: of the law's energy.
     """
     notes = []
     for mode, stretches in MODES.items():
-        first, second, third = (stiffness(stretch) for stretch in stretches(STRETCHES))
-        stable = (first + third > 0.0) & (first * second + third * (first + second) > 0.0)
+        first, mixed, second = hessian(*stretches(STRETCHES))
+        stable = (first > 0.0) & (first * second - mixed**2 > 0.0)
         for what, side in (("tension", STRETCHES >= 1.0), ("compression", STRETCHES <= 1.0)):
             lost = STRETCHES[side & ~stable]
             if len(lost):
@@ -42,3 +48,29 @@ def drucker_remarks(stiffness: Callable[[NDArray[np.float64]], NDArray[np.float6
                     "data of that deformation, or avoid it"
                 )
     return notes
+
+
+def separable_hessian(stiffness: Callable[[Vector], Vector]) -> Hessian:
+    """Return the Hessian of an energy that is a sum over the principal stretches; a(l) = d tau / d ln l [Pa]."""
+
+    def hessian(one: Vector, two: Vector, three: Vector) -> tuple[Vector, Vector, Vector]:
+        first, second, third = map(stiffness, (one, two, three))
+        return first + third, third, second + third
+
+    return hessian
+
+
+def invariant_hessian(slopes: Callable[[Vector], tuple[Vector, Vector]]) -> Hessian:
+    """Return the Hessian of an energy W(I1); ``slopes`` returns dW/dI1 and d2W/dI1^2 [Pa] at I1 - 3."""
+
+    def hessian(one: Vector, two: Vector, three: Vector) -> tuple[Vector, Vector, Vector]:
+        a, b, c = one**2, two**2, three**2
+        first, second = slopes(a + b + c - 3.0)
+        u, v = 2.0 * (a - c), 2.0 * (b - c)
+        return (
+            second * u * u + 4.0 * first * (a + c),
+            second * u * v + 4.0 * first * c,
+            (second * v * v + 4.0 * first * (b + c)),
+        )
+
+    return hessian

@@ -11,7 +11,19 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.materials.table import INTERVALS, OGDEN, POISSON, SHEAR, TERMS, YOUNG
+from gdfe_ros.materials.table import (
+    END,
+    GENT,
+    INTERVALS,
+    INVARIANT,
+    LIMIT,
+    OGDEN,
+    POISSON,
+    POWERS,
+    SHEAR,
+    TERMS,
+    YOUNG,
+)
 from gdfe_ros.materials.tensor import (
     cofactor,
     determinant,
@@ -112,8 +124,46 @@ def ogden_powers(l0, l1, l2, table, k, term):
 
 
 @inlined
+def invariant_energy(x, table, k):
+    """Return W(x) [J/m^3], dW/dx and d2W/dx2 [Pa] of a law of the first invariant at x = I1 - 3 (`InvariantLaw`)."""
+    inside = min(x, table.parameters[k, END])
+    w, first, second = 0.0, 0.0, 0.0
+    for i in range(POWERS + 4, POWERS - 1, -1):
+        second = second * inside + 2.0 * first
+        first = first * inside + w
+        w = w * inside + table.parameters[k, i]
+    second = second * inside + 2.0 * first
+    first = first * inside + w
+    w = w * inside
+    mu, limit = table.parameters[k, GENT], table.parameters[k, LIMIT]
+    if mu > 0.0:
+        left = 1.0 - inside / limit
+        w -= 0.5 * mu * limit * math.log(left)
+        first += 0.5 * mu / left
+        second += 0.5 * mu / (limit * left * left)
+    beyond = x - inside
+    if beyond > 0.0:
+        second = max(second, 0.0)
+        w += beyond * (first + 0.5 * second * beyond)
+        first += second * beyond
+    return w, first, second
+
+
+@inlined
+def isochoric_squares(l0, l1, l2):
+    """Return the squares of the isochoric principal stretches."""
+    n0, n1, n2 = math.log(l0), math.log(l1), math.log(l2)
+    mean = (n0 + n1 + n2) / 3.0
+    e0, e1 = math.exp(2.0 * (n0 - mean)), math.exp(2.0 * (n1 - mean))
+    return e0, e1, 1.0 / (e0 * e1)
+
+
+@inlined
 def ogden_terms(l0, l1, l2, table, k):
-    """Return Ogden's isochoric energy W and its derivatives with respect to the three principal stretches."""
+    """Return the isochoric energy W, and its derivatives with respect to the three principal stretches.
+
+    W is the sum of Ogden's terms, and of the energy of a law of the first invariant.
+    """
     w, t0, t1, t2 = 0.0, 0.0, 0.0, 0.0
     for term in range(int(table.parameters[k, TERMS])):
         mu, alpha, e0, e1, e2 = ogden_powers(l0, l1, l2, table, k, term)
@@ -123,6 +173,14 @@ def ogden_terms(l0, l1, l2, table, k):
         t0 += factor * (e0 - total / 3.0)
         t1 += factor * (e1 - total / 3.0)
         t2 += factor * (e2 - total / 3.0)
+    if table.parameters[k, INVARIANT] > 0.0:
+        e0, e1, e2 = isochoric_squares(l0, l1, l2)
+        total = e0 + e1 + e2
+        more, first, _ = invariant_energy(total - 3.0, table, k)
+        w += more
+        t0 += 2.0 * first * (e0 - total / 3.0)
+        t1 += 2.0 * first * (e1 - total / 3.0)
+        t2 += 2.0 * first * (e2 - total / 3.0)
     return w, (t0 / l0, t1 / l1, t2 / l2)
 
 
@@ -139,6 +197,16 @@ def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
         m0 += 2.0 * mu * (e0 * (u0 - mean) - weighted + total * mean / 3.0) - factor * (e0 - total / 3.0) * u0
         m1 += 2.0 * mu * (e1 * (u1 - mean) - weighted + total * mean / 3.0) - factor * (e1 - total / 3.0) * u1
         m2 += 2.0 * mu * (e2 * (u2 - mean) - weighted + total * mean / 3.0) - factor * (e2 - total / 3.0) * u2
+    if table.parameters[k, INVARIANT] > 0.0:
+        e0, e1, e2 = isochoric_squares(l0, l1, l2)
+        total, mean = e0 + e1 + e2, (u0 + u1 + u2) / 3.0
+        c0, c1, c2 = 2.0 * e0 * (u0 - mean), 2.0 * e1 * (u1 - mean), 2.0 * e2 * (u2 - mean)
+        change = c0 + c1 + c2
+        _, first, second = invariant_energy(total - 3.0, table, k)
+        rise = second * change
+        m0 += 2.0 * (rise - first * u0) * (e0 - total / 3.0) + 2.0 * first * (c0 - change / 3.0)
+        m1 += 2.0 * (rise - first * u1) * (e1 - total / 3.0) + 2.0 * first * (c1 - change / 3.0)
+        m2 += 2.0 * (rise - first * u2) * (e2 - total / 3.0) + 2.0 * first * (c2 - change / 3.0)
     return m0 / l0, m1 / l1, m2 / l2
 
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.materials.material import Law, Material, Ogden
+from gdfe_ros.materials.invariant import InvariantLaw
+from gdfe_ros.materials.material import Law, Material
 
 INTERVALS = 1024
 """Number of intervals of a tabulated curve. The error of cubic Hermite interpolation is below 1e-9 of the initial
@@ -30,6 +31,12 @@ SHEAR, YOUNG, POISSON, BULK, PENALTY, LAME, CARRIED, TERMS, OGDEN = range(9)
 """Columns of ``MaterialTable.parameters``. From column ``OGDEN`` on: Ogden's mu_1, alpha_1, mu_2, alpha_2, ..."""
 LOCAL = OGDEN + 12
 """Column of the local part of the volume stiffness, see `with_local_share`."""
+POWERS = LOCAL + 1
+"""Column of the first of five coefficients of a law of the first invariant (`InvariantLaw`)."""
+GENT, LIMIT, END = range(POWERS + 5, POWERS + 8)
+"""Columns of such a law: modulus and limit of Gent's part, and the value of I1 - 3 from which it is continued."""
+INVARIANT = END + 1
+"""Column with 1 for a law of the first invariant, else 0."""
 LOCAL_SHARE = 1.5
 """Largest local part of the volume stiffness, divided by the shear modulus. In a prototype, 1 to 2.5 worked as well.
 Without a local part, laws in isochoric strains have deformation modes without energy. If all of the stiffness is local,
@@ -37,15 +44,20 @@ elements lock.
 """
 
 
+FARTHEST = 1e12
+"""Value of I1 - 3 that stands for a law without a continuation."""
+
+
 class MaterialTable(NamedTuple):
     """Arrays with one row for each material of a scene.
 
     Attributes:
-        law: (k,) int32, value of :class:`Law`.
-        parameters: (k, 21) float64 [Pa, -], with the columns `SHEAR` to `LOCAL`. They are in this order: shear modulus
-            mu0; Young's modulus E0; Poisson's ratio; bulk modulus K; the bulk modulus kappa in the energy; Lame's
-            lambda of the logarithmic neo-Hookean volume term (0 with a pressure per element); 1 if each element has a
-            pressure unknown, else 0; number of Ogden terms; Ogden's constants; local part of the volume stiffness.
+        law: (k,) int32, value of :class:`Law` of the kernel; laws of principal stretches have ``OGDEN``.
+        parameters: (k, 31) float64 [Pa, -], with the columns `SHEAR` to `INVARIANT`. They are in this order: shear
+            modulus mu0; Young's modulus E0; Poisson's ratio; bulk modulus K; the bulk modulus kappa in the energy;
+            Lame's lambda of the logarithmic neo-Hookean volume term (0 with a pressure per element); 1 if each element
+            has a pressure unknown, else 0; number of Ogden terms; Ogden's constants; local part of the volume
+            stiffness; constants of a law of the first invariant.
         curve: (k, intervals + 1, 5) float64 coefficients. On interval i with t = eps_eq/width - i,
             Phi' = c0 + c1 t + c2 t^2 + c3 t^3 [Pa]; c4 is Phi at t = 0 [J/m^3].
         tangent: (k, intervals + 1) float64, d sigma / d e [Pa] at the starts of the intervals.
@@ -63,7 +75,7 @@ def pack(materials: Sequence[Material]) -> MaterialTable:
     """Return the table of materials, in the order of their indices in the scene."""
     curves = [_tabulate(material) for material in materials]
     return MaterialTable(
-        np.array([material.law for material in materials], dtype=np.int32),
+        np.array([material.kernel for material in materials], dtype=np.int32),
         np.array([_row(material) for material in materials], dtype=np.float64),
         np.array([curve for curve, _, _ in curves]),
         np.array([tangent for _, tangent, _ in curves]),
@@ -95,7 +107,7 @@ def carries_pressure(material: Material) -> bool:
 
 
 def _row(material: Material) -> NDArray[np.float64]:
-    row = np.zeros(LOCAL + 1)
+    row = np.zeros(INVARIANT + 1)
     mu, nu = material.shear0, material.poisson
     row[[SHEAR, YOUNG, POISSON, BULK]] = mu, material.young0, nu, material.bulk
     if carries_pressure(material):
@@ -106,11 +118,12 @@ def _row(material: Material) -> NDArray[np.float64]:
         row[LAME] = 2.0 * mu * nu / (1.0 - 2.0 * nu)
     else:
         row[PENALTY] = material.bulk
-    if isinstance(material, Ogden):
-        count = len(material.mu)
-        row[TERMS] = count
-        row[OGDEN : OGDEN + 2 * count : 2] = material.mu
-        row[OGDEN + 1 : OGDEN + 2 * count : 2] = material.alpha
+    row[TERMS] = count = len(material.terms)
+    row[OGDEN : OGDEN + 2 * count] = np.ravel(material.terms)
+    if isinstance(material, InvariantLaw):
+        coefficients = material.coefficients
+        row[POWERS : POWERS + len(coefficients)] = coefficients
+        row[[GENT, LIMIT]], row[END], row[INVARIANT] = material.limited, min(material.end, FARTHEST), 1.0
     return row
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +26,14 @@ class Faces:
             01, 12, 20.
         cells: owning cell of each face, shape (q,), int32.
         crowded: cells with a face that belongs to three or more cells, sorted, int32; empty for a sound mesh.
+        folded: cells that lie on the same side of the face that they share with their neighbour, or that order its
+            corners differently, sorted, int32; empty for a sound mesh without inverted cells.
     """
 
     quads: NDArray[np.int32]
     cells: NDArray[np.int32]
     crowded: NDArray[np.int32]
+    folded: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
 
 
 def boundary_faces(cells: NDArray[np.int32]) -> Faces:
@@ -51,7 +54,33 @@ def boundary_faces(cells: NDArray[np.int32]) -> Faces:
         quads=np.ascontiguousarray(quads[single]),
         cells=owners[single],
         crowded=np.unique(owners[sharing > 2]),
+        folded=folded_cells(quads, group, owners),
     )
+
+
+def folded_cells(
+    corners: NDArray[np.int32], group: NDArray[np.integer], owners: NDArray[np.int32]
+) -> NDArray[np.int32]:
+    """Return the sorted cells, int32, whose common face has not the opposite order of corners in the two cells.
+
+    Two cells on both sides of a face list its corners in opposite directions, because each lists them counter-clockwise
+    seen from outside. If both list them in the same direction, both lie on the same side, and overlap.
+
+    Args:
+        corners: corners of the faces, shape (q, 3) or (q, 4).
+        group: number of the group of each face, shape (q,); the faces of a group have the same corners.
+        owners: cell of each face, shape (q,).
+    """
+    order = np.argsort(group, kind="stable")
+    first = np.flatnonzero(np.bincount(group)[group[order[:-1]]] == 2) if len(order) else order
+    first = first[group[order[first]] == group[order[first + 1]]]
+    one, other = order[first], order[first + 1]
+    least = [np.argmin(corners[side], axis=1)[:, None] for side in (one, other)]
+    width = np.arange(corners.shape[1])
+    forth = np.take_along_axis(corners[one], (least[0] + width) % len(width), axis=1)
+    back = np.take_along_axis(corners[other], (least[1] - width) % len(width), axis=1)
+    wrong = (forth != back).any(axis=1)
+    return np.unique(np.concatenate([owners[one[wrong]], owners[other[wrong]]]))
 
 
 def group_quads(quads: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -5,15 +5,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.errors import MeshError
-
-if TYPE_CHECKING:
-    import meshio
+from gdfe_ros.mesh.raw_mesh import RawMesh
 
 Sets = dict[str, NDArray[np.int32]]
 #: Limit of distinct values in cell or point data that define groups. Data with more values are item numbers.
@@ -22,25 +18,21 @@ MOST_GROUPS = 256
 _PHYSICAL = "gmsh:physical"
 
 
-def named_sets(raw: meshio.Mesh, starts: dict[int, int], heading: str) -> tuple[Sets, Sets]:
+def named_sets(raw: RawMesh, starts: dict[int, int]) -> tuple[Sets, Sets]:
     """Return the cell sets and the vertex sets of a file.
 
     Args:
-        raw: mesh as read by meshio.
+        raw: content of the file.
         starts: dict from the index of a block of solid cells to the index of its first cell in the mesh.
-        heading: name of the file in an error.
 
     Returns:
         Two dicts from set name to sorted ids, int32: one of solid cells, one of vertices. A group of faces, edges or
         points becomes a set of its vertices. Whole-number data ``name`` become a set for each value except zero:
         ``name_1``, ``name_2``, ...
-
-    Raises:
-        MeshError: a set is made of other sets instead of cells.
     """
     cells: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
     vertices: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
-    for name, block, ids in _block_groups(raw, heading):
+    for name, block, ids in _block_groups(raw):
         if block in starts:
             cells[name].append(starts[block] + ids)
         else:
@@ -53,28 +45,26 @@ def named_sets(raw: meshio.Mesh, starts: dict[int, int], heading: str) -> tuple[
     return _joined(cells), _joined(vertices)
 
 
-def _block_groups(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
+def _block_groups(raw: RawMesh) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
     """Yield the name, the block index and the cell indices in the block, for each block of each set or group."""
-    yield from _set_blocks(raw, heading)
+    yield from _set_blocks(raw)
     for key, per_block in raw.cell_data.items():
         whole = np.concatenate([np.asarray(data).ravel() for data in per_block]) if per_block else np.zeros(0)
         for value in [] if key == "gmsh:geometrical" else _groups(whole):
             yield from _value_blocks(raw, key, value)
 
 
-def _set_blocks(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
+def _set_blocks(raw: RawMesh) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
     """Yield the name, the block index and the cell indices in the block, for each block of each set of cells."""
     for name, per_block in raw.cell_sets.items():
         if not name or name.startswith("gmsh:"):
             continue
-        if len(per_block) > len(raw.cells) or any(isinstance(ids, list) for ids in per_block):
-            raise MeshError(heading, [f"set {name!r} is made of other sets; remedy: list its elements by number"])
         for block, ids in enumerate(per_block):
             if ids is not None and len(ids):
                 yield name, block, np.asarray(ids, dtype=np.int64)
 
 
-def _value_blocks(raw: meshio.Mesh, key: str, value: int) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
+def _value_blocks(raw: RawMesh, key: str, value: int) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
     """Yield the name, the block index and the cell indices in the block of cells whose data ``key`` are ``value``."""
     names = {(int(tag), int(dim)): name for name, (tag, dim) in raw.field_data.items()}
     for block, data in enumerate(raw.cell_data[key]):

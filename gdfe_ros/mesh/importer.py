@@ -1,39 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Import of hexahedra or tetrahedra from files: Gmsh, VTK, Abaqus and other formats that meshio reads."""
+"""Import of hexahedra or tetrahedra from files: Gmsh, VTK, Abaqus and other formats."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
-from importlib import import_module
-from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.file_sets import named_sets
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.mesh_file import read_file
 from gdfe_ros.mesh.quality import check_mesh, list_ids, require_sound
+from gdfe_ros.mesh.raw_mesh import CellBlock, RawMesh
 from gdfe_ros.mesh.subset import keep_cells, merge_vertices
 from gdfe_ros.mesh.tetmesh import TetMesh, raised
 from gdfe_ros.mesh.units import unit_defects
 
-if TYPE_CHECKING:
-    import meshio
-
-#: Suffixes that the tests cover; meshio reads more.
-SUFFIXES = (".msh", ".vtk", ".vtu", ".inp")
-
 _FILL = "fill its surface with `mesh: {tets: {surface: FILE.stl, size: SIZE}}`"
 _TETRAHEDRA = ("tetra", "tetra10")
-"""meshio's names of tetrahedra of first and of second order."""
-#: Dict from the first letters of meshio's name of a solid cell type to the remedy for cells that are not supported.
+"""Names of tetrahedra of first and of second order."""
+#: Dict from the first letters of the name of a solid cell type to the remedy for cells that are not supported.
 _REMEDIES = {
     "hexahedron": "mesh it in first order (Gmsh: -order 1, Abaqus: C3D8), or give `first_order: true`",
     "tetra": "mesh it with tetrahedra of first or second order (4 or 10 nodes)",
@@ -41,8 +33,6 @@ _REMEDIES = {
     "pyramid": f"mesh it with tetrahedra or hexahedra only, or {_FILL}",
     "polyhedron": f"mesh it with tetrahedra or hexahedra only, or {_FILL}",
 }
-#: Order of the corners of a VTK voxel in a VTK hexahedron.
-_VOXEL_ORDER = [0, 1, 3, 2, 4, 5, 7, 6]
 
 
 def read_mesh(path: str | Path, *, scale: float | None = None, merge: bool = False, first_order: bool = False) -> Mesh:
@@ -55,7 +45,7 @@ def read_mesh(path: str | Path, *, scale: float | None = None, merge: bool = Fal
     in the order of the file.
 
     Args:
-        path: a file that meshio reads, e.g. .msh, .vtk, .vtu, .inp.
+        path: a file of Gmsh, VTK or Abaqus, or of another kind that meshio reads.
         scale: metres for each unit of the file, e.g. 0.001 for millimetres; None assumes metres and rejects
             bodies of implausible size.
         merge: whether to merge vertices at the same place.
@@ -80,7 +70,7 @@ def examine_mesh(
     """
     path = Path(path)
     heading = f"mesh {path}"
-    raw = _read(path, heading)
+    raw = read_file(path, heading)
     defects = _unsuited(raw, first_order)
     if defects:
         raise MeshError(heading, defects)
@@ -89,31 +79,13 @@ def examine_mesh(
         return mesh, check_mesh(mesh).defects
     mesh = keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool))
     defects = unit_defects(mesh.size, scale)
-    mesh = replace(mesh, vertices=mesh.vertices * (scale or 1.0))
+    mesh = replace(mesh, vertices=mesh.vertices * (scale or 1.0), remarks=tuple(raw.remarks))
     if merge:
         mesh = merge_vertices(mesh)
     return mesh, defects + check_mesh(mesh).defects
 
 
-def _read(path: Path, heading: str) -> meshio.Mesh:
-    try:
-        library = import_module("meshio")
-    except ImportError as error:
-        raise MeshError(heading, ["meshio is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
-    require_file(path, heading)
-    if path.suffix.lower() not in library.extension_to_filetypes:
-        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
-    said = StringIO()
-    try:
-        with redirect_stdout(said), redirect_stderr(said):
-            return library.read(path)
-    except (Exception, SystemExit) as error:  # on a broken file meshio's parsers raise any exception, or exit
-        reason = " ".join(said.getvalue().split()) or f"{type(error).__name__}: {error}"
-        remedy = "export it again, in ASCII if you can"
-        raise MeshError(heading, [f"cannot be read as {path.suffix}: {reason}; remedy: {remedy}"]) from error
-
-
-def _counts(raw: meshio.Mesh, kinds: tuple[str, ...] = ()) -> dict[str, int]:
+def _counts(raw: RawMesh, kinds: tuple[str, ...] = ()) -> dict[str, int]:
     """Return a dict from kind of cell to number of cells, of all kinds or only of the given ``kinds``."""
     counts: dict[str, int] = {}
     for block in raw.cells:
@@ -122,12 +94,12 @@ def _counts(raw: meshio.Mesh, kinds: tuple[str, ...] = ()) -> dict[str, int]:
     return counts
 
 
-def _unsuited(raw: meshio.Mesh, first_order: bool) -> list[str]:
+def _unsuited(raw: RawMesh, first_order: bool) -> list[str]:
     """Return a line of text for each reason why a file gives no mesh."""
     return [*_wrong_kinds(raw, first_order), *_nothing_solid(raw), *_damaged(raw)]
 
 
-def _wrong_kinds(raw: meshio.Mesh, first_order: bool) -> Iterator[str]:
+def _wrong_kinds(raw: RawMesh, first_order: bool) -> Iterator[str]:
     """Yield a line for each kind of cell that cannot be used, and a line for kinds that cannot be used together."""
     solid = {kind: n for kind, n in _counts(raw).items() if _remedy(kind)}
     tets, hexes = _counts(raw, _TETRAHEDRA), [kind for kind in solid if kind.startswith("hexahedron")]
@@ -140,16 +112,16 @@ def _wrong_kinds(raw: meshio.Mesh, first_order: bool) -> Iterator[str]:
         yield f"cells of several kinds: {found}; remedy: mesh it with one kind, or one file for each kind"
 
 
-def _nothing_solid(raw: meshio.Mesh) -> Iterator[str]:
+def _nothing_solid(raw: RawMesh) -> Iterator[str]:
     """Yield a line if a file has no solid cells."""
     counts = _counts(raw)
-    if not counts.get("voxel") and not any(map(_remedy, counts)):
+    if not any(map(_remedy, counts)):
         found = ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "no cells at all"
         flat = any(kind.startswith(("triangle", "quad", "polygon")) for kind in counts)
         yield f"there are no hexahedra and no tetrahedra, only: {found}; remedy: {_FILL if flat else 'mesh it'}"
 
 
-def _damaged(raw: meshio.Mesh) -> Iterator[str]:
+def _damaged(raw: RawMesh) -> Iterator[str]:
     """Yield a line if cells have too few vertices, and a line if the points do not have three coordinates."""
     least = {i: 8 for i, _ in _hex_blocks(raw)} | {i: int(block.type[5:] or 4) for i, block in _tet_blocks(raw)}
     if any(np.ndim(raw.cells[i].data) != 2 or np.shape(raw.cells[i].data)[1] < count for i, count in least.items()):
@@ -162,27 +134,26 @@ def _remedy(kind: str) -> str | None:
     return next((remedy for start, remedy in _REMEDIES.items() if kind.startswith(start)), None)
 
 
-def _hexahedra(raw: meshio.Mesh, heading: str) -> HexMesh:
+def _hexahedra(raw: RawMesh, heading: str) -> HexMesh:
     cells: list[NDArray[Any]] = []
     starts: dict[int, int] = {}
     for i, block in _hex_blocks(raw):
         starts[i] = sum(map(len, cells))
-        corners = _VOXEL_ORDER if block.type == "voxel" else slice(8)
-        cells.append(np.asarray(block.data)[:, corners])
+        cells.append(np.asarray(block.data)[:, :8])
     stacked = np.concatenate(cells)
     if stacked.min() < 0 or stacked.max() >= len(raw.points):
         require_sound(HexMesh(raw.points, stacked), heading)
-    cell_sets, vertex_sets = named_sets(raw, starts, heading)
+    cell_sets, vertex_sets = named_sets(raw, starts)
     return HexMesh(raw.points, stacked, cell_sets, vertex_sets)
 
 
-def _hex_blocks(raw: meshio.Mesh) -> Iterator[tuple[int, meshio.CellBlock]]:
+def _hex_blocks(raw: RawMesh) -> Iterator[tuple[int, CellBlock]]:
     for i, block in enumerate(raw.cells):
-        if block.type.startswith("hexahedron") or block.type == "voxel":
+        if block.type.startswith("hexahedron"):
             yield i, block
 
 
-def _tetrahedra(raw: meshio.Mesh, heading: str) -> TetMesh:
+def _tetrahedra(raw: RawMesh, heading: str) -> TetMesh:
     """Return the mesh of second-order tetrahedra; first-order tetrahedra are raised to second order."""
     starts: dict[int, int] = {}
     blocks: list[NDArray[Any]] = []
@@ -194,13 +165,13 @@ def _tetrahedra(raw: meshio.Mesh, heading: str) -> TetMesh:
         wrong = np.flatnonzero(((cells < 0) | (cells >= len(raw.points))).any(axis=1))
         text = f"{len(wrong)} cells name vertices outside 0 to {len(raw.points) - 1}: {list_ids(wrong)}"
         raise MeshError(heading, [f"{text}; remedy: repair the file"])
-    cell_sets, vertex_sets = named_sets(raw, starts, heading)
+    cell_sets, vertex_sets = named_sets(raw, starts)
     if cells.shape[1] == 4:
         return raised(raw.points, cells, cell_sets, vertex_sets, linear=True)
     return TetMesh(raw.points, cells, cell_sets, vertex_sets)
 
 
-def _tet_blocks(raw: meshio.Mesh) -> Iterator[tuple[int, meshio.CellBlock]]:
+def _tet_blocks(raw: RawMesh) -> Iterator[tuple[int, CellBlock]]:
     for i, block in enumerate(raw.cells):
         if block.type in _TETRAHEDRA and len(block.data):
             yield i, block

@@ -95,7 +95,7 @@ def inspect_mesh(mesh: Mesh, *, path: Path | None = None, defects: list[str] | N
         ("vertex sets", _sets(mesh.vertex_sets)),
     ]
     notes = flat_walls(mesh) if isinstance(mesh, TetMesh) and not found else []
-    return Inspection(path or Path(), facts, found, notes, mesh, cavities)
+    return Inspection(path or Path(), facts, found, [*mesh.remarks, *notes], mesh, cavities)
 
 
 def _kind(mesh: Mesh) -> str:

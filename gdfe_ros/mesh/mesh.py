@@ -32,6 +32,7 @@ class Mesh:
         touching: contact points of skins, used instead of the faces of the cells under them; None if all contact is by
             the faces of cells.
         parts: dict from name to each mesh from which this mesh was assembled; empty for a single mesh.
+        remarks: messages about content of the mesh's file that was left out.
 
     Arrays are converted to these types and to this layout. Only shapes and integer ids are checked here. `check_mesh`
     checks the content.
@@ -56,6 +57,7 @@ class Mesh:
     skin: Outside | None = None
     touching: Touching | None = None
     parts: Mapping[str, MeshPart] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)

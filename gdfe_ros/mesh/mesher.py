@@ -26,23 +26,42 @@ def run_mesher(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
     Raises:
         MeshError: the mesher fails, takes longer than `LONGEST_RUN`, or is not installed.
     """
+    return run_script(_SCRIPT, kind, request, heading)
+
+
+def run_script(
+    script: Path, kind: str, request: dict, heading: str, *, longest: float = LONGEST_RUN, noun: str = "mesher"
+) -> dict[str, NDArray]:
+    """Run a ``script`` as ``python SCRIPT KIND REQUEST.npz RESULT.npz``; return the arrays of its result.
+
+    Args:
+        script: the script; its result has an array ``defect`` or ``missing`` if it fails.
+        kind: what it has to do.
+        request: arrays for it.
+        heading: name of the file in an error.
+        longest: time [s] after which it is stopped.
+        noun: name of the script in an error.
+
+    Raises:
+        MeshError: the script fails, takes longer than ``longest``, or needs a package that is not installed.
+    """
     began = time.monotonic()
     if kind in _MESHERS:
         print(f"{heading}: meshing", end=" ", file=sys.stderr, flush=True)
     with tempfile.TemporaryDirectory() as folder:
         asked, answer = Path(folder) / "request.npz", Path(folder) / "result.npz"
         np.savez(asked, **request)
-        command = [sys.executable, str(_SCRIPT), kind, str(asked), str(answer)]
+        command = [sys.executable, str(script), kind, str(asked), str(answer)]
         try:
             # Meshers write files into their working directory.
-            options = {"cwd": folder, "capture_output": True, "text": True, "timeout": LONGEST_RUN}
+            options = {"cwd": folder, "capture_output": True, "text": True, "timeout": longest}
             done = subprocess.run(command, **options, check=False)
         except subprocess.TimeoutExpired as error:
-            text = f"the mesher did not end in {LONGEST_RUN:g} s; remedy: a larger size, or a simpler file"
+            text = f"the {noun} did not end in {longest:g} s; remedy: a larger size, or a simpler file"
             raise MeshError(heading, [text]) from error
         if not answer.is_file():
             said = " ".join((done.stderr or done.stdout).split())[-300:]
-            text = f"the mesher ended with code {done.returncode}: {said or 'no message'}"
+            text = f"the {noun} ended with code {done.returncode}: {said or 'no message'}"
             raise MeshError(heading, [f"{text}; remedy: repair the file, see `gdfe inspect`"])
         with np.load(answer, allow_pickle=False) as archive:
             found = dict(archive)

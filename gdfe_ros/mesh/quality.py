@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 import gdfe_ros.mesh.shape as hex_shape
 import gdfe_ros.mesh.tet_shape as tet_shape
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.faces import vertex_pieces
+from gdfe_ros.mesh.faces import enclosed_volume, vertex_pieces
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.tet_faces import six_node_volume
 
 #: Vertices closer than this fraction of the mesh size coincide.
 COINCIDENT = 1e-7
 #: Cells with a smaller scaled Jacobian are flat or inverted at a corner.
 FLAT = 1e-6
+#: Largest relative difference between the volume of the cells and the volume inside of their boundary.
+SAME_VOLUME = 1e-6
 #: Ids listed in one message; the rest is counted.
 LISTED = 10
 
@@ -83,7 +86,9 @@ def check_mesh(mesh: Mesh) -> QualityReport:
         jacobian, aspect = measures.scaled_jacobians(mesh), measures.aspect_ratios(mesh)
         volumes = measures.cell_volumes(mesh)
     if not defects:
-        defects += _misshapen(mesh, jacobian, volumes) + _overlaps(mesh) + _vertex_defects(mesh)
+        misshapen = _misshapen(mesh, jacobian, volumes)
+        defects += misshapen + _overlaps(mesh, upright=not misshapen) + _vertex_defects(mesh)
+        defects += [] if defects else _other_volume(mesh, volumes)
     part = vertex_pieces(mesh.cells, mesh.n_vertices)
     return QualityReport(jacobian, aspect, volumes, int(part.max()) + 1, part, defects)
 
@@ -132,7 +137,8 @@ def _misshapen(mesh: Mesh, jacobian: NDArray[np.float64], volumes: NDArray[np.fl
     )
 
 
-def _overlaps(mesh: Mesh) -> list[str]:
+def _overlaps(mesh: Mesh, *, upright: bool) -> list[str]:
+    """Return texts on cells that overlap others; ``upright`` is whether no cell is inverted or flat."""
     _, first = np.unique(np.sort(mesh.cells, axis=1), axis=0, return_index=True)
     again = np.ones(mesh.n_cells, dtype=bool)
     again[first] = False
@@ -140,7 +146,25 @@ def _overlaps(mesh: Mesh) -> list[str]:
         return _named("cells that repeat another cell", again, "remove them")
     crowded = np.zeros(mesh.n_cells, dtype=bool)
     crowded[mesh.boundary.crowded] = True
-    return _named("cells that share a face with two or more others", crowded, "re-mesh there")
+    folded = np.zeros(mesh.n_cells, dtype=bool)
+    folded[mesh.boundary.folded if upright else []] = True
+    return _named("cells that share a face with two or more others", crowded, "re-mesh there") + _named(
+        "cells that lie on the same side of the face that they share with another cell, and overlap it",
+        folded,
+        "re-mesh there; meshers that fill a surface make no such cells",
+        mesh,
+    )
+
+
+def _other_volume(mesh: Mesh, volumes: NDArray[np.float64]) -> list[str]:
+    """Return a text if the boundary encloses another volume than the cells have."""
+    faces = mesh.boundary.quads
+    inside = (enclosed_volume if isinstance(mesh, HexMesh) else six_node_volume)(mesh.vertices, faces)
+    whole = float(volumes.sum())
+    if abs(inside - whole) <= SAME_VOLUME * whole:
+        return []
+    text = f"the cells have a volume of {whole:.6g} m^3, but their boundary encloses {inside:.6g} m^3"
+    return [f"{text}; remedy: re-mesh it, cells overlap or do not fit"]
 
 
 def _vertex_defects(mesh: Mesh) -> list[str]:

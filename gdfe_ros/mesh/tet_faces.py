@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.faces import Faces
+from gdfe_ros.mesh.faces import Faces, folded_cells
 from gdfe_ros.mesh.tetrahedra import FACES, FACETS, face_slopes, face_weights, triangle_rule
 
 
@@ -17,9 +17,11 @@ def tet_boundary(cells: NDArray[np.int32]) -> Faces:
     if len(faces) == 0:
         return Faces(faces, owners, np.zeros(0, np.int32))
     _, group, count = np.unique(np.sort(faces[:, :3], axis=1), axis=0, return_inverse=True, return_counts=True)
-    sharing = count[group.reshape(-1)]
+    group = group.reshape(-1)
+    sharing = count[group]
     single = sharing == 1
-    return Faces(np.ascontiguousarray(faces[single]), owners[single], np.unique(owners[sharing > 2]))
+    folded = folded_cells(faces[:, :3], group, owners)
+    return Faces(np.ascontiguousarray(faces[single]), owners[single], np.unique(owners[sharing > 2]), folded)
 
 
 def facets(faces: NDArray[np.int32]) -> NDArray[np.int32]:

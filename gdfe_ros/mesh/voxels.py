@@ -38,6 +38,9 @@ MERGED_DIGITS = 8
 #: Limits of a body's longest side in the file's unit, whatever the unit is.
 SMALLEST, LARGEST = 1e-12, 1e12
 
+_STL_HEAD, _STL_FACE = 84, 50
+"""Bytes of the header of a binary STL file, whose last four are the number of triangles, and of a triangle."""
+
 
 class CutCubes(str, Enum):
     """Treatment of the cubes that a surface cuts: whole cubes, or cut cubes with their filled fraction."""
@@ -71,19 +74,24 @@ def read_voxels(
 
 
 def examine_surface(
-    surface: str | Path, *, scale: float | None = None, closed: bool = True
+    surface: str | Path, *, scale: float | None = None, closed: bool = True, suffixes: tuple[str, ...] = SUFFIXES
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], list[str]]:
     """Read a surface file, and examine whether the surface can be filled.
 
+    Args:
+        surface: the file.
+        scale: metres for each unit of the file; None assumes metres and rejects implausible sizes.
+        closed: whether an open surface is a defect.
+        suffixes: suffixes of allowed files.
+
     Returns:
-        Vertices [m], shape (n, 3); triangles, shape (t, 3); and the defects. With ``closed=False`` an open surface is
-        no defect.
+        Vertices [m], shape (n, 3); triangles, shape (t, 3); and the defects.
 
     Raises:
         MeshError: the file has no usable surface; the error names the reason.
     """
     path = Path(surface)
-    vertices, triangles = _read(path, f"surface {path}")
+    vertices, triangles = _read(path, f"surface {path}", suffixes)
     defects = unit_defects(math.hypot(*np.ptp(vertices, axis=0)), scale)
     defects += _open_edges(vertices, triangles) if closed else []
     return vertices * (scale or 1.0), triangles, defects
@@ -133,20 +141,22 @@ def fill_surface(
     return mesh
 
 
-def _read(path: Path, heading: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _read(path: Path, heading: str, suffixes: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     try:
         library = import_module("trimesh")
     except ImportError as error:
         raise MeshError(heading, ["trimesh is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
     require_file(path, heading)
-    if path.suffix.lower() not in SUFFIXES:
-        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
+    if path.suffix.lower() not in suffixes:
+        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(suffixes)}"])
     try:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()), np.errstate(all="ignore"):
             surface = library.load(path, force="mesh", process=False)
     except Exception as error:  # trimesh's parsers raise anything on a broken file
-        reason = f"{type(error).__name__}: {error}"
+        reason = _broken_stl(path) or "its content does not fit its kind"
         raise MeshError(heading, [f"cannot be read as {path.suffix}: {reason}; remedy: export it again"]) from error
+    if len(surface.faces) == 0 and (reason := _broken_stl(path)):
+        raise MeshError(heading, [f"cannot be read as {path.suffix}: {reason}; remedy: export it again"])
     if len(surface.faces) == 0:
         raise MeshError(heading, ["there are no triangles; remedy: export the body's surface"])
     if defects := _not_finite(np.asarray(surface.vertices), np.asarray(surface.faces)):
@@ -160,6 +170,17 @@ def _read(path: Path, heading: str) -> tuple[NDArray[np.float64], NDArray[np.int
     triangles = np.asarray(surface.faces)
     whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
     return np.asarray(surface.vertices, dtype=np.float64), triangles[whole]
+
+
+def _broken_stl(path: Path) -> str:
+    """Return what is wrong with the size of a binary STL file; an empty text for other files."""
+    content = path.read_bytes()
+    if path.suffix.lower() != ".stl" or len(content) < _STL_HEAD:
+        return ""
+    stated, found = int.from_bytes(content[_STL_HEAD - 4 : _STL_HEAD], "little"), (len(content) - _STL_HEAD) / _STL_FACE
+    if content.lstrip().startswith(b"solid") and b"facet" in content:
+        return ""
+    return f"its header states {stated} triangles, but the file has the size of {found:g}" if stated != found else ""
 
 
 def _not_finite(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> list[str]:

@@ -11,6 +11,8 @@ from typing import Any
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.topic import TopicInfo
 
+_RULE = "=" * 80 + "\n"
+"""Line before each IDL file in a definition."""
 Decoder = Callable[[str, bytes], Any]
 
 
@@ -32,12 +34,12 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
         >>> decode = array_decoder(reader.topics.values())
         >>> clouds = [decode(m.type, m.data) for m in reader.messages(["/gdfe_sim/mesh"])]
     """
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.EMPTY)
     for topic in topics:
         try:
-            types = get_types_from_msg(topic.definition, topic.type)
+            types = _types_of(topic)
             store.register({name: fields for name, fields in types.items() if name not in store.fielddefs})
         except Exception as error:  # the exceptions of rosbags for invalid definitions are not documented
             raise RecordingError(
@@ -55,9 +57,21 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
     return decode
 
 
+def _types_of(topic: TopicInfo) -> dict[str, Any]:
+    """Return the types in the definition of a topic, which is one of ``.msg`` files or of IDL files."""
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+    if not topic.definition.startswith(f"{_RULE}IDL: "):
+        return get_types_from_msg(topic.definition, topic.type)
+    found: dict[str, Any] = {}
+    for part in topic.definition.split(_RULE)[1:]:
+        found |= get_types_from_idl(part.partition("\n")[2])
+    return found
+
+
 def _line(error: Exception) -> str:
-    """Return an error's type and text as one line of at most 200 characters."""
-    return " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    """Return the text of an error of rosbags as one line of at most 200 characters."""
+    return " ".join(str(error).split())[:200] if type(error).__module__.startswith("rosbags") else "it is damaged"
 
 
 def rclpy_decoder() -> Decoder:

@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import yaml
 from mcap.exceptions import McapError
@@ -18,6 +18,8 @@ from mcap.records import Channel, Schema
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_file import RECORDING_RECORD, ROLE_KEY, RUN_RECORD
 from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY, bag_directory
+from gdfe_ros.recording.bag_kind import require_mcap, storage_files
+from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
 from gdfe_ros.recording.frames import require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo
@@ -72,6 +74,10 @@ class BagReader:
 
     def __len__(self) -> int:
         return self.counts.total()
+
+    def decoder(self) -> Callable[[str, bytes], Any]:
+        """Return a function that returns a message from its type and its bytes (`array_decoder`)."""
+        return array_decoder(self.topics.values())
 
     def messages(
         self, topics: Collection[str] | None = None, *, start: int | None = None, end: int | None = None
@@ -153,6 +159,8 @@ def _bag_files(path: Path) -> list[Path]:
         raise RecordingError(
             f"bag {path} has no {METADATA_FILE}: its recording was cut off. Repair it: gdfe recover {path}"
         )
+    for file in storage_files(path) if path.is_dir() else ():
+        require_mcap(file)
     raise RecordingError(f"{path} is neither a bag directory nor an MCAP file")
 
 
@@ -171,7 +179,8 @@ def _listed_files(metadata: Path) -> list[Path]:
     if missing:
         raise ValueError(f"it has no {' and no '.join(missing)}")
     if info["storage_identifier"] != "mcap":
-        raise RecordingError(f"bag {metadata.parent} is stored as {info['storage_identifier']}; allowed: mcap")
+        remedy = "remedy: `gdfe fit` reads it; other commands need a bag that gdfe recorded, in MCAP"
+        raise RecordingError(f"bag {metadata.parent} is stored as {info['storage_identifier']}; {remedy}")
     files = [metadata.parent / Path(name).name for name in info["relative_file_paths"]]
     absent = [file.name for file in files if not file.is_file()]
     if absent:
@@ -182,6 +191,7 @@ def _listed_files(metadata: Path) -> list[Path]:
 @contextmanager
 def _opened(file: Path) -> Iterator[McapReader]:
     """Open one file for reading; replace errors of mcap and of the file by ``RecordingError``."""
+    require_mcap(file)
     try:
         with file.open("rb") as stream:
             with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:

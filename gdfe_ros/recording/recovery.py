@@ -12,6 +12,7 @@ from pathlib import Path
 
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_info import bag_directory
+from gdfe_ros.recording.bag_kind import require_mcap, storage_files
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.salvage import Salvage
 from gdfe_ros.recording.writer import BagOptions, BagWriter
@@ -68,6 +69,8 @@ def recover(path: str | Path, output: str | Path | None = None, *, options: BagO
     """
     source = bag_directory(Path(path))
     files = [source] if source.is_file() else sorted(source.glob("*.mcap"), key=_part_number)
+    for file in files or storage_files(source):
+        require_mcap(file)
     if not files:
         raise RecordingError(f"there is no MCAP file in {source}: name the directory of a bag")
     target = Path(output) if output else source.resolve().with_name(f"{source.resolve().stem}_recovered")

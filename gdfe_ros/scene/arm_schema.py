@@ -57,11 +57,16 @@ class ArmModel(Entry):
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     start: dict[str, float] = Field(
-        {}, description="initial positions of joints [rad] or [m], by name; the others are at 0"
+        {},
+        description="initial positions of joints [rad] or [m], by name; the others are at 0, or at the limit that is "
+        "nearest to 0",
     )
     prefix: str = Field("", description="put before the names of its links and joints, so that two arms differ")
     packages: dict[str, FilePath] = Field({}, description="folders of the packages in package://, by name")
     limits: dict[str, JointLimitsModel] = Field({}, description="limits that replace those of the URDF, by joint")
+    velocity: Annotated[float, _FAST] | None = Field(
+        None, description="largest velocity of joints for which the URDF states none, or 0"
+    )  # fmt: skip
     acceleration: Annotated[float, _HARD] | None = Field(
         None, description="largest acceleration of joints without a limit of their own; default: the acceleration that "
         "reaches the joint's largest velocity in 0.1 s"

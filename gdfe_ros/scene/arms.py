@@ -15,7 +15,7 @@ from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.beginning import begins_inside
 from gdfe_ros.arms.description import Description, Joint
 from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
-from gdfe_ros.arms.meshes import Surface, find_mesh, read_surface
+from gdfe_ros.arms.meshes import find_mesh, read_surface, renamed_package
 from gdfe_ros.arms.shapes import touching_links, visuals
 from gdfe_ros.arms.springs import JointSprings
 from gdfe_ros.arms.urdf import parse_urdf
@@ -84,14 +84,15 @@ class _Builder:
             robot = self._read()
             self._require_flange(robot)
             start, springs = self._start(robot), self._springs(robot)
-            self._surfaces = self._surfaces if model.urdf is None else self._meshes(robot)
+            touching = self._touching(robot)
+            remarks = self._load_meshes(robot, touching)
             turn = Rotation.from_rotvec(np.radians(model.rotation_deg)).as_matrix()
             dynamics = LinkDynamics(robot, LinkFrame(np.array(model.at), turn))
             if handle is None or start is None or model.flange not in robot.links:
                 return None
             rest = dynamics.frames(start)
             given = {"surfaces": self._surfaces, "rest": rest, "friction": model.friction}
-            links = touching_links(self._name, robot, self._touching(robot), **given)
+            links, debris = touching_links(self._name, robot, touching, **given)
             shapes = visuals(robot, self._surfaces)
         except (ArmError, MeshError) as error:
             for defect in error.defects:
@@ -107,6 +108,7 @@ class _Builder:
             springs=springs,
             links=links,
             visuals=shapes,
+            remarks=(*robot.remarks, *remarks, *debris),
         )
         for text in begins_inside(arm, handles, mesh):
             self._report.add((*self._path, "start"), text, value=NO_VALUE)
@@ -126,13 +128,13 @@ class _Builder:
         else:
             where = f"URDF {model.urdf}"
             try:
-                self._text = model.urdf.read_text(encoding="utf-8")
+                self._text = model.urdf.read_text(encoding="utf-8-sig")
             except (OSError, UnicodeDecodeError) as error:
                 raise ArmError(
                     where, [f"it cannot be read as text: {error}; remedy: the path of a URDF file"]
                 ) from error
         limits = {name: item.model_dump(exclude_none=True) for name, item in model.limits.items()}
-        robot = parse_urdf(self._text, where=where, prefix=model.prefix, limits=limits)
+        robot = parse_urdf(self._text, where=where, prefix=model.prefix, limits=limits, velocity=model.velocity)
         joints = {name: self._limited(joint) for name, joint in robot.joints.items()}
         return replace(robot, joints=joints)
 
@@ -144,21 +146,33 @@ class _Builder:
         usual = self._model.acceleration or limits.velocity / SPIN_UP
         return replace(joint, limits=replace(limits, acceleration=usual))
 
-    def _meshes(self, robot: Description) -> dict[str, Surface]:
-        """Return a dict from the URI of each mesh in the URDF to its surface.
+    def _load_meshes(self, robot: Description, touching: Sequence[str]) -> tuple[str, ...]:
+        """Read the surface of each mesh, or take it from the packed URDF; return remarks on those that are left out.
+
+        Meshes of contact are needed. Nothing is computed with the others, so that those that cannot be read are left
+        out of pictures.
 
         Raises:
-            ArmError: meshes are missing or unreadable; the error names all of them.
+            ArmError: meshes of contact are missing or unreadable; the error names all of them.
         """
-        folder, defects, found = self._model.urdf.parent, [], {}
+        model, needed, defects, remarks = self._model, robot.collision_files(touching), [], []
         for uri in robot.mesh_files():
             try:
-                found[uri] = read_surface(uri, find_mesh(uri, folder=folder, packages=self._model.packages))
+                if model.urdf is not None:
+                    path = find_mesh(uri, folder=model.urdf.parent, packages=model.packages)
+                    self._surfaces[uri] = read_surface(uri, path)
+                    remarks += renamed_package(uri, path, packages=model.packages)
+                elif uri not in self._surfaces:
+                    raise ArmError(uri, ["it is not in the recorded scene"])
             except ArmError as error:
-                defects += [f"mesh {uri}: {defect}" for defect in error.defects]
+                if uri in needed:
+                    remedy = "or leave its link out of `links`"
+                    defects += [f"mesh {uri}: {defect}, {remedy}" for defect in error.defects]
+                else:
+                    remarks += [f"mesh {uri} is left out of pictures: {defect}" for defect in error.defects]
         if defects:
-            raise ArmError(f"URDF {self._model.urdf}", defects)
-        return found
+            raise ArmError(f"URDF {model.urdf}", defects)
+        return tuple(dict.fromkeys(remarks))
 
     def _check_handle(self, handle: Handle | None, known: Sequence[str]) -> None:
         path = (*self._path, "handle")
@@ -181,14 +195,16 @@ class _Builder:
     def _start(self, robot: Description) -> NDArray[np.float64] | None:
         """Return the initial positions [rad] or [m] of the commanded joints; None if there are defects."""
         joints = {joint.name: joint for joint in robot.commanded}
-        sound = self._require_joints("start", self._model.start, robot)
+        sound, starts = self._require_joints("start", self._model.start, robot), dict(self._model.start)
         for joint in joints.values():
-            value, limits = self._model.start.get(joint.name, 0.0), joint.limits
-            if not limits.lower <= value <= limits.upper:
+            value, limits = self._model.start.get(joint.name), joint.limits
+            if value is None:
+                starts[joint.name] = min(max(0.0, limits.lower), limits.upper)
+            elif not limits.lower <= value <= limits.upper:
                 sound = False
                 allowed = f"allowed by its limits: {limits.lower:g} to {limits.upper:g} {joint.unit}"
                 self._report.add((*self._path, "start", joint.name), f"{value!r}; {allowed}", value=NO_VALUE)
-        return np.array([float(self._model.start.get(name, 0.0)) for name in joints]) if sound else None
+        return np.array([float(starts[name]) for name in joints]) if sound else None
 
     def _springs(self, robot: Description) -> JointSprings | None:
         """Return the springs of the joints; None if all joints are rigid."""

@@ -171,6 +171,19 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     where_schema.SphereModel: ("{center: [0.0, 0.0, 0.0], radius: 0.01}",),
     material_schema.LinearModel: ("{law: linear, young: 1.0e5, poisson: 0.45, density: 1100, omega: 0.5}",),
     material_schema.NeoHookeanModel: ("{law: neo_hookean, young: 1.0e5, poisson: 0.49, density: 1100, omega: 0.5}",),
+    material_schema.PublishedModel: (
+        "{published: ecoflex_00_30_gent_membrane, poisson: 0.495, density: 1070, omega: 0.5, scale: 0.8}",
+    ),
+    material_schema.YeohModel: (
+        "{law: yeoh, c10: 0.11e6, c20: 0.02e6, c30: 0.0, poisson: 0.499, density: 1070, omega: 0.5}",
+    ),
+    material_schema.MooneyRivlinModel: (
+        "{law: mooney_rivlin, c10: 0.14e6, c01: 0.06e6, poisson: 0.499, density: 1070, omega: 0.5}",
+    ),
+    material_schema.ArrudaBoyceModel: (
+        "{law: arruda_boyce, mu: 0.2e6, lambda_m: 3.0, poisson: 0.499, density: 1070, omega: 0.5}",
+    ),
+    material_schema.GentModel: ("{law: gent, mu: 31.7e3, jm: 39.6, poisson: 0.499, density: 1070, omega: 0.5}",),
     material_schema.OgdenModel: (
         "{law: ogden, mu: [0.187e6, 0.092e6, 3.397e6], alpha: [1.94, 4.01, -1.51], poisson: 0.495, density: 1200, "
         "omega: 0.5}",
@@ -254,7 +267,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     ),
     arm_schema.ArmModel: (
         "{urdf: ur5e.urdf, flange: tool0, handle: wrist, at: [-0.4, 0, 0], rotation_deg: [0, 0, 90], start: "
-        "{elbow_joint: 1.57}, packages: {ur_description: /opt/ros/jazzy/share/ur_description}, limits: "
+        "{elbow_joint: 1.57}, velocity: 2.0, packages: {ur_description: /opt/ros/jazzy/share/ur_description}, limits: "
         "{elbow_joint: {velocity: 1.0}}, acceleration: 10.0, links: [forearm_link], friction: 0.3}",
         "{urdf: arm.urdf, flange: left_tool0, handle: left_wrist, prefix: left_, "
         "compliance: {left_elbow: {stiffness: 8000, damping: 20}}}",

@@ -8,13 +8,34 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
-from gdfe_ros.materials import PRESETS, Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, preset
+from gdfe_ros.materials import (
+    PRESETS,
+    ArrudaBoyce,
+    Curve,
+    CurveData,
+    Gent,
+    Law,
+    Linear,
+    Material,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Yeoh,
+    preset,
+)
+from gdfe_ros.materials.published import PUBLISHED, published
 from gdfe_ros.scene.entry import TAG, Entry
 from gdfe_ros.scene.paths import resolve_path
 from gdfe_ros.scene.quantity import ANY, Quantity
 from gdfe_ros.scene.table import StressTable, read_stress_table
 
 LAWS = tuple(law.name.lower() for law in Law)
+
+TENSION_ONLY = (
+    "law: curve is exact in uniaxial tension only; for a rubber of Yeoh's law its stress in equibiaxial tension is "
+    "20 % too low at stretch 1.25 and 50 % at 2; remedy where that matters: gdfe fit --tensile with --law yeoh or ogden"
+)
+"""Caveat of materials with a curve."""
 
 _POISSON = Quantity(
     "Poisson's ratio",
@@ -31,6 +52,13 @@ _COEFFICIENTS = Quantity("coefficients of e, e^2, ...", "Pa", count=ANY)
 _STRAIN = Quantity("engineering strains of the points of the curve", least=0.0, most=100.0, count=ANY, ascending=True)
 _STRESS = Quantity("nominal stresses at these strains", "Pa", count=ANY)
 _SCALE = Quantity("factor on all stresses of the preset", above=0.0, most=1e3)
+_C10 = Quantity("coefficient of I1 - 3, half of the initial shear modulus of Yeoh's law", "Pa", least=-1e13, most=1e13)
+_C20 = Quantity("coefficient of (I1 - 3)^2", "Pa", least=-1e13, most=1e13)
+_C30 = Quantity("coefficient of (I1 - 3)^3", "Pa", least=-1e13, most=1e13)
+_C01 = Quantity("coefficient of I2 - 3", "Pa", least=-1e13, most=1e13)
+_SHEAR = Quantity("shear modulus mu", "Pa", above=0.0, below=1e13, remedy="in Pa: 1 MPa is 1.0e6")
+_LOCKING = Quantity("locking stretch of the chains; rubber has 2 to 7", above=1.0, below=1e3)
+_LIMIT = Quantity("limit of I1 - 3; rubber has 10 to 100", above=0.0, below=1e6)
 _STRAIN_MAX = Quantity("largest engineering strain for which the polynomial holds", above=0.0, most=10.0)
 
 
@@ -91,6 +119,55 @@ class OgdenModel(_Common):
         return Ogden(mu=self.mu, alpha=self.alpha, **self.common)
 
 
+class YeohModel(_Common):
+    """Yeoh's law, W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3, with the coefficients of Abaqus."""
+
+    law: Literal["yeoh"] = Field(description="name of the material law")
+    c10: Annotated[float, _C10]
+    c20: Annotated[float, _C20] = 0.0
+    c30: Annotated[float, _C30] = 0.0
+
+    def build(self) -> Material:
+        """Return the material; raise ValueError if ``c10`` is not positive."""
+        return Yeoh(c10=self.c10, c20=self.c20, c30=self.c30, **self.common)
+
+
+class MooneyRivlinModel(_Common):
+    """Law of Mooney and Rivlin, W = C10 (I1 - 3) + C01 (I2 - 3), with the coefficients of Abaqus."""
+
+    law: Literal["mooney_rivlin"] = Field(description="name of the material law")
+    c10: Annotated[float, _C10]
+    c01: Annotated[float, _C01]
+
+    def build(self) -> Material:
+        """Return the material; raise ValueError if c10 + c01 is not positive."""
+        return MooneyRivlin(c10=self.c10, c01=self.c01, **self.common)
+
+
+class ArrudaBoyceModel(_Common):
+    """Law of Arruda and Boyce: chains of rubber with a locking stretch, with the five terms of Abaqus."""
+
+    law: Literal["arruda_boyce"] = Field(description="name of the material law")
+    mu: Annotated[float, _SHEAR]
+    lambda_m: Annotated[float, _LOCKING]
+
+    def build(self) -> Material:
+        """Return the material."""
+        return ArrudaBoyce(mu=self.mu, lambda_m=self.lambda_m, **self.common)
+
+
+class GentModel(_Common):
+    """Gent's law, W = -mu Jm / 2 ln(1 - (I1 - 3) / Jm)."""
+
+    law: Literal["gent"] = Field(description="name of the material law")
+    mu: Annotated[float, _SHEAR]
+    jm: Annotated[float, _LIMIT]
+
+    def build(self) -> Material:
+        """Return the material."""
+        return Gent(mu=self.mu, jm=self.jm, **self.common)
+
+
 class CurveModel(_Common):
     """Law from a curve of uniaxial nominal stress and engineering strain: a polynomial, a csv file, or two lists."""
 
@@ -120,13 +197,14 @@ class CurveModel(_Common):
         Raises:
             ValueError: the data do not form a valid curve.
         """
+        caveat = "; ".join([*(self.csv.remarks if self.csv is not None else ()), TENSION_ONLY])
         if self.coefficients is not None:
             data = CurveData.polynomial(self.coefficients, strain_max=self.strain_max)
         elif self.csv is not None:
             data = CurveData.table(self.csv.strain, self.csv.stress)
         else:
             data = CurveData.table(self.strain, self.stress)
-        return Curve(data=data, **self.common)
+        return Curve(data=data, caveat=caveat, **self.common)
 
 
 class PresetModel(_Common):
@@ -153,9 +231,25 @@ class PresetModel(_Common):
         return preset(self.preset, law=Law[self.law.upper()], scale=self.scale, **self.common)
 
 
+class PublishedModel(Entry):
+    """Constants of a material as somebody has published them ([sets](fitting.md#published-sets))."""
+
+    published: Literal[tuple(PUBLISHED)] = Field(description="name of the set: material, law and source")
+    poisson: Annotated[float, _POISSON] | None = Field(None, description="Poisson's ratio; default: that of the set")
+    density: Annotated[float, _DENSITY] | None = Field(None, description="density; default: that of the set, if any")
+    omega: Annotated[float, _OMEGA] | None = None
+    scale: Annotated[float, _SCALE] = 1.0
+
+    def build(self) -> Material:
+        """Return the material."""
+        given = {"poisson": self.poisson, "density": self.density, "omega": self.omega}
+        return published(self.published, scale=self.scale, **given)
+
+
 def _tag(value: Any) -> str | None:
     if isinstance(value, dict):
-        return TAG + ("preset" if "preset" in value else str(value.get("law")))
+        named = next((key for key in ("preset", "published") if key in value), None)
+        return TAG + (named or str(value.get("law")))
     return None
 
 
@@ -163,7 +257,12 @@ MaterialModel = Annotated[
     Annotated[LinearModel, Tag(TAG + "linear")]
     | Annotated[NeoHookeanModel, Tag(TAG + "neo_hookean")]
     | Annotated[OgdenModel, Tag(TAG + "ogden")]
+    | Annotated[YeohModel, Tag(TAG + "yeoh")]
+    | Annotated[MooneyRivlinModel, Tag(TAG + "mooney_rivlin")]
+    | Annotated[ArrudaBoyceModel, Tag(TAG + "arruda_boyce")]
+    | Annotated[GentModel, Tag(TAG + "gent")]
     | Annotated[CurveModel, Tag(TAG + "curve")]
-    | Annotated[PresetModel, Tag(TAG + "preset")],
+    | Annotated[PresetModel, Tag(TAG + "preset")]
+    | Annotated[PublishedModel, Tag(TAG + "published")],
     Discriminator(_tag),
 ]

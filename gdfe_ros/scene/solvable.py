@@ -62,6 +62,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     notes = _converted(scene.mesh)
     notes += [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
     notes += [f"material {key!r}: {item.caveat}" for key, item in scene.materials.items() if item.caveat]
+    notes += [f"arm {arm.name!r}: {text}" for arm in scene.arms for text in arm.remarks]
     if policy is Policy.RELATIVE:
         used = [item for item in scene.materials.values() if item.omega is None]
         notes += calibration_remarks(np.array([item.young0 for item in used])) if used else []
@@ -82,9 +83,10 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
 
 
 def _converted(mesh: Mesh) -> list[str]:
-    """Return remarks on meshes whose cells were converted to quadratic tetrahedra."""
+    """Return remarks on meshes whose files were not read wholly, or whose cells became quadratic tetrahedra."""
     notes = []
     for key, each in ({f"meshes: {name}": part.mesh for name, part in mesh.parts.items()} or {"mesh": mesh}).items():
+        notes += [f"{key}: {text}" for text in each.remarks]
         if isinstance(each, TetMesh) and each.linear:
             text = "its linear tetrahedra got a node on each edge, because linear ones lock; edges are straight"
             notes.append(f"{key}: {text}")

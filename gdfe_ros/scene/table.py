@@ -1,63 +1,153 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Test data in a csv file: two columns, strain and stress."""
+"""Tensile tests as text: the table of a testing machine, with its units, as strain and stress in SI units."""
 
 from __future__ import annotations
 
 import csv
 import math
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-_REMEDY = "allowed is a csv file with the header strain,stress and one row of numbers a point, stress in Pa"
+from gdfe_ros.scene.table_columns import Column, find_columns, is_unit_row
+
+_REMEDY = (
+    "allowed is a csv file with the columns strain and stress, with their units in the header or below it; without "
+    "units, strain is a fraction and stress is in Pa"
+)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+_EMPTY = ("", "nan", "n/a", "na", "-", "--", "null", "#n/a")
+"""Cells without a number, in small letters."""
+_LISTED = 10
+_SUMMARY = 4
+"""Number of rows up to which one of several tables is a summary of results, with its header and units."""
 
 
 @dataclass(frozen=True)
 class StressTable:
-    """Columns of engineering strain and uniaxial nominal stress [Pa], of equal length."""
+    """Columns of engineering strain and uniaxial nominal stress [Pa], of equal length.
+
+    Attributes:
+        strain: engineering strains.
+        stress: nominal stresses [Pa].
+        remarks: messages about the columns that were chosen and the rows that were left out.
+    """
 
     strain: tuple[float, ...]
     stress: tuple[float, ...]
+    remarks: tuple[str, ...] = ()
 
 
 def read_stress_table(path: Path) -> StressTable:
-    """Return the columns strain and stress [Pa] of a csv file.
+    """Return the columns strain and stress [Pa] of the file of a testing machine.
+
+    Separators are commas, semicolons or tabs, decimals have points or commas. Lines above the header are skipped, as
+    are lines that start with #. Units are in the header, ``Stress [MPa]``, or in a row below it. Force and extension
+    are converted if the lines above the header state width, thickness (or area) and length of the specimen. Rows
+    without numbers at the end are left out.
 
     Args:
-        path: the file, with the header strain,stress; separators are commas, semicolons or tabs. Lines that start with
-            # are skipped.
+        path: the file.
 
     Raises:
-        ValueError: the file cannot be read, has another header, has rows that are not two finite numbers, or has fewer
-            than two rows.
+        ValueError: the file cannot be read, has no such columns or several tests, has an unknown unit, has rows that
+            are not finite numbers, or has fewer than two rows.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"cannot read {path}: {error}; {_REMEDY}") from error
-    numbered = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line[0] != "#"]
+    numbered = [(i, line) for i, line in enumerate(_text(path).splitlines(), 1) if line.strip() and line[0] != "#"]
     if not numbered:
         raise ValueError(f"{path} is empty; {_REMEDY}")
-    delimiter = max(",;\t", key=numbered[0][1].count)
-    rows = list(csv.reader((line for _, line in numbered), delimiter=delimiter, skipinitialspace=True))
-    header = [title.strip().lower() for title in rows[0]]
-    if sorted(header) != ["strain", "stress"]:
-        raise ValueError(f"{path} line {numbered[0][0]}: the header is {header}; {_REMEDY}")
-    points, wrong = [], []
-    for (line, _), row in zip(numbered[1:], rows[1:], strict=True):
-        point = _point(row)
-        wrong += [str(line)] if point is None else []
-        points += [point] if point is not None else []
-    if wrong:
-        raise ValueError(f"{path}: not two finite numbers in line {', '.join(wrong[:10])}; {_REMEDY}")
-    if len(points) < 2:
-        raise ValueError(f"{path} has {len(points)} rows of data; at least 2 are needed")
-    columns = dict(zip(header, zip(*points, strict=True), strict=True))
-    return StressTable(strain=columns["strain"], stress=columns["stress"])
+    rows = [(number, row) for (number, _), row in zip(numbered, _cells([line for _, line in numbered]), strict=True)]
+    places = [place for place in range(len(rows)) if _columns_at(path, rows, place) is not None]
+    if not places:
+        titles = [cell.lower() for cell in rows[0][1]]
+        raise ValueError(f"{path} line {rows[0][0]}: the header is {titles}; {_REMEDY}")
+    tests = list(zip(places, [*places[1:], len(rows)], strict=True))
+    long = [(begin, end) for begin, end in tests if end - begin > _SUMMARY] if len(tests) > 1 else tests
+    if len(long) != 1:
+        lines = ", ".join(str(rows[place][0]) for place in places)
+        raise ValueError(f"{path} has {len(places)} tests, with headers in line {lines}; remedy: one file for each")
+    begin, end = long[0]
+    strain, stress, remarks = _columns_at(path, rows, begin)
+    remarks += [f"the table of results in line {rows[place][0]} is left out" for place in places if place != begin]
+    begin += 2 if begin + 1 < len(rows) and is_unit_row(rows[begin + 1][1]) else 1
+    return _table(path, rows[begin:end], strain, stress, remarks)
 
 
-def _point(row: list[str]) -> tuple[float, float] | None:
+def _text(path: Path) -> str:
     try:
-        numbers = tuple(float(cell) for cell in row)
+        raw = path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror}; {_REMEDY}") from error
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return raw.decode("utf-16", errors="replace")
+    if b"\0" in raw:
+        raise ValueError(f"cannot read {path}: it is no text; {_REMEDY}")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:  # machines set up in Western Europe write Windows' own code
+        return raw.decode("cp1252", errors="replace")
+
+
+def _cells(lines: Sequence[str]) -> list[list[str]]:
+    """Return the cells of each line, with decimal points."""
+    delimiter = max(";\t,", key=lambda mark: sum(line.count(mark) > 0 for line in lines) + (mark != ",") * 0.5)
+    rows = [next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []) for line in lines]
+    rows = [[cell.strip() for cell in row] for row in rows]
+    commas = any(_DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row)
+    points = any(re.fullmatch(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?", cell) for row in rows for cell in row)
+    if commas and not points:
+        return [[_with_point(cell) for cell in row] for row in rows]
+    return rows
+
+
+def _with_point(cell: str) -> str:
+    """Return a number with a decimal point instead of its decimal comma; other cells stay."""
+    plain = cell.replace(".", "").replace(" ", "") if re.fullmatch(r"[-+]?\d{1,3}(?:[. ]\d{3})+,\d+", cell) else cell
+    return plain.replace(",", ".") if _DECIMAL_COMMA.fullmatch(plain) else cell
+
+
+def _columns_at(
+    path: Path, rows: Sequence[tuple[int, list[str]]], place: int
+) -> tuple[Column, Column, list[str]] | None:
+    """Return the columns strain and stress, and remarks on them, if a row is a header; None if not."""
+    line, row = rows[place]
+    if any(_number(cell) is not None for cell in row):
+        return None
+    below = rows[place + 1][1] if place + 1 < len(rows) else []
+    units = below if is_unit_row(below) else [""] * len(row)
+    try:
+        return find_columns(row, units, [each for _, each in rows[:place]])
+    except ValueError as error:
+        raise ValueError(f"{path} line {line}: {error}") from error
+
+
+def _table(
+    path: Path, rows: Sequence[tuple[int, list[str]]], strain: Column, stress: Column, remarks: list[str]
+) -> StressTable:
+    points = [(line, strain.value(row, _number), stress.value(row, _number), row) for line, row in rows]
+    last = max((k for k, (_, e, s, _) in enumerate(points) if e is not None and s is not None), default=-1)
+    tail = [row for _, _, _, row in points[last + 1 :] if any(cell.lower() not in _EMPTY for cell in row)]
+    if tail:
+        remarks.append(f"{len(tail)} rows below the data are left out, the first: {', '.join(tail[0])[:60]}")
+    empty = [k for k, (*_, row) in enumerate(points[: last + 1]) if all(cell.lower() in _EMPTY for cell in row)]
+    if empty:
+        remarks.append(f"{len(empty)} empty rows between the data are left out")
+    kept = [point for k, point in enumerate(points[: last + 1]) if k not in set(empty)]
+    wrong = [str(line) for line, e, s, _ in kept if e is None or s is None]
+    wrong += [str(line) for line, e, s, _ in points[last + 1 :] if (e is None) != (s is None)]
+    if wrong or (last < 0 and points):
+        listed = ", ".join((wrong or [str(line) for line, *_ in points])[:_LISTED])
+        raise ValueError(f"{path}: not two finite numbers in line {listed}; {_REMEDY}")
+    if len(kept) < 2:
+        raise ValueError(f"{path} has {len(kept)} rows of data; at least 2 are needed")
+    return StressTable(tuple(e for _, e, _, _ in kept), tuple(s for _, _, s, _ in kept), tuple(remarks))
+
+
+def _number(cell: str) -> float | None:
+    """Return the finite number in a cell; None if there is none."""
+    try:
+        value = float(cell)
     except ValueError:
         return None
-    return numbers if len(numbers) == 2 and all(map(math.isfinite, numbers)) else None
+    return value if math.isfinite(value) else None

@@ -20,6 +20,8 @@ from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.testing.approach import Approach
+from gdfe_ros.testing.observed_space import default_space
+from gdfe_ros.testing.settling import is_held, settle
 
 Observation = Callable[[Simulation], ArrayLike]
 Reward = Callable[[Simulation, NDArray[np.float64]], float]
@@ -56,7 +58,7 @@ class SoftRobotEnv(Env):
         goal: (3,) goal of the first probe [m], used by the default reward; None with a reward function.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  gymnasium's own declaration
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012  gymnasium's own
 
     def __init__(
         self,
@@ -69,7 +71,10 @@ class SoftRobotEnv(Env):
         dt: float,
         steps: int,
         slew_time: float,
+        render_mode: str | None = None,
     ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise GdfeError(f"render_mode is {render_mode!r}; allowed: None, 'rgb_array'")
         self._names = _require_ranges(scene)
         _require_numbers(dt=dt, steps=steps, slew_time=slew_time)
         if (observation is None or reward is None) and not scene.probes:
@@ -88,13 +93,20 @@ class SoftRobotEnv(Env):
         self._walker = _walker(scene) if reward is None else None
         if reward is None:
             self.goal = np.zeros(3)
+        self.render_mode, self._painter = render_mode, None
+        settle(self.simulation)
+        self._beginning = self.simulation.snapshot()
         self.action_space = Box(self._low, self._high, dtype=np.float64)
-        self.observation_space = observation_space or Box(-np.inf, np.inf, self._observation().shape, np.float64)
+        if observation is None:
+            self._usual = default_space(scene, goal=reward is None)
+            self.observation_space = observation_space or self._usual
+        else:
+            self.observation_space = observation_space or Box(-np.inf, np.inf, self._observation().shape, np.float64)
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Start an episode from the initial state with a new goal, or from a stored state of an episode.
+        """Start an episode from the equilibrium of the initial commands (`settle`), or from a stored state.
 
         Args:
             seed: seed of the random goals; None: continue the sequence of the last seed.
@@ -116,7 +128,7 @@ class SoftRobotEnv(Env):
         if seed is not None and self._walker is not None:
             self._walker.reset()
         if episode is None:
-            self.simulation.reset()
+            self.simulation.restore(self._beginning)
         else:
             self.simulation.restore(episode.state)
             self.goal = episode.goal
@@ -154,15 +166,39 @@ class SoftRobotEnv(Env):
         ended = self._ends is not None and bool(self._ends(self.simulation))
         return self._observation(), self._rewarded(given), ended, truncated, info
 
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture (480, 640, 3) of the present state if the render mode is ``rgb_array``, else None.
+
+        Raises:
+            GdfeError: pyvista is not installed.
+        """
+        if self.render_mode is None:
+            return None
+        if self._painter is None:
+            from gdfe_ros.testing.render import Painter  # VTK, for pictures only
+
+            self._painter = Painter(self.simulation)
+        return self._painter.picture()
+
+    def close(self) -> None:
+        """Release the memory of pictures."""
+        if self._painter is not None:
+            self._painter.close()
+            self._painter = None
+
     def _observation(self) -> NDArray[np.float64]:
         return np.asarray(self._observe(self.simulation), dtype=np.float64)
 
     def _seen(self, simulation: Simulation) -> NDArray[np.float64]:
-        """Return the default observation: probe positions [m], actuator commands, efforts [N] or [Pa], and goal [m]."""
+        """Return the default observation: probe positions [m], actuator commands, efforts [N] or [Pa], and goal [m].
+
+        Numbers beyond the bounds of `default_space` are at the bounds.
+        """
         states = simulation.actuator_states().values()
         parts = [*simulation.probe_positions().values(), [state.command for state in states]]
         parts += [[state.effort for state in states], [] if self.goal is None else self.goal]
-        return np.concatenate([np.asarray(part, dtype=np.float64) for part in parts])
+        found = np.concatenate([np.asarray(part, dtype=np.float64) for part in parts])
+        return np.clip(found, self._usual.low, self._usual.high)
 
     def _rewarded(self, action: NDArray[np.float64]) -> float:
         if self._reward is not None:
@@ -198,6 +234,7 @@ def make_env(
     dt: float = 0.05,
     steps: int = 200,
     slew_time: float = 1.0,
+    render_mode: str | None = None,
 ) -> SoftRobotEnv:
     """Make an environment of Gymnasium from a scene.
 
@@ -211,11 +248,13 @@ def make_env(
             the state at the last goal. In these steps, the scene is simulated without dynamics, or with its dynamics if
             it has rigid bodies or no handles.
         terminated: function of the simulation that returns whether the episode has ended; None: never.
-        observation_space: space of the observations; None: unbounded, with the shape of the initial observation.
+        observation_space: space of the observations; None: bounded for the default observation, and for a function
+            unbounded, with the shape of the initial observation.
         overrides: dict from dotted key to the value that replaces the scene's. The scene's program is not played.
         dt: simulation time of a step [s].
         steps: number of steps after which an episode is truncated.
         slew_time: shortest simulation time in which a command crosses its whole range [s]; 0: at once.
+        render_mode: ``rgb_array`` for pictures by `SoftRobotEnv.render`, without a window; None: no pictures.
 
     Raises:
         GdfeError: the scene has no actuators, an actuator has no range, or probes are needed and missing.
@@ -228,7 +267,8 @@ def make_env(
     # Actions replace the program, whose commands may lie outside of a range that the overrides have narrowed.
     loaded = scene if isinstance(scene, Scene) else load_scene(scene, overrides={**(overrides or {}), "program": None})
     given = {"observation": observation, "reward": reward, "terminated": terminated}
-    return SoftRobotEnv(loaded, **given, observation_space=observation_space, dt=dt, steps=steps, slew_time=slew_time)
+    given |= {"dt": dt, "steps": steps, "slew_time": slew_time, "render_mode": render_mode}
+    return SoftRobotEnv(loaded, **given, observation_space=observation_space)
 
 
 def _walker(scene: Scene) -> Simulation:
@@ -236,8 +276,7 @@ def _walker(scene: Scene) -> Simulation:
 
     It has no dynamics, and thus no oscillations, unless the scene has rigid bodies or no handles, which need dynamics.
     """
-    held = any(handle.section == "handles" for handle in scene.handles)
-    return Simulation(replace(scene, dynamics=None) if held and not scene.rigid_bodies else scene)
+    return Simulation(replace(scene, dynamics=None) if is_held(scene) else scene)
 
 
 def _tip(simulation: Simulation) -> NDArray[np.float64]:

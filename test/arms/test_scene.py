@@ -93,7 +93,7 @@ def test_missing_meshes_are_all_named(two_links: Path) -> None:
         load_scene(path)
     assert "mesh package://my_arm/one.stl: the mesh is missing" in str(error.value)
     assert "`packages: {my_arm: <folder of that package>}`" in str(error.value)
-    assert "mesh two.stl: the mesh is missing" in str(error.value)
+    assert "two.stl" not in str(error.value)  # a visual mesh is left out
 
 
 def test_an_arm_that_begins_in_an_obstacle_is_named(two_links: Path) -> None:

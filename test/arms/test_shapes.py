@@ -62,5 +62,5 @@ def test_a_mesh_bears_a_body_as_a_box_does(two_links: Path) -> None:
 def test_a_flat_mesh_is_named(two_links: Path) -> None:
     """A plate without thickness bounds no solid; the link, the file and the remedy are told."""
     flat = trimesh.Trimesh(vertices=[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], faces=[[0, 1, 2], [0, 2, 3]])
-    with pytest.raises(SceneError, match=r"link 'one', one.stl: a piece of it is flat.*remedy"):
+    with pytest.raises(SceneError, match=r"link 'one', one.stl: it is flat, and bounds no solid.*remedy"):
         load_scene(_with_mesh(two_links.parent, flat))

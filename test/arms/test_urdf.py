@@ -38,24 +38,28 @@ def test_a_mimic_joint_takes_no_commands() -> None:
     assert robot.joints["bend"].mimic.multiplier == -2.0
 
 
+XACRO = '<robot name="two" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 LIMIT = '<limit lower="-2" upper="2" velocity="1.5" effort="20"/>'
 
 
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("<robot", "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:x/></robot><robot", "not XML"),
-        ('<link name="base"/>', '<link name="base"/><!-- xacro:macro -->', "remedy: `xacro arm.urdf.xacro"),
-        (LIMIT, "", "joint 'bend': it has no limit lower, upper, velocity; remedy: <limit lower="),
+        ("<robot", "<robot></robot><robot", "not XML"),
+        ('<link name="base"/>', '<link name="base"/><xacro:arm/>', "remedy: `xacro arm.urdf.xacro"),
+        ('<robot name="two">', XACRO + "<xacro:arm/>", "remedy: `xacro arm.urdf.xacro"),
+        ('<robot name="two">', XACRO.replace("www.ros.org/wiki", "wiki.ros.org") + "<xacro:x/>", "remedy: `xacro arm"),
+        ('<mass value="2.0"/>', '<mass value="${mass}"/>', "remedy: `xacro arm.urdf.xacro"),
+        (LIMIT, "", "joint 'bend': it has no limit lower, upper; remedy: <limit lower="),
         (LIMIT, LIMIT.replace('"2"', '"nan"'), "upper is 'nan'; allowed: a finite number"),
         (LIMIT, LIMIT.replace('lower="-2"', 'lower="3"'), "its lower limit 3 is above its upper one, 2"),
-        (LIMIT, LIMIT.replace('"1.5"', '"0"'), 'its largest velocity is 0; remedy: a limit above 0, or type="fixed"'),
+        (LIMIT, LIMIT.replace('"1.5"', '"0"'), "the joint bend has no largest velocity; remedy: `velocity: 2.0`"),
+        ('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>', "joint 'lift': its axis is zero"),
         ('type="fixed"', 'type="floating"', "its type is 'floating'; allowed: fixed, revolute"),
         ('<child link="tip"/>', '<child link="tipp"/>', "the link 'tipp', which is not there; did you mean 'tip'?"),
         ('<child link="tip"/>', '<child link="one"/>', "is the child of the joints lift, end: a closed loop"),
         ('<parent link="base"/>', '<parent link="tip"/>', "closed loop; remedy"),
         ('<mass value="1.0"/>', '<mass value="-1.0"/>', "link 'two': its <inertial> has no mass of 0 kg or more"),
-        ('ixx="0.004"', 'ixx="0.4"', "belong to no rigid body"),
         ('<box size="0.05 0.05 0.3"/>', '<box size="0.05 0.3"/>', "size is '0.05 0.3'; allowed: three finite numbers"),
         ('<box size="0.05 0.05 0.3"/>', "<capsule/>", "has <capsule>; allowed: <box>, <cylinder>"),
         (LIMIT, LIMIT + '<mimic joint="left"/>', "mimics 'left', which is no joint that moves; did you mean 'lift'?"),
@@ -78,3 +82,26 @@ def test_a_scene_may_give_limits_that_the_urdf_lacks() -> None:
     assert parse_urdf(text.replace(LIMIT, '<limit velocity="1" effort="0"/>')).joints["bend"].limits.upper == math.inf
     with pytest.raises(ArmError, match="no joint 'bent' that moves; did you mean 'bend'"):
         parse_urdf(TWO_LINKS, limits={"bent": {}})
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('<robot name="two">', XACRO),
+        ("<robot", "<!-- made by xacro:macro arm --><robot"),
+        ('<joint name="end" type="fixed">', '<joint name="end" type="fixed"><axis xyz="0 0 0"/>'),
+        (LIMIT, '<limit effort="9"/><mimic joint="lift" multiplier="-1"/>'),
+        ("<robot", '<?xml version="1.0" encoding="utf-8"?>\n<robot'),
+    ],
+)
+def test_what_xacro_and_cad_programs_write_is_read(old: str, new: str) -> None:
+    """A namespace is no macro, fixed joints need no axis, and followers need no limits."""
+    assert len(parse_urdf(TWO_LINKS.replace(old, new, 1)).links) == 4
+
+
+def test_remarks_tell_of_implausible_inertia_and_of_shapes_that_are_not_drawn() -> None:
+    """Nothing is computed with a visual shape, and many makers state inertias that no rigid body has."""
+    visual = "<visual><geometry><capsule/></geometry></visual><collision>"
+    robot = parse_urdf(TWO_LINKS.replace('ixx="0.004"', 'ixx="0.4"').replace("<collision>", visual))
+    assert "left out of pictures: link 'one', <visual>: its <geometry> has <capsule>" in robot.remarks[0]
+    assert "belong to no rigid body" in robot.remarks[1]

@@ -62,3 +62,16 @@ def test_a_picture_that_cannot_be_written_is_refused_first(tmp_path: Path, capsy
     said = capsys.readouterr()
     assert said.out == ""
     assert "there is no folder" in said.err
+
+
+def test_several_files_give_one_line_each(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Several files give a line for each, with the verdict and the first defect; one with defects makes the code 1."""
+    cases = Path(__file__).parents[1] / "data" / "cases"
+    paths = [str(cases / name) for name in ("abaqus/moved_instance.inp", "overlap/two_same_side.vtk")]
+    assert main(["inspect", *paths]) == DEFECTIVE
+    sound, wrong = capsys.readouterr().out.splitlines()
+    assert sound == f"{paths[0]}: hexahedra; 54, 20; can be used as it is"
+    assert wrong.startswith(f"{paths[1]}: tetrahedra of first order")
+    assert "1 to fix: 2 cells that lie on the same side" in wrong
+    assert main(["inspect", paths[0], paths[0]]) == 0
+    assert main(["inspect", *paths, "--picture", str(tmp_path / "x.png")]) == BAD_INPUT

@@ -10,7 +10,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, preset
+from gdfe_ros.materials import (
+    ArrudaBoyce,
+    Curve,
+    CurveData,
+    Gent,
+    Law,
+    Linear,
+    Material,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Yeoh,
+    preset,
+)
 from gdfe_ros.mesh import bar
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import corner_forces, strain_energies, volume_pressures
@@ -27,6 +40,13 @@ LAWS: dict[str, Material] = {
     "ogden": preset("ninjaflex", law=Law.OGDEN, poisson=0.4),
     "ogden-0.495": preset("cheetah", law=Law.OGDEN, poisson=0.495),
     "ogden-one-term": Ogden(mu=(3e4,), alpha=(2.0,), poisson=0.45),
+    "yeoh": Yeoh(c10=1.1e5, c20=2e4, c30=500.0, poisson=0.4),
+    "yeoh-softening": Yeoh(c10=7.2e3, c20=370.0, c30=-24.0, poisson=0.495),
+    "mooney-rivlin": MooneyRivlin(c10=1.4e5, c01=6e4, poisson=0.4),
+    "mooney-rivlin-0.495": MooneyRivlin(c10=1.4e5, c01=6e4, poisson=0.495),
+    "arruda-boyce": ArrudaBoyce(mu=2e5, lambda_m=2.8, poisson=0.45),
+    "gent": Gent(mu=3e4, jm=40.0, poisson=0.4),
+    "gent-0.495": Gent(mu=3e4, jm=12.0, poisson=0.495),
     "curve-polynomial": preset("cheetah", law=Law.CURVE, poisson=0.4),
     "curve-polynomial-0.495": preset("ninjaflex", law=Law.CURVE, poisson=0.495),
     "curve-table": Curve(data=MEASURED, poisson=0.45),

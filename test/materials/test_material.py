@@ -8,7 +8,19 @@ import math
 import numpy as np
 import pytest
 
-from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden
+from gdfe_ros.materials import (
+    ArrudaBoyce,
+    Curve,
+    CurveData,
+    Gent,
+    Law,
+    Linear,
+    Material,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Yeoh,
+)
 
 STRAINS = np.array([0.0, 0.01, 0.2, 0.7, 1.3, 2.5, 6.0])
 POLYNOMIAL = CurveData.polynomial([1e5, -1e4])
@@ -62,8 +74,13 @@ def test_laws_know_what_they_are() -> None:
         Law.NEO_HOOKEAN: NeoHookean(young=1.0, poisson=0.0),
         Law.OGDEN: Ogden(mu=(1.0,), alpha=(1.0,), poisson=0.0),
         Law.CURVE: Curve(data=POLYNOMIAL, poisson=0.0),
+        Law.YEOH: Yeoh(c10=1.0, poisson=0.0),
+        Law.MOONEY_RIVLIN: MooneyRivlin(c10=1.0, c01=0.0, poisson=0.0),
+        Law.ARRUDA_BOYCE: ArrudaBoyce(mu=1.0, lambda_m=2.0, poisson=0.0),
+        Law.GENT: Gent(mu=1.0, jm=9.0, poisson=0.0),
     }
     assert {law: material.law for law, material in kinds.items()} == {law: law for law in Law}
+    assert {material.kernel for material in kinds.values()} == set(list(Law)[:4])
 
 
 @pytest.mark.parametrize("poisson", [-1.0, 0.51, 0.7, math.nan, math.inf])

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.materials import Linear, Material, NeoHookean, Ogden
+from gdfe_ros.materials import ArrudaBoyce, Gent, Linear, Material, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from gdfe_ros.solver.elements.barrier import THRESHOLD, WEIGHT
 
 MakeCube = Callable[[Material], Any]
@@ -42,6 +42,27 @@ def energy_density(material: Material, stretches: NDArray[np.float64]) -> float:
         isochoric = l * j ** (-1.0 / 3.0)
         terms = zip(material.mu, material.alpha, strict=True)
         return sum(2.0 * m / a**2 * (np.sum(isochoric**a) - 3.0) for m, a in terms) + volumetric
+    invariant = np.sum(l**2 * j ** (-2.0 / 3.0))
+    if isinstance(material, MooneyRivlin):
+        second = np.sum(l**-2.0 * j ** (2.0 / 3.0))
+        return material.c10 * (invariant - 3.0) + material.c01 * (second - 3.0) + volumetric
+    if isinstance(material, Yeoh):
+        x = invariant - 3.0
+        end = material.end
+        at, line = min(x, end), max(x - end, 0.0)
+        c1, c2, c3 = material.c10, material.c20, material.c30
+        return c1 * at + c2 * at**2 + c3 * at**3 + line * (c1 + 2.0 * c2 * at + 3.0 * c3 * at**2) + volumetric
+    if isinstance(material, ArrudaBoyce):
+        factors = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
+        parts = (
+            c / material.lambda_m ** (2 * i) * (invariant ** (i + 1) - 3.0 ** (i + 1)) for i, c in enumerate(factors)
+        )
+        return material.mu * sum(parts) + volumetric
+    if isinstance(material, Gent):
+        x, mu, jm = invariant - 3.0, material.mu, material.jm
+        at, beyond = min(x, 0.99 * jm), max(x - 0.99 * jm, 0.0)
+        more = beyond * 0.5 * mu / 0.01 + 0.25 * beyond**2 * mu / jm / 0.01**2
+        return -0.5 * mu * jm * np.log(1.0 - at / jm) + more + volumetric
     equivalent = np.sqrt(1.5 * spread) / 1.5
     stretch = brentq(lambda t: (t - t**-0.5) / 1.5 - equivalent, 1.0, 20.0, xtol=1e-14) if equivalent > 0.0 else 1.0
     return area_under(material.stress_at, stretch - 1.0) + volumetric

@@ -254,15 +254,23 @@ BROKEN = [
         r"1 cells that are folded at a corner.*: 0",
     ),
     ("again.vtu", moved(lambda v, c: c.__setitem__(3, c[2])), r"1 cells that repeat another cell: 3"),
-    ("cut.msh", lambda p: p.write_text(MSH41[:380]), r"cannot be read as .msh: .*export it again"),
+    (
+        "cut.msh",
+        lambda p: p.write_text(MSH41[:380]),
+        r"cannot be read as .msh of gmsh: the file is cut off before \$EndElements; remedy: export it again",
+    ),
     ("text.vtu", lambda p: p.write_text("this is not xml"), r"cannot be read as .vtu"),
     (
         "element.inp",
-        lambda p: p.write_text(INP.replace("C3D8R", "C3D8Z")),
-        r"Element type not available: C3D8Z",
+        lambda p: p.write_text(INP.replace("C3D8R", "C3D77")),
+        r"elements of type C3D77; allowed: C3D4, C3D8, C3D10",
     ),
-    ("node.inp", lambda p: p.write_text(INP.replace("20, 2, 3,", "20, 2, 77,")), r"cannot be read as .inp"),
-    ("empty.msh", lambda p: p.write_text(""), r"cannot be read as .msh"),
+    (
+        "node.inp",
+        lambda p: p.write_text(INP.replace("20, 2, 3,", "20, 2, 77,")),
+        r"element 20 has the node 77, which is",
+    ),
+    ("empty.msh", lambda p: p.write_text(""), r"the file is empty; remedy"),
     ("body.step", lambda p: p.write_text("ISO-10303"), r"unknown kind of file '.step'; allowed: .msh, .vtk"),
     ("none.msh", lambda p: None, r"there is no such file"),
 ]
@@ -300,7 +308,7 @@ def test_several_defects_of_one_file_are_named_together(tmp_path: Path) -> None:
 def test_a_file_cut_off_anywhere_gives_a_mesh_or_a_mesh_error(tmp_path: Path, name: str, text: str) -> None:
     """A file cut off anywhere gives a mesh or a MeshError, and no other exception."""
     outcomes = set()
-    for length in range(0, len(text), 3):
+    for length in range(0, len(text), 3 if name.endswith(".inp") else 31):
         (tmp_path / name).write_text(text[:length])
         try:
             outcomes.add(read_mesh(tmp_path / name).n_cells)

@@ -33,6 +33,7 @@ actuators:
   left: {cable: {points: [[0, 0.008, 0], [0.1, 0.008, 0]], range: [0, 1]}}
 probes: {tip: [0.1, 0, 0]}
 """
+HEAVY = BAR + "loads: {weight: {gravity: [0, 0, -9.81]}}\n"
 MOVING = f"{BAR}dynamics: {{step: 0.01, damping: {{viscosity: 100.0}}}}"
 
 
@@ -324,3 +325,71 @@ def _episode(env: Any, *, seed: int) -> np.ndarray:
         seen.append(np.append(now, reward)[: len(seen[0])])
         seen.append(np.append(now, reward)[-len(seen[0]) :])
     return np.array(seen)
+
+
+@pytest.mark.parametrize("text", [HEAVY, f"{HEAVY}dynamics: {{step: 0.01, damping: {{viscosity: 100.0}}}}"])
+def test_a_reset_observes_the_equilibrium(text: str) -> None:
+    """A zero action after a reset moves the tip by less than 3 % of its sag, and each reset observes the same bits."""
+    env = _env(text, dt=0.05)
+    seen, info = env.reset(seed=1)
+    assert info["time"] == 0.0
+    sag = -seen[2]
+    assert sag > 5e-3
+    moved = env.step([0.0, 0.0])[0][2] - seen[2]
+    assert abs(moved) < 0.03 * sag
+    env.step([2.0, 1.0])
+    np.testing.assert_array_equal(env.reset(seed=1)[0], seen)
+
+
+@pytest.mark.parametrize("scene", ["tendon_finger", "pneunet", "finger_press", "gripper"])
+def test_observations_lie_in_bounds(scene: str) -> None:
+    """The space of the default observation is bounded, and random actions stay in it without being cut off."""
+    env = make_env(scene)
+    assert np.isfinite(env.observation_space.low).all()
+    assert np.isfinite(env.observation_space.high).all()
+    seen, _ = env.reset(seed=0)
+    env.action_space.seed(0)
+    for _ in range(5):
+        assert env.observation_space.contains(seen)
+        inside = (seen > env.observation_space.low) & (seen < env.observation_space.high)
+        assert inside[: 3 * len(env.simulation.scene.probes)].all()
+        seen = env.step(env.action_space.sample())[0]
+
+
+def test_pictures_without_a_window() -> None:
+    """`rgb_array` gives a picture of the body that changes when the body moves, and is the same for the same state."""
+    env = _env(BAR, dt=1.0, render_mode="rgb_array")
+    env.reset(seed=0)
+    first, again = env.render(), env.render()
+    np.testing.assert_array_equal(first, again)
+    assert first.shape == (480, 640, 3)
+    assert first.dtype == np.uint8
+    coloured = (np.ptp(first.astype(int), axis=2) > 20).mean()
+    assert 0.01 < coloured < 0.5
+    env.step([2.0, 0.0])
+    assert np.abs(env.render().astype(int) - first).mean() > 0.5
+    env.close()
+    assert _env(BAR).render() is None
+    with pytest.raises(GdfeError, match="render_mode is 'human'; allowed: None, 'rgb_array'"):
+        _env(BAR, render_mode="human")
+
+
+def test_gymnasium_checks_pictures() -> None:
+    """Gymnasium's checker accepts the pictures, too."""
+    env = _env(BAR, dt=0.01, render_mode="rgb_array")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        warnings.filterwarnings("ignore", message=".*(symmetric and normalized|different from the unwrapped|a spec)")
+        check_env(env)
+    env.close()
+
+
+@pytest.mark.parametrize("scene", ["arm_pneunet", "grasp", "tendon_finger"])
+def test_pictures_of_scenes_with_more_than_a_body(scene: str) -> None:
+    """Obstacles, rigid bodies, arms, chambers and cables are drawn."""
+    from gdfe_ros.simulation import Simulation
+    from gdfe_ros.testing.render import Painter
+
+    painter = Painter(Simulation(load_scene(scene)))
+    assert painter.picture().std() > 10.0
+    painter.close()

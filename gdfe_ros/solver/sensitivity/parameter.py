@@ -153,8 +153,13 @@ class Parameters:
             add("poisson", "", material.poisson, room, lambda value: replace(material, poisson=value))
         if material.density is not None:
             add("density", "kg/m^3", material.density, material.density, lambda value: replace(material, density=value))
+        for key, unit in material.scalars.items():
+            value = getattr(material, key)
+            scale = max(abs(value), material.shear0 if unit else 0.0)
+            add(key, unit, value, scale, lambda changed, key=key: replace(material, **{key: changed}))
         for key, unit in (("mu", "Pa"), ("alpha", "")):
             values = getattr(material, key, ())
+            values = values if isinstance(values, tuple) else ()
             for i, value in enumerate(values):
 
                 def made(changed: float, key: str = key, i: int = i, values: tuple = values) -> Material:

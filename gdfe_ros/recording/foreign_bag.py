@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of other recorders, read by rosbags: SQLite, ROS 1, and bags that rosbag2 compressed."""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.rosbag1 import ReaderError as Ros1Error
+from rosbags.rosbag2 import ReaderError as Ros2Error
+from rosbags.typesys import Stores, get_typestore
+
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.bag_info import METADATA_FILE, bag_directory
+from gdfe_ros.recording.bag_kind import BagKind, file_kind, is_plain_mcap, storage_files
+from gdfe_ros.recording.reader import BagMessage, BagReader
+from gdfe_ros.recording.topic import TopicInfo
+
+_SUFFIXES = {BagKind.MCAP: ".mcap", BagKind.SQLITE: ".db3", BagKind.ROS1: ".bag"}
+_REMEDIES = {
+    BagKind.SQLITE: "remedy: `sqlite3 OLD.db3 .recover | sqlite3 NEW.db3`",
+    BagKind.ROS1: "remedy: `rosbag reindex FILE.bag`",
+    BagKind.ZSTD: "remedy: copy it again from the robot; a compressed file that is cut off cannot be repaired",
+}
+
+
+class ForeignBag:
+    """A bag of another recorder: SQLite, ROS 1, compressed by file or by message, one file or several.
+
+    Definitions of messages are those of the bag; where it has none, as SQLite bags before ROS 2 Iron, those of ROS 2
+    Jazzy. Messages have the fields of ROS 2, also those of a ROS 1 bag.
+
+    Args:
+        path: directory of the bag, or a file ``.db3``, ``.bag``, ``.mcap``, also with ``.zstd``.
+
+    Raises:
+        RecordingError: the bag cannot be read; the error names its kind and the remedy.
+
+    Attributes:
+        path: path of the bag.
+        kind: kind of its files.
+        topics: topics by name.
+        counts: number of messages by topic.
+        run: None, because these bags are no recordings of this package.
+    """
+
+    run = None
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        files = storage_files(self.path)
+        if not files:
+            raise RecordingError(f"{self.path} is neither a bag directory nor a bag file (.mcap, .db3, .bag)")
+        self.kind = file_kind(files[0])
+        self._folder = TemporaryDirectory(prefix="gdfe_bag_")
+        self._files = self._readable(files)
+        self.topics: dict[str, TopicInfo] = {}
+        self.counts: Counter[str] = Counter()
+        with self._opened() as reader:
+            for connection in reader.connections:
+                self.topics[connection.topic] = TopicInfo(name=connection.topic, type=connection.msgtype)
+                self.counts[connection.topic] += connection.msgcount
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """Yield the messages of ``topics``, or of all topics, in the order of their recording times.
+
+        Raises:
+            RecordingError: the bag does not have one of the topics, or is damaged.
+        """
+        unknown = set(topics or ()) - set(self.topics)
+        if unknown:
+            raise RecordingError(f"bag {self.path} has no topic {sorted(unknown)}; it has {sorted(self.topics)}")
+        with self._opened() as reader:
+            chosen = [each for each in reader.connections if topics is None or each.topic in topics]
+            for number, (connection, time, data) in enumerate(reader.messages(chosen) if chosen else ()):
+                yield BagMessage(connection.topic, connection.msgtype, time, time, number, bytes(data))
+
+    def decoder(self) -> Callable[[str, bytes], Any]:
+        """Return a function that returns a message from its type and its bytes.
+
+        The function raises `RecordingError` for a type without a definition, and for bytes that do not fit it.
+        """
+        with self._opened() as reader:
+            store, two = reader.typestore, reader.is2
+
+        def decode(kind: str, data: bytes) -> Any:
+            if kind not in store.fielddefs:
+                text = f"bag {self.path} has no definition of {kind}"
+                raise RecordingError(
+                    f"{text}; remedy: record it again with ROS 2 Iron or newer, which stores definitions"
+                )
+            try:
+                return store.deserialize_cdr(data, kind) if two else store.deserialize_ros1(data, kind)
+            except Exception as error:  # the exceptions for invalid bytes are not documented
+                raise RecordingError(
+                    f"bag {self.path}: {len(data)} bytes do not match the definition of {kind}"
+                ) from error
+
+        return decode
+
+    def _readable(self, files: list[Path]) -> list[Path]:
+        """Return the paths that rosbags can open: the bag's directory, or its files with the suffix of their kind."""
+        if self.path.is_dir() and (self.path / METADATA_FILE).is_file():
+            return [self.path]
+        return [self._named(file) for file in files]
+
+    def _named(self, file: Path) -> Path:
+        """Return a file under the suffix of its kind; a compressed file is expanded into a temporary folder."""
+        kind, place = file_kind(file), Path(self._folder.name) / file.name
+        if kind is BagKind.ZSTD:
+            self._expand(file, place)
+            return self._named(place)
+        if kind not in _SUFFIXES:
+            raise RecordingError(f"bag file {file} is {kind.value}; remedy: an MCAP file, a .db3 or a .bag")
+        if file.suffix == _SUFFIXES[kind]:
+            return file
+        named = place.with_name(f"{file.stem}_{_SUFFIXES[kind][1:]}{_SUFFIXES[kind]}")
+        named.symlink_to(file.resolve())
+        return named
+
+    def _expand(self, file: Path, place: Path) -> None:
+        from zstandard import ZstdDecompressor, ZstdError
+
+        try:
+            with file.open("rb") as packed, place.open("wb") as whole:
+                shutil.copyfileobj(ZstdDecompressor().stream_reader(packed), whole)
+        except (OSError, ZstdError) as error:
+            raise RecordingError(f"bag file {file} cannot be expanded; {_REMEDIES[BagKind.ZSTD]}") from error
+        if file_kind(place) not in _SUFFIXES:
+            raise RecordingError(f"bag file {file} contains no bag; remedy: a compressed .mcap, .db3 or .bag")
+
+    @contextmanager
+    def _opened(self) -> Iterator[AnyReader]:
+        """Open the bag; replace the errors of rosbags by ``RecordingError``."""
+        try:
+            with AnyReader(self._files, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+                yield reader
+        except (RecordingError, GeneratorExit):
+            raise
+        except Exception as error:  # a damaged file raises the exceptions of several libraries
+            own = isinstance(error, AnyReaderError | Ros1Error | Ros2Error)
+            told = " ".join(str(error).split())[:200] if own else "its content is damaged or cut off"
+            remedy = _REMEDIES.get(self.kind, "remedy: copy it again from the robot")
+            raise RecordingError(f"bag {self.path} ({self.kind.value}) cannot be read: {told}; {remedy}") from error
+
+
+def open_bag(path: str | Path) -> BagReader | ForeignBag:
+    """Return a reader of a bag of any recorder: of plain MCAP files, or of any other kind.
+
+    Raises:
+        RecordingError: the bag cannot be read; the error names its kind and the remedy.
+    """
+    folder = bag_directory(Path(path))
+    return BagReader(path) if is_plain_mcap(folder) else ForeignBag(folder)
