@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A process that carries out tasks with the package of one tree, and the tree of another commit."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+from typing import Any
+
+from benchmarks.loop.row import Task
+from benchmarks.provenance import ROOT
+from gdfe_ros.workers import THREAD_COUNTS
+
+TREES = ROOT / "build" / "loop"
+"""Folder of other commits' trees, and of their known errors."""
+START = (
+    "import sys; sys.path.insert(0, {tree!r}); import gdfe_ros; "
+    "assert gdfe_ros.__file__.startswith({tree!r}), gdfe_ros.__file__; "
+    "sys.path.insert(0, {root!r}); from benchmarks.loop.worker import main; main()"
+)
+"""Program of the process: the package of the tree, but this tree's benchmarks."""
+
+
+class WorkerError(RuntimeError):
+    """A process ended without an answer."""
+
+
+def tree_of(commit: str) -> Path:
+    """Return the folder with a commit's files, which are unpacked if they are not there; a path is returned as it is.
+
+    Raises:
+        subprocess.CalledProcessError: no such commit.
+    """
+    if Path(commit, "gdfe_ros").is_dir():
+        return Path(commit).resolve()
+    command = ["git", "rev-parse", "--short=8", f"{commit}^{{commit}}"]
+    short = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+    tree = TREES / short
+    if not tree.is_dir():
+        packed = subprocess.run(["git", "archive", short], cwd=ROOT, check=True, capture_output=True).stdout
+        beside = tree.with_name(f".{short}.{os.getpid()}")
+        with tarfile.open(fileobj=io.BytesIO(packed)) as files:
+            files.extractall(beside, filter="data")
+        beside.rename(tree)
+    return tree
+
+
+class Worker:
+    """A process with one thread on one core.
+
+    Args:
+        tree: folder that contains the package.
+        core: core of the process.
+    """
+
+    def __init__(self, tree: Path, core: int) -> None:
+        program = START.format(tree=str(tree), root=str(ROOT))
+        threads = dict.fromkeys(THREAD_COUNTS, "1")
+        own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", program],
+            cwd=ROOT / "build",
+            env=own | threads,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        os.sched_setaffinity(self._process.pid, {core})
+
+    def ask(self, work: str, task: Task, **options: Any) -> dict[str, Any]:
+        """Return the answer to a request; see `benchmarks.loop.worker`.
+
+        Raises:
+            WorkerError: the process ended without an answer.
+        """
+        self._process.stdin.write(json.dumps({"work": work, "task": task.request, **options}) + "\n")
+        self._process.stdin.flush()
+        line = self._process.stdout.readline()
+        if not line:
+            raise WorkerError(f"the process with the package of the tree ended: status {self._process.wait()}")
+        return json.loads(line)
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.stdin.close()
+        self._process.wait()

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of before and after as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from benchmarks.markdown import markdown_table
+
+HEADS = (
+    "row",
+    "before",
+    "now",
+    "now / before",
+    "iterations a step",
+    "largest true error [tolerances]",
+    "steps beyond one",
+    "target",
+    "",
+)
+SAYS = {True: "met", False: "**missed**", None: "not judged"}
+
+
+def loop_table(report: Mapping[str, Any]) -> str:
+    """Return the table of a report, and a sentence about its targets."""
+    lines = report["lines"]
+    rows = [_row(line) for line in lines]
+    missed = sum(met is False for line in lines for _, met in line["targets"])
+    unknown = sum(met is None for line in lines for _, met in line["targets"])
+    total = sum(len(line["targets"]) for line in lines)
+    said = f"Of {total} targets, {total - missed - unknown} are met, {missed} missed, {unknown} not judged."
+    return f"{markdown_table(HEADS, rows)}\n\n{said} *Before* is {report['commit']}."
+
+
+def _row(line: Mapping[str, Any]) -> tuple[str, ...]:
+    unit = {"ms": "ms", "s": "s", "real time": "x"}[line["unit"]]
+    error = _pair(line.get("error"))
+    if line.get("path"):
+        error = f"path: {_pair([_percent(value) for value in line['path']])}"
+    return (
+        line["name"] + _remarks(line),
+        _value(line.get("before"), unit),
+        _value(line.get("after"), unit),
+        _value(line.get("ratio")),
+        _pair(_steps(line)),
+        error,
+        _pair(line.get("beyond")),
+        ", ".join(words for words, _ in line["targets"]),
+        _verdict(line["targets"]),
+    )
+
+
+def _verdict(targets: list[tuple[str, bool | None]]) -> str:
+    """Return "met", or the missed targets; "not judged" if none is missed and one is unknown."""
+    missed = [words.split()[0] for words, met in targets if met is False]
+    if missed:
+        return f"{SAYS[False]}: {', '.join(missed)}"
+    return SAYS[None if any(met is None for _, met in targets) else True]
+
+
+def _steps(line: Mapping[str, Any]) -> list[Any] | None:
+    """Return iterations a step, before and after; a row of errors has those of all steps."""
+    found, steps = line.get("iterations"), line.get("steps")
+    if not found or not steps:
+        return found
+    return [None if each is None else each / max(count or 1, 1) for each, count in zip(found, steps, strict=True)]
+
+
+def _remarks(line: Mapping[str, Any]) -> str:
+    """Return figures of the row that have no column of their own."""
+    words = [f"failed: {line['failed']}"] if line.get("failed") and any(line["failed"]) else []
+    for name in ("bent", "silent", "told", "unconverged", "unjudged", "saddles", "elsewhere", "cut", "whole"):
+        values = line.get(name)
+        if values and any(value for value in values):
+            words.append(f"{name} {_pair(values)}{' s' * (name == 'whole')}")
+    judged, checks, verified = line.get("judged"), line.get("checks"), line.get("verified")
+    if judged and line["unit"] == "s":
+        words.append(f"judged {_pair(judged)}")
+    if checks and any(checks):
+        pairs = zip(verified, checks, strict=True)
+        words.append("verified " + _pair([f"{good} of {all_}" for good, all_ in pairs if all_ is not None]))
+    return f" ({'; '.join(words)})" if words else ""
+
+
+def _value(value: float | None, unit: str = "") -> str:
+    return "" if value is None else f"{value:.3g} {unit}".strip()
+
+
+def _percent(value: float | None) -> str | None:
+    return None if value is None else f"{100.0 * value:.2g} %"
+
+
+def _pair(values: Any) -> str:
+    """Return two values as "a to b", or one."""
+    if not values:
+        return ""
+    texts = ["-" if value is None else value if isinstance(value, str) else f"{value:.3g}" for value in values]
+    return " to ".join(texts)
