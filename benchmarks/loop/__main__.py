@@ -17,14 +17,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.loop.compare import lines_of, report_line, time_row
-from benchmarks.loop.honest import error_rows
+from benchmarks.loop.compare import make_lines, report_line, time_row
+from benchmarks.loop.honest import make_error_rows
 from benchmarks.loop.judge import Known, judge_row
 from benchmarks.loop.newton import FROZEN
-from benchmarks.loop.process import Worker, tree_of
+from benchmarks.loop.process import Worker, unpack_tree
 from benchmarks.loop.row import Row
-from benchmarks.loop.table import loop_table
-from benchmarks.loop.timed import cold_rows, contact_rows, motion_rows, robot_rows, stream_rows
+from benchmarks.loop.table import make_loop_table
+from benchmarks.loop.timed import make_cold_rows, make_contact_rows, make_motion_rows, make_robot_rows, make_stream_rows
 from benchmarks.provenance import ROOT
 from benchmarks.replay import first_steps, summed
 from benchmarks.report import options, write_report
@@ -34,16 +34,16 @@ from gdfe_ros.simulation import Simulation
 COMMIT = "b6cf3c23"
 """Commit with which the table compares: the last one before the loop was rewritten."""
 GROUPS: dict[str, Callable[[], list[Row]]] = {
-    "cold": cold_rows,
-    "streams": stream_rows,
-    "robots": robot_rows,
-    "motion": motion_rows,
-    "contact": contact_rows,
-    "errors": error_rows,
+    "cold": make_cold_rows,
+    "streams": make_stream_rows,
+    "robots": make_robot_rows,
+    "motion": make_motion_rows,
+    "contact": make_contact_rows,
+    "errors": make_error_rows,
 }
 
 
-def chosen_rows(words: list[str]) -> list[Row]:
+def choose_rows(words: list[str]) -> list[Row]:
     """Return the rows of the groups, or with names that contain one of ``words``; all rows without words."""
     named = [word for word in words if word not in GROUPS]
     wanted = [name for name in GROUPS if name in words or named or not words]
@@ -60,7 +60,7 @@ def time_rows(rows: list[Row], before: Worker | None, after: Worker) -> dict[str
                 found[row.name] = time_row(row, before, after)
             except RuntimeError as error:
                 found[row.name] = {"": {"failed": str(error)}}
-            for line in lines_of(row, found[row.name], [{}]):
+            for line in make_lines(row, found[row.name], [{}]):
                 report_line(line)
     return found
 
@@ -75,7 +75,7 @@ def judge_rows(
             both = [judge_row(row, before, frozen, known)] if before else []
             found[row.name] = [*both, judge_row(row, after, frozen, None)]
             if row.group == "errors":
-                for line in lines_of(row, {}, found[row.name]):
+                for line in make_lines(row, {}, found[row.name]):
                     report_line(line)
     return found
 
@@ -83,7 +83,7 @@ def judge_rows(
 def compare(rows: list[Row], commit: str, *, alone: bool, times: bool, errors: bool, again: bool) -> dict[str, Any]:
     """Measure rows, times on the first core and errors on the second; return the report."""
     cores = sorted(os.sched_getaffinity(0))[:2]
-    tree, frozen = tree_of(commit), tree_of(FROZEN)
+    tree, frozen = unpack_tree(commit), unpack_tree(FROZEN)
     known = Known.of(tree.name, again=again)
     with ExitStack() as open_, ThreadPoolExecutor(2) as both:
 
@@ -98,7 +98,7 @@ def compare(rows: list[Row], commit: str, *, alone: bool, times: bool, errors: b
         line
         for row in rows
         if row.name in found or row.name in wrong
-        for line in lines_of(row, found.get(row.name, {}), wrong.get(row.name, [{}]))
+        for line in make_lines(row, found.get(row.name, {}), wrong.get(row.name, [{}]))
     ]
     return {"commit": commit, "lines": lines}
 
@@ -122,9 +122,9 @@ def main() -> int:
     parser.add_argument("--turns", type=int, help="pairs of runs of each row (default: 2 to 7)")
     parser.add_argument("--list", action="store_true", help="print the names of the rows, and measure nothing")
     given = parser.parse_args()
-    rows = chosen_rows(given.only)
+    rows = choose_rows(given.only)
     if given.list or not rows:
-        print("\n".join(f"{row.group}: {row.name}" for row in rows or chosen_rows([])))
+        print("\n".join(f"{row.group}: {row.name}" for row in rows or choose_rows([])))
         return 0 if rows else 2
     rows = [replace(row, turns=given.turns or row.turns) for row in rows]
     wanted = {"times": not given.errors, "errors": not given.times}
@@ -132,7 +132,7 @@ def main() -> int:
     report = compare(rows, given.commit, alone=given.this_only, again=given.again, **wanted)
     print(f"measured in {(time.monotonic() - started) / 60.0:.1f} min", file=sys.stderr)
     write_report(given.out, report, probe())
-    print(loop_table(report))
+    print(make_loop_table(report))
     return int(any(met is False for line in report["lines"] for _, met in line["targets"]))
 
 

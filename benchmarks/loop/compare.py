@@ -24,21 +24,21 @@ def time_row(row: Row, before: Worker | None, after: Worker) -> dict[str, Figure
         answers = {worker: _ask(worker, "time", task, repeats=row.repeats)["runs"] for worker in order}
         pairs.append([answers[worker] for worker in workers])
     return {
-        name: _times(row, [[_typical(runs, name) for runs in pair] for pair in pairs])
+        name: _compare_times(row, [[_take_median(runs, name) for runs in pair] for pair in pairs])
         | {"setup": [setups[worker] for worker in workers]}
         for name in pairs[0][0][0]
     }
 
 
-def _typical(runs: Sequence[Mapping[str, Figures]], part: str) -> Figures:
+def _take_median(runs: Sequence[Mapping[str, Figures]], part: str) -> Figures:
     """Return the figures of a part's run, with the median time of all runs."""
     return runs[0][part] | {"seconds": median(run[part]["seconds"] for run in runs)}
 
 
-def _times(row: Row, pairs: Sequence[Sequence[Figures]]) -> Figures:
+def _compare_times(row: Row, pairs: Sequence[Sequence[Figures]]) -> Figures:
     """Return the figures of a part from the pairs of its runs; a pair has one run if only this tree is measured."""
     columns = [*zip(*pairs, strict=True)]
-    values = [_value(row, column[0], median(run["seconds"] for run in column)) for column in columns]
+    values = [_convert(row, column[0], median(run["seconds"] for run in column)) for column in columns]
     first = pairs[0]
     both = len(first) == 2
     return {
@@ -51,7 +51,7 @@ def _times(row: Row, pairs: Sequence[Sequence[Figures]]) -> Figures:
     }
 
 
-def _value(row: Row, run: Figures, seconds: float) -> float:
+def _convert(row: Row, run: Figures, seconds: float) -> float:
     if row.unit == "real time":
         return run["simulated"] / seconds
     return 1e3 * seconds / run["steps"] if row.unit == "ms" else seconds
@@ -69,7 +69,7 @@ def _ask(worker: Worker, work: str, task: Task, **options: Any) -> Figures:
     return answer
 
 
-def lines_of(row: Row, times: Mapping[str, Figures], errors: Sequence[Mapping[str, Figures]]) -> list[Figures]:
+def make_lines(row: Row, times: Mapping[str, Figures], errors: Sequence[Mapping[str, Figures]]) -> list[Figures]:
     """Return the lines of the table for a row: figures, and each target with whether it is met.
 
     Args:
@@ -90,11 +90,11 @@ def lines_of(row: Row, times: Mapping[str, Figures], errors: Sequence[Mapping[st
         for name in {name: None for found in judged for name in found if name not in hidden}:
             if name not in line:
                 line[name] = [found.get(name) for found in judged]
-        lines.append(line | {"targets": _targets(row, line)})
+        lines.append(line | {"targets": _judge_targets(row, line)})
     return lines
 
 
-def _targets(row: Row, line: Figures) -> list[tuple[str, bool | None]]:
+def _judge_targets(row: Row, line: Figures) -> list[tuple[str, bool | None]]:
     """Return each target of a row in words, with whether a line meets it; None if it is unknown."""
     figures = {name: value[-1] if isinstance(value, list) and value else value for name, value in line.items()}
     path = line.get("path")
@@ -107,11 +107,11 @@ def report_line(line: Figures) -> None:
     """Print a line of the table in short to the standard error."""
     names = ("before", "after", "ratio", "iterations", "error", "beyond", "path")
     shown = {name: line[name] for name in names if line.get(name) is not None}
-    words = ", ".join(f"{name} {_short(value)}" for name, value in shown.items())
+    words = ", ".join(f"{name} {_shorten(value)}" for name, value in shown.items())
     print(f"{line['name']}: {words}", file=sys.stderr, flush=True)
 
 
-def _short(value: Any) -> str:
+def _shorten(value: Any) -> str:
     if isinstance(value, Iterable) and not isinstance(value, str):
-        return " to ".join(_short(item) for item in value)
+        return " to ".join(_shorten(item) for item in value)
     return f"{value:.3g}" if isinstance(value, float) else str(value)

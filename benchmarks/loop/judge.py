@@ -74,9 +74,10 @@ def judge_row(row: Row, worker: Worker, frozen: Worker, known: Known | None) -> 
     """
     if row.errors == "path":
         task = row.tasks[0]
-        return _kept(known, f"path {task.key} {row.fine}", lambda: worker.ask("path", task, fine=row.fine))
+        return _recall(known, f"path {task.key} {row.fine}", lambda: worker.ask("path", task, fine=row.fine))
+    way = f"{row.fine} {row.bends} {row.push}"
     answers = [
-        _kept(known, f"each {task.key} {row.fine} {row.bends}", lambda task=task: _each(row, task, worker, frozen))
+        _recall(known, f"each {task.key} {way}", lambda task=task: _judge_task(row, task, worker, frozen))
         for task in row.tasks
     ]
     good = [answer for answer in answers if "failed" not in answer]
@@ -90,14 +91,14 @@ def judge_row(row: Row, worker: Worker, frozen: Worker, known: Known | None) -> 
         figures["silent"] = sum(_is_silent(found) for found in each)
     labels = [task.label for task, answer in zip(row.tasks, answers, strict=True) if "failed" not in answer]
     figures["tasks"] = {
-        label: {name: found[name] for name in found if name != "each"} | {"worst": _worst(found["each"])}
+        label: {name: found[name] for name in found if name != "each"} | {"worst": _find_worst(found["each"])}
         for label, found in zip(labels, each, strict=True)
         if label
     }
     return {"": figures}
 
 
-def _kept(known: Known | None, key: str, measure: Any) -> Figures:
+def _recall(known: Known | None, key: str, measure: Any) -> Figures:
     if known and key in known.found:
         return known.found[key]
     answer = measure()
@@ -106,10 +107,10 @@ def _kept(known: Known | None, key: str, measure: Any) -> Figures:
     return answer
 
 
-def _each(row: Row, task: Task, worker: Worker, frozen: Worker) -> Figures:
+def _judge_task(row: Row, task: Task, worker: Worker, frozen: Worker) -> Figures:
     """Return the steps of a task, with the distances that the frozen package gives for them."""
     with tempfile.NamedTemporaryFile(suffix=".npz") as places:
-        push = "obstacles" in task.text or "shortening" in task.text
+        push = row.push or "obstacles" in task.text
         answer = worker.ask("each", task, fine=row.fine, bends=row.bends, path=places.name, push=push)
         if "failed" in answer:
             return answer
@@ -145,7 +146,7 @@ def summarise(steps: Sequence[Mapping[str, Any]], size: float) -> Figures:
         if error is not None:
             errors.append(error)
         if "verified" in step or truth:
-            checks.append(step.get("verified", False) or _is_equilibrium(truth))
+            checks.append(step.get("verified", True) and (not truth or _is_equilibrium(truth)))
     claimed = [step for step in steps if step["converged"] and step["stable"]]
     return {
         "iterations": sum(step["iterations"] for step in steps),
@@ -157,7 +158,7 @@ def summarise(steps: Sequence[Mapping[str, Any]], size: float) -> Figures:
         "error": max(errors, default=None),
         "beyond": sum(error > 1.0 for error in errors),
         "elsewhere": away,
-        "saddles": sum(step.get("found", {}).get("definite") is False for step in claimed),
+        "saddles": sum(_is_saddle(step, size) for step in claimed),
         "checks": len(checks),
         "verified": sum(checks),
     }
@@ -167,13 +168,19 @@ def _is_equilibrium(truth: Mapping[str, Any]) -> bool:
     return bool(truth["definite"]) and truth["newton"] is not None and truth["newton"] <= AGREE
 
 
+def _is_saddle(step: Mapping[str, Any], size: float) -> bool:
+    """Return whether the tangent is indefinite at the equilibrium near a step; without one, at the step."""
+    near = "truth" in step and step["error"] <= ELSEWHERE * size
+    return step.get("truth" if near else "found", {}).get("definite") is False
+
+
 def _is_silent(found: Figures) -> bool:
     """Return whether a column stayed straight and the step did not say so."""
     last = found["each"][-1]
     return not found["bent"] and last["converged"] and last["stable"] is not False
 
 
-def _worst(steps: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+def _find_worst(steps: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
     """Return the step with the largest error, with its number."""
     numbered = [{"number": number, **step} for number, step in enumerate(steps)]
     return max(numbered, key=lambda step: step.get("error") or 0.0, default={})

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.loop.playing import commands_of, make_simulation
+from benchmarks.loop.playing import list_commands, make_simulation
 
 FROZEN = "b6cf3c23"
 """Commit whose residual and tangent judge."""
@@ -24,28 +24,30 @@ def measure_newton(task: Mapping[str, Any], path: str) -> dict[str, Any]:
 
     Args:
         task: request of a task.
-        path: file of numpy with the arrays ``found N`` and ``truth N`` (n, 3) [m] after step N.
+        path: file of numpy with the arrays ``found N`` and ``truth N`` (n, 3) [m] after step N, and with the tensions
+            [N] and pressures [Pa] of the actuators there.
 
     Returns:
         Dict from array to (length of the Newton step over the body's size, or None; definite or None). Empty if the
-        scene has contacts or commanded lengths, whose multipliers are not known from the positions.
+        scene has contacts, whose multipliers are not known.
     """
     simulation = make_simulation(task)
     if simulation.stepper.equilibrium.actuation.contacts:
         return {}
-    level, found = _level(simulation), {}
+    level, found = _make_level(simulation), {}
     with np.load(path) as arrays:
         positions = {name: arrays[name] for name in arrays.files}
-    for number, (command, _) in enumerate(commands_of(task, simulation)):
+    for number, (command, _) in enumerate(list_commands(task, simulation)):
         simulation.targets = simulation._orders.targets(command, simulation.targets)
         simulation.commands = simulation._orders.values(command, simulation.commands)
         for name in (f"found {number}", f"truth {number}"):
             if name in positions:
-                found[name] = _newton_step(simulation, level, positions[name])
+                efforts = dict(zip(simulation.actuator_names, positions[f"efforts {name}"], strict=True))
+                found[name] = _make_newton_step(simulation, level, positions[name], efforts)
     return found
 
 
-def _level(simulation: Any) -> Any:
+def _make_level(simulation: Any) -> Any:
     """Return an evaluation of exact tangents."""
     from gdfe_ros.solver.sensitivity.curvature import curved
     from gdfe_ros.solver.sensitivity.stiffness import WholeStiffness
@@ -56,7 +58,9 @@ def _level(simulation: Any) -> Any:
     return TangentLevel(body, equilibrium.matrix.assembled, own, elements=WholeStiffness(body, None))
 
 
-def _newton_step(simulation: Any, level: Any, positions: np.ndarray) -> tuple[float | None, bool | None]:
+def _make_newton_step(
+    simulation: Any, level: Any, positions: np.ndarray, efforts: Mapping[str, float]
+) -> tuple[float | None, bool | None]:
     """Return the length of the Newton step over the body's size, and whether the tangent is positive definite."""
     from gdfe_ros.errors import GdfeError
     from gdfe_ros.solver.sensitivity.linearised import Linearised
@@ -64,11 +68,9 @@ def _newton_step(simulation: Any, level: Any, positions: np.ndarray) -> tuple[fl
     equilibrium = simulation.stepper.equilibrium
     if not np.isfinite(positions).all():
         return None, None
-    state = _state_at(simulation, positions - simulation.origin)
+    state = _make_state(simulation, positions - simulation.origin, efforts)
     try:
         linear = Linearised(equilibrium, level, state, state)
-        if len(linear.multipliers):
-            return None, None
         turned = np.zeros(3 * equilibrium.body.unknowns.rigid_rows)
         change = linear.joint.updated(linear.x) - linear.multipliers
         step = linear.solve(linear.forces, change, turned).positions
@@ -77,8 +79,14 @@ def _newton_step(simulation: Any, level: Any, positions: np.ndarray) -> tuple[fl
     return float(np.linalg.norm(step, axis=1).max()) / simulation.mesh.size, True
 
 
-def _state_at(simulation: Any, positions: np.ndarray) -> Any:
-    """Return the state at positions (n, 3) [m] with the present commands, and the pressures and scales of there."""
+def _make_state(simulation: Any, positions: np.ndarray, efforts: Mapping[str, float]) -> Any:
+    """Return the state at positions (n, 3) [m] with the present commands, and the pressures and scales of there.
+
+    Args:
+        simulation: the simulation, whose state stays.
+        positions: positions relative to the origin.
+        efforts: dict from actuator to its tension [N] or pressure [Pa].
+    """
     from gdfe_ros.solver.elements.fields import volume_pressures
     from gdfe_ros.solver.elements.measures import update_hourglass_scales
     from gdfe_ros.solver.stepping.placing import placed
@@ -94,4 +102,5 @@ def _state_at(simulation: Any, positions: np.ndarray) -> Any:
     update_hourglass_scales(state.positions, every, operators.shape, body.material, body.table, scale)
     pressures = volume_pressures(body, state.positions, operators=operators)
     elements = changed(rest.elements, pressures=pressures, hourglass_scale=scale)
-    return state.with_(elements=elements, summary=changed(state.summary, converged=True))
+    held = {name: {"effort": np.full(2, efforts[name])} for name, saved in rest.terms.items() if "effort" in saved}
+    return state.with_(elements=elements, terms={**rest.terms, **held}, summary=changed(state.summary, converged=True))

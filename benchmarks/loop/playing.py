@@ -45,7 +45,7 @@ def read_command(given: Mapping[str, Any]) -> Command:
     return Command(handles=handles, actuators=given.get("actuators", {}), loads=given.get("loads", {}))
 
 
-def commands_of(task: Mapping[str, Any], simulation: Simulation) -> list[tuple[Command, float | None]]:
+def list_commands(task: Mapping[str, Any], simulation: Simulation) -> list[tuple[Command, float | None]]:
     """Return all commands of a task with the durations of their steps [s]."""
     if task["commands"]:
         return [(read_command(given), None) for given in task["commands"]]
@@ -73,7 +73,7 @@ class Player:
         started = time.process_time()
         self.simulation = make_simulation(task, tolerance=tolerance)
         self.setup = time.process_time() - started
-        self._commands = commands_of(task, self.simulation)
+        self._commands = list_commands(task, self.simulation)
         whole = {"": (0, len(self._commands))}
         self._parts: Mapping[str, Any] = whole if task["commands"] else task["parts"]
         self._starts: dict[str, Any] = {}
@@ -89,7 +89,7 @@ class Player:
             else:
                 self._bridge(done, first)
                 self._starts[name] = self.simulation.snapshot()
-            found[name] = _played(self.simulation, self._commands[first:last])
+            found[name] = _make_steps(self.simulation, self._commands[first:last])
             done = last
         return found
 
@@ -101,7 +101,7 @@ class Player:
             self.simulation.step(command, dt=duration)
 
 
-def _played(simulation: Simulation, commands: list[tuple[Command, float | None]]) -> dict[str, Any]:
+def _make_steps(simulation: Simulation, commands: list[tuple[Command, float | None]]) -> dict[str, Any]:
     """Make steps; return their figures, and under ``paths`` their results."""
     started, results = time.process_time(), []
     for command, duration in commands:
@@ -118,29 +118,27 @@ def _played(simulation: Simulation, commands: list[tuple[Command, float | None]]
     }
 
 
-def without_results(found: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+def drop_results(found: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return the figures of parts without their results, for JSON."""
     return {name: {key: part[key] for key in part if key != "results"} for name, part in found.items()}
 
 
-def distances(first: np.ndarray, second: np.ndarray) -> float:
+def find_distance(first: np.ndarray, second: np.ndarray) -> float:
     """Return the largest distance between the same vertex of two states [m]."""
     return float(np.linalg.norm(first - second, axis=1).max())
 
 
-def bumps(simulation: Simulation, size: float) -> Iterator[np.ndarray]:
-    """Yield displacements of a length of at most ``size`` [m]: two waves along x, one along y, and noise.
+def make_bumps(simulation: Simulation, size: float) -> Iterator[np.ndarray]:
+    """Yield displacements of a length of about ``size`` [m]: waves along x and y in both directions, and noise.
 
-    They vanish at both ends along x, where most bodies are held.
+    The waves vanish at both ends along x, where most bodies are held.
     """
     rest = simulation.mesh.vertices
-    low, extent = rest.min(axis=0), np.ptp(rest, axis=0)
-    along, across = ((rest - low) / extent).T[:2]
-    wave = np.sin(np.pi * along)
-    shapes = ((wave, 2), (np.sin(2.0 * np.pi * along), 1), (wave * np.cos(np.pi * across), 2))
-    for shape, axis in shapes:
-        moved = np.zeros_like(rest)
-        moved[:, axis] = size * shape
-        yield moved
-    noise = np.random.default_rng(1).normal(size=rest.shape) * wave[:, None]
-    yield 0.1 * size * noise
+    along, across = ((rest - rest.min(axis=0)) / np.ptp(rest, axis=0)).T[:2]
+    wave, double = np.sin(np.pi * along), np.sin(2.0 * np.pi * along)
+    for axis in (2, 1):
+        for shape in (wave, double, wave * np.cos(np.pi * across), wave * np.sin(np.pi * across)):
+            moved = np.zeros_like(rest)
+            moved[:, axis] = size * shape
+            yield moved
+    yield 0.2 * size * np.random.default_rng(1).normal(size=rest.shape)

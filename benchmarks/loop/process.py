@@ -30,7 +30,7 @@ class WorkerError(RuntimeError):
     """A process ended without an answer."""
 
 
-def tree_of(commit: str) -> Path:
+def unpack_tree(commit: str) -> Path:
     """Return the folder with a commit's files, which are unpacked if they are not there; a path is returned as it is.
 
     Raises:

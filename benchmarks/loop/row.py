@@ -90,6 +90,7 @@ class Row:
             step at a fine tolerance, and empty leaves them out.
         fine: fine tolerance, divided by the row's.
         bends: displacement across x, divided by the size, from which a body counts as bent; None: not asked.
+        push: whether the finer solves of middle and last steps are also repeated from pushed places.
         targets: what has to be reached.
     """
 
@@ -102,10 +103,11 @@ class Row:
     errors: str = ""
     fine: float = 1e-3
     bends: float | None = None
+    push: bool = False
     targets: tuple[Target, ...] = ()
 
 
-def mostly(ratio: float) -> tuple[Target, ...]:
+def limit_ratio(ratio: float) -> tuple[Target, ...]:
     """Return the targets of a timed row of statics: a ratio of times, and no converged step beyond its tolerance."""
     return Target("ratio", ratio), *HONEST
 

@@ -22,10 +22,10 @@ HEADS = (
 SAYS = {True: "met", False: "**missed**", None: "not judged"}
 
 
-def loop_table(report: Mapping[str, Any]) -> str:
+def make_loop_table(report: Mapping[str, Any]) -> str:
     """Return the table of a report, and a sentence about its targets."""
     lines = report["lines"]
-    rows = [_row(line) for line in lines]
+    rows = [_make_row(line) for line in lines]
     missed = sum(met is False for line in lines for _, met in line["targets"])
     unknown = sum(met is None for line in lines for _, met in line["targets"])
     total = sum(len(line["targets"]) for line in lines)
@@ -33,25 +33,25 @@ def loop_table(report: Mapping[str, Any]) -> str:
     return f"{markdown_table(HEADS, rows)}\n\n{said} *Before* is {report['commit']}."
 
 
-def _row(line: Mapping[str, Any]) -> tuple[str, ...]:
+def _make_row(line: Mapping[str, Any]) -> tuple[str, ...]:
     unit = {"ms": "ms", "s": "s", "real time": "x"}[line["unit"]]
-    error = _pair(line.get("error"))
+    error = _write_pair(line.get("error"))
     if line.get("path"):
-        error = f"path: {_pair([_percent(value) for value in line['path']])}"
+        error = f"path: {_write_pair([_write_percent(value) for value in line['path']])}"
     return (
-        line["name"] + _remarks(line),
-        _value(line.get("before"), unit),
-        _value(line.get("after"), unit),
-        _value(line.get("ratio")),
-        _pair(_steps(line)),
+        line["name"] + _write_remarks(line),
+        _convert(line.get("before"), unit),
+        _convert(line.get("after"), unit),
+        _convert(line.get("ratio")),
+        _write_pair(_divide_iterations(line)),
         error,
-        _pair(line.get("beyond")),
+        _write_pair(line.get("beyond")),
         ", ".join(words for words, _ in line["targets"]),
-        _verdict(line["targets"]),
+        _write_verdict(line["targets"]),
     )
 
 
-def _verdict(targets: list[tuple[str, bool | None]]) -> str:
+def _write_verdict(targets: list[tuple[str, bool | None]]) -> str:
     """Return "met", or the missed targets; "not judged" if none is missed and one is unknown."""
     missed = [words.split()[0] for words, met in targets if met is False]
     if missed:
@@ -59,7 +59,7 @@ def _verdict(targets: list[tuple[str, bool | None]]) -> str:
     return SAYS[None if any(met is None for _, met in targets) else True]
 
 
-def _steps(line: Mapping[str, Any]) -> list[Any] | None:
+def _divide_iterations(line: Mapping[str, Any]) -> list[Any] | None:
     """Return iterations a step, before and after; a row of errors has those of all steps."""
     found, steps = line.get("iterations"), line.get("steps")
     if not found or not steps:
@@ -67,31 +67,31 @@ def _steps(line: Mapping[str, Any]) -> list[Any] | None:
     return [None if each is None else each / max(count or 1, 1) for each, count in zip(found, steps, strict=True)]
 
 
-def _remarks(line: Mapping[str, Any]) -> str:
+def _write_remarks(line: Mapping[str, Any]) -> str:
     """Return figures of the row that have no column of their own."""
     words = [f"failed: {line['failed']}"] if line.get("failed") and any(line["failed"]) else []
     for name in ("bent", "silent", "told", "unconverged", "unjudged", "saddles", "elsewhere", "cut", "whole"):
         values = line.get(name)
         if values and any(value for value in values):
-            words.append(f"{name} {_pair(values)}{' s' * (name == 'whole')}")
+            words.append(f"{name} {_write_pair(values)}{' s' * (name == 'whole')}")
     judged, checks, verified = line.get("judged"), line.get("checks"), line.get("verified")
     if judged and line["unit"] == "s":
-        words.append(f"judged {_pair(judged)}")
+        words.append(f"judged {_write_pair(judged)}")
     if checks and any(checks):
         pairs = zip(verified, checks, strict=True)
-        words.append("verified " + _pair([f"{good} of {all_}" for good, all_ in pairs if all_ is not None]))
+        words.append("verified " + _write_pair([f"{good} of {all_}" for good, all_ in pairs if all_ is not None]))
     return f" ({'; '.join(words)})" if words else ""
 
 
-def _value(value: float | None, unit: str = "") -> str:
+def _convert(value: float | None, unit: str = "") -> str:
     return "" if value is None else f"{value:.3g} {unit}".strip()
 
 
-def _percent(value: float | None) -> str | None:
+def _write_percent(value: float | None) -> str | None:
     return None if value is None else f"{100.0 * value:.2g} %"
 
 
-def _pair(values: Any) -> str:
+def _write_pair(values: Any) -> str:
     """Return two values as "a to b", or one."""
     if not values:
         return ""

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.loop.playing import Player, bumps, commands_of, distances, make_simulation
+from benchmarks.loop.playing import Player, find_distance, list_commands, make_bumps, make_simulation
 from gdfe_ros import Command, Simulation
 from gdfe_ros.errors import GdfeError
+
+if TYPE_CHECKING:
+    from gdfe_ros.solver.result import StepResult
 
 PUSH = 2.0
 """Displacement from which a fine solve is repeated, in tolerances."""
@@ -33,14 +36,15 @@ def measure_each(task: Mapping[str, Any], fine: float, bends: float | None, path
         task: request of a task.
         fine: fine tolerance, divided by the task's.
         bends: displacement across x from which the last state counts as bent, divided by the size; None: not counted.
-        path: file for the positions (n, 3) [m] after each converged step and its finer solve.
+        path: file for the positions (n, 3) [m] after each converged step and its finer solve, and for the tensions [N]
+            and pressures [Pa] of all actuators there.
         push: whether the finer solves of the middle and of the last step are checked by pushing.
     """
     began = time.process_time()
     simulation = make_simulation(task)
     tolerance, size = simulation.settings.tolerance, float(simulation.mesh.size)
     exact = [make_simulation(task, tolerance=tolerance * fine * factor, patient=True) for factor in (1.0, COARSER)]
-    orders, steps, spent, places = commands_of(task, simulation), [], 0.0, {}
+    orders, steps, spent, places = list_commands(task, simulation), [], 0.0, {}
     checked = {len(orders) // 2, len(orders) - 1} if push else set()
     simulation.warm_up()
     for number, (command, duration) in enumerate(orders):
@@ -51,11 +55,12 @@ def measure_each(task: Mapping[str, Any], fine: float, bends: float | None, path
         step = {"seconds": seconds, "iterations": result.iterations, "converged": bool(result.converged)}
         step |= {"stable": result.stable, "estimate": result.error_estimate / tolerance, "message": result.message[:80]}
         if result.converged:
-            places[f"found {number}"] = result.positions
             truth, judged = _judge(exact, simulation, (command, duration), number in checked)
             step |= judged
-            if truth is not None:
-                places[f"truth {number}"] = truth
+            for kind, each in (("found", result), ("truth", truth)):
+                if each is not None:
+                    places[f"{kind} {number}"] = each.positions
+                    places[f"efforts {kind} {number}"] = [state.effort for state in each.actuators.values()]
         steps.append(step)
         if time.process_time() - began > task["limit"]:
             break
@@ -68,8 +73,8 @@ def measure_each(task: Mapping[str, Any], fine: float, bends: float | None, path
 
 def _judge(
     exact: Sequence[Simulation], simulation: Simulation, order: tuple[Command, float | None], check: bool
-) -> tuple[np.ndarray | None, dict[str, Any]]:
-    """Continue the last step with each of the simulations ``exact`` until one converges; return its positions."""
+) -> tuple[StepResult | None, dict[str, Any]]:
+    """Continue the last step with each of the simulations ``exact`` until one converges; return its result."""
     command, duration = order
     tolerance, size = simulation.settings.tolerance, float(simulation.mesh.size)
     snapshot, found = simulation.snapshot(), simulation.positions.copy()
@@ -77,16 +82,16 @@ def _judge(
         finer.restore(snapshot)
         truth = finer.step(command, dt=0.0 if duration is not None else None)
         if truth.converged:
-            error = distances(truth.positions, found) / size
-            checks = _returns(finer, truth, command, size * tolerance) if check else {}
-            return truth.positions, {"error": error / tolerance, "fine iterations": truth.iterations, **checks}
+            error = find_distance(truth.positions, found) / size
+            checks = _push(finer, truth, command, size * tolerance) if check else {}
+            return truth, {"error": error / tolerance, "fine iterations": truth.iterations, **checks}
     return None, {"flaw": f"the fine solve did not converge: {truth.message[:60]}"}
 
 
-def _returns(finer: Simulation, truth: Any, command: Command, unit: float) -> dict[str, Any]:
+def _push(finer: Simulation, truth: StepResult, command: Command, unit: float) -> dict[str, Any]:
     """Repeat a fine solve from pushed places; return whether all came back, and the farthest end in tolerances."""
     snapshot, farthest = finer.snapshot(), 0.0
-    for bump in bumps(finer, PUSH * unit):
+    for bump in make_bumps(finer, PUSH * unit):
         finer.restore(snapshot)
         try:
             finer.set_positions(truth.positions + bump)
@@ -94,7 +99,7 @@ def _returns(finer: Simulation, truth: Any, command: Command, unit: float) -> di
             continue
         again = finer.step(command)
         if again.converged:
-            farthest = max(farthest, distances(again.positions, truth.positions) / unit)
+            farthest = max(farthest, find_distance(again.positions, truth.positions) / unit)
     finer.restore(snapshot)
     return {"verified": farthest <= AGREE, "returns": farthest}
 
@@ -112,7 +117,7 @@ def measure_path(task: Mapping[str, Any], fine: float) -> dict[str, dict[str, An
     for name, part in played.items():
         pairs = [pair for pair in zip(part["results"], true[name]["results"], strict=True) if pair[0].converged]
         judged = [(found, truth) for found, truth in pairs if truth.converged]
-        errors = [distances(found.positions, truth.positions) / size for found, truth in judged]
+        errors = [find_distance(found.positions, truth.positions) / size for found, truth in judged]
         largest = max(errors, default=None)
         own = {"unconverged": part["unconverged"], "judged": len(judged)}
         if moves:

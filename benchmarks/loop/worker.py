@@ -13,7 +13,7 @@ import traceback
 from typing import Any
 
 from benchmarks.loop.newton import measure_newton
-from benchmarks.loop.playing import Player, without_results
+from benchmarks.loop.playing import Player, drop_results
 from benchmarks.loop.truth import measure_each, measure_path
 
 
@@ -32,7 +32,7 @@ def answer(request: dict[str, Any], players: dict[str, Player]) -> dict[str, Any
         players[key] = Player(task)
         players[key].simulation.warm_up()
         players[key].play()
-    runs = [without_results(players[key].play()) for _ in range(request["repeats"])]
+    runs = [drop_results(players[key].play()) for _ in range(request["repeats"])]
     return {"runs": runs, "setup": players[key].setup}
 
 

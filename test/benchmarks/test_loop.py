@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from benchmarks.loop import bodies
-from benchmarks.loop.__main__ import GROUPS, chosen_rows, probe
-from benchmarks.loop.compare import lines_of
+from benchmarks.loop.__main__ import GROUPS, choose_rows, probe
+from benchmarks.loop.compare import make_lines
 from benchmarks.loop.judge import summarise
-from benchmarks.loop.playing import Player, without_results
+from benchmarks.loop.playing import Player, drop_results
 from benchmarks.loop.row import Row, Target, Task
-from benchmarks.loop.table import loop_table
+from benchmarks.loop.table import make_loop_table
 from benchmarks.loop.truth import measure_each, measure_path
 
 SMALL = Task(
@@ -26,7 +26,7 @@ SMALL = Task(
 def test_a_part_is_the_same_each_time() -> None:
     """Parts of a program begin at the same state each time, also behind steps that are made once."""
     player = Player(SMALL.request)
-    first, second = (without_results(player.play()) for _ in range(2))
+    first, second = (drop_results(player.play()) for _ in range(2))
     assert list(first) == ["first", "later"]
     for name in first:
         assert {**first[name], "seconds": 0.0} == {**second[name], "seconds": 0.0}
@@ -78,8 +78,8 @@ def test_the_table_says_what_is_met() -> None:
     targets = Target("ratio", 0.5), Target("error", 1.0), Target("after", 9.0, least=True)
     row = Row(group="cold", name="bar", tasks=(SMALL,), targets=targets)
     times = {"": {"before": 8.0, "after": 6.0, "ratio": 0.75, "iterations": [40.0, 20.0]}}
-    lines = lines_of(row, times, [{"": {"error": 0.9, "beyond": 0}}, {"": {"error": 0.2, "beyond": 0}}])
-    text = loop_table({"commit": "b6cf3c23", "lines": lines})
+    lines = make_lines(row, times, [{"": {"error": 0.9, "beyond": 0}}, {"": {"error": 0.2, "beyond": 0}}])
+    text = make_loop_table({"commit": "b6cf3c23", "lines": lines})
     assert "| bar | 8 ms | 6 ms | 0.75 | 40 to 20 | 0.9 to 0.2 | 0 to 0 |" in text
     assert "**missed**: ratio, after |" in text
     assert "Of 3 targets, 1 are met, 2 missed, 0 not judged." in text
@@ -87,16 +87,16 @@ def test_the_table_says_what_is_met() -> None:
 
 def test_every_row_can_be_asked_for() -> None:
     """Names of rows are unique, and groups and parts of names choose rows."""
-    rows = chosen_rows([])
+    rows = choose_rows([])
     assert len({row.name for row in rows}) == len(rows)
     assert {row.group for row in rows} == set(GROUPS)
-    assert [row.name for row in chosen_rows(["10x1x1, cold"])] == ["bend5 10x1x1, cold"]
+    assert [row.name for row in choose_rows(["10x1x1, cold"])] == ["bend5 10x1x1, cold"]
 
 
 @pytest.mark.parametrize("name", ["strip, lifted", "tube, vacuum", "sheet of fibres"])
 def test_thin_bodies_are_scenes(name: str) -> None:
     """A thin body's text is a scene, and its commands are accepted."""
-    task = bodies.thin_bodies()[name]
+    task = bodies.make_thin_bodies()[name]
     player = Player(replace(task, commands=task.commands[:1], tolerance=1e-1).request)
     assert player.play()[""]["steps"] == 1
 
