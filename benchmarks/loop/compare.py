@@ -82,7 +82,7 @@ def make_lines(row: Row, times: Mapping[str, Figures], errors: Sequence[Mapping[
         line: Figures = {"group": row.group, "name": f"{row.name}: {part}" if part else row.name, "unit": row.unit}
         line |= times.get(part, {})
         judged = [found.get(part, {}) for found in errors]
-        hidden = ("seconds", "whole", "tasks") if times else ("seconds",)
+        hidden = ("seconds", "unit", "whole", "tasks") if times else ("seconds", "unit")
         if not times:
             seconds = [found.get("seconds") for found in judged]
             line |= {"before": seconds[0] if len(seconds) == 2 else None, "after": seconds[-1]}
@@ -97,9 +97,10 @@ def make_lines(row: Row, times: Mapping[str, Figures], errors: Sequence[Mapping[
 def _judge_targets(row: Row, line: Figures) -> list[tuple[str, bool | None]]:
     """Return each target of a row in words, with whether a line meets it; None if it is unknown."""
     figures = {name: value[-1] if isinstance(value, list) and value else value for name, value in line.items()}
-    path = line.get("path")
-    if path and len(path) == 2 and path[0]:
-        figures["path over before"] = path[1] / path[0]
+    for name in ("path", "whole"):
+        pair = line.get(name)
+        if pair and len(pair) == 2 and pair[0]:
+            figures[f"{name} over before"] = pair[1] / pair[0]
     return [(target.words, target.met(figures)) for target in row.targets]
 
 

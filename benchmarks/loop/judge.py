@@ -27,9 +27,11 @@ SUMS = (
     "elsewhere",
     "saddles",
     "checks",
-    "verified",
+    "unverified",
 )
 """Figures that are added over the tasks of a row."""
+VERSION = 1
+"""Number of the way of measuring errors; a new one makes known errors unknown."""
 ELSEWHERE = 0.03
 """Distance of another equilibrium, divided by the body's size."""
 Figures = dict[str, Any]
@@ -50,7 +52,7 @@ class Known:
     @classmethod
     def of(cls, commit: str, *, again: bool) -> Known:
         """Return the known errors of a commit; none of them with ``again``."""
-        path = TREES / f"known-{commit}.json"
+        path = TREES / f"known-{commit}-{VERSION}.json"
         kept = path.is_file() and not again
         return cls(path, json.loads(path.read_text(encoding="utf-8")) if kept else {})
 
@@ -74,7 +76,7 @@ def judge_row(row: Row, worker: Worker, frozen: Worker, known: Known | None) -> 
     """
     if row.errors == "path":
         task = row.tasks[0]
-        return _recall(known, f"path {task.key} {row.fine}", lambda: worker.ask("path", task, fine=row.fine))
+        return _recall(known, f"path {task.key} {row.fine}", lambda: _judge_path(row, task, worker, frozen))
     way = f"{row.fine} {row.bends} {row.push}"
     answers = [
         _recall(known, f"each {task.key} {way}", lambda task=task: _judge_task(row, task, worker, frozen))
@@ -102,8 +104,24 @@ def _recall(known: Known | None, key: str, measure: Any) -> Figures:
     if known and key in known.found:
         return known.found[key]
     answer = measure()
-    if known and "failed" not in answer:
+    if known and "failed" not in answer and "failed" not in answer.get("", {}):
         known.keep(key, answer)
+    return answer
+
+
+def _judge_path(row: Row, task: Task, worker: Worker, frozen: Worker) -> Figures:
+    """Return the errors of the parts of a stream; all parts have the number of checked finer solves."""
+    with tempfile.NamedTemporaryFile(suffix=".npz") as places:
+        answer = worker.ask("path", task, fine=row.fine, path=places.name)
+        if "failed" in answer:
+            return {"": answer}
+        judged = frozen.ask("newton", task, path=places.name).get("steps", {})
+    for part in answer.values():
+        truths = [
+            {"newton": None if distance is None else distance / part["unit"], "definite": definite}
+            for distance, definite in judged.values()
+        ]
+        part |= {"checks": len(truths), "unverified": sum(not _is_equilibrium(truth) for truth in truths)}
     return answer
 
 
@@ -160,7 +178,7 @@ def summarise(steps: Sequence[Mapping[str, Any]], size: float) -> Figures:
         "elsewhere": away,
         "saddles": sum(_is_saddle(step, size) for step in claimed),
         "checks": len(checks),
-        "verified": sum(checks),
+        "unverified": len(checks) - sum(checks),
     }
 
 

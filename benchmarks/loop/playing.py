@@ -89,7 +89,7 @@ class Player:
             else:
                 self._bridge(done, first)
                 self._starts[name] = self.simulation.snapshot()
-            found[name] = _make_steps(self.simulation, self._commands[first:last])
+            found[name] = _make_steps(self.simulation, self._commands[first:last]) | {"first": first}
             done = last
         return found
 

@@ -51,7 +51,7 @@ def unpack_tree(commit: str) -> Path:
 
 
 class Worker:
-    """A process with one thread on one core.
+    """A process with one thread on one core; it starts with its first task.
 
     Args:
         tree: folder that contains the package.
@@ -59,18 +59,8 @@ class Worker:
     """
 
     def __init__(self, tree: Path, core: int) -> None:
-        program = START.format(tree=str(tree), root=str(ROOT))
-        threads = dict.fromkeys(THREAD_COUNTS, "1")
-        own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", program],
-            cwd=ROOT / "build",
-            env=own | threads,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        os.sched_setaffinity(self._process.pid, {core})
+        self._tree, self._core = tree, core
+        self._process: subprocess.Popen[str] | None = None
 
     def ask(self, work: str, task: Task, **options: Any) -> dict[str, Any]:
         """Return the answer to a request; see `benchmarks.loop.worker`.
@@ -78,14 +68,30 @@ class Worker:
         Raises:
             WorkerError: the process ended without an answer.
         """
-        self._process.stdin.write(json.dumps({"work": work, "task": task.request, **options}) + "\n")
-        self._process.stdin.flush()
-        line = self._process.stdout.readline()
+        process = self._process = self._process or self._start()
+        process.stdin.write(json.dumps({"work": work, "task": task.request, **options}) + "\n")
+        process.stdin.flush()
+        line = process.stdout.readline()
         if not line:
-            raise WorkerError(f"the process with the package of the tree ended: status {self._process.wait()}")
+            raise WorkerError(f"the process with the package of {self._tree} ended: status {process.wait()}")
         return json.loads(line)
 
     def close(self) -> None:
         """End the process."""
-        self._process.stdin.close()
-        self._process.wait()
+        if self._process is not None:
+            self._process.stdin.close()
+            self._process.wait()
+
+    def _start(self) -> subprocess.Popen[str]:
+        program = START.format(tree=str(self._tree), root=str(ROOT))
+        own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        process = subprocess.Popen(
+            [sys.executable, "-c", program],
+            cwd=TREES,
+            env=own | dict.fromkeys(THREAD_COUNTS, "1"),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        os.sched_setaffinity(process.pid, {self._core})
+        return process

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from benchmarks.loop.row import STABLE
 from benchmarks.markdown import markdown_table
 
 HEADS = (
@@ -19,6 +20,8 @@ HEADS = (
     "target",
     "",
 )
+USUAL = [target.words for target in STABLE]
+"""Targets that are not repeated in each row."""
 SAYS = {True: "met", False: "**missed**", None: "not judged"}
 
 
@@ -29,8 +32,15 @@ def make_loop_table(report: Mapping[str, Any]) -> str:
     missed = sum(met is False for line in lines for _, met in line["targets"])
     unknown = sum(met is None for line in lines for _, met in line["targets"])
     total = sum(len(line["targets"]) for line in lines)
+    usual = f"Rows with errors also have the targets {', '.join(USUAL[:3])}, and rows of errors {', '.join(USUAL[3:])}."
     said = f"Of {total} targets, {total - missed - unknown} are met, {missed} missed, {unknown} not judged."
-    return f"{markdown_table(HEADS, rows)}\n\n{said} *Before* is {report['commit']}."
+    return f"{markdown_table(HEADS, rows)}\n\n{usual} {said} *Before* is {report['commit']}."
+
+
+def has_failed(line: Mapping[str, Any]) -> bool:
+    """Return whether a row, or a task of it, could not be measured with one of the commits."""
+    failed = line.get("failed")
+    return bool(failed) and (isinstance(failed, str) or any(failed))
 
 
 def _make_row(line: Mapping[str, Any]) -> tuple[str, ...]:
@@ -46,7 +56,7 @@ def _make_row(line: Mapping[str, Any]) -> tuple[str, ...]:
         _write_pair(_divide_iterations(line)),
         error,
         _write_pair(line.get("beyond")),
-        ", ".join(words for words, _ in line["targets"]),
+        ", ".join(words for words, _ in line["targets"] if words not in USUAL),
         _write_verdict(line["targets"]),
     )
 
@@ -69,17 +79,17 @@ def _divide_iterations(line: Mapping[str, Any]) -> list[Any] | None:
 
 def _write_remarks(line: Mapping[str, Any]) -> str:
     """Return figures of the row that have no column of their own."""
-    words = [f"failed: {line['failed']}"] if line.get("failed") and any(line["failed"]) else []
+    words = [f"failed: {line['failed']}"] if has_failed(line) else []
     for name in ("bent", "silent", "told", "unconverged", "unjudged", "saddles", "elsewhere", "cut", "whole"):
         values = line.get(name)
         if values and any(value for value in values):
             words.append(f"{name} {_write_pair(values)}{' s' * (name == 'whole')}")
-    judged, checks, verified = line.get("judged"), line.get("checks"), line.get("verified")
+    judged, checks, failed = line.get("judged"), line.get("checks"), line.get("unverified")
     if judged and line["unit"] == "s":
         words.append(f"judged {_write_pair(judged)}")
     if checks and any(checks):
-        pairs = zip(verified, checks, strict=True)
-        words.append("verified " + _write_pair([f"{good} of {all_}" for good, all_ in pairs if all_ is not None]))
+        pairs = zip(failed, checks, strict=True)
+        words.append("verified " + _write_pair([f"{all_ - bad} of {all_}" for bad, all_ in pairs if all_ is not None]))
     return f" ({'; '.join(words)})" if words else ""
 
 

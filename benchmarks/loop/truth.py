@@ -25,6 +25,8 @@ PUSH = 2.0
 """Displacement from which a fine solve is repeated, in tolerances."""
 AGREE = 0.1
 """Largest distance between two fine solves of the same equilibrium, in tolerances."""
+CHECKED = 5
+"""Number of steps of a stream whose finer solves are checked."""
 COARSER = 100.0
 """Factor of the fine tolerance at the second attempt, if a fine solve has not converged."""
 
@@ -40,13 +42,13 @@ def measure_each(task: Mapping[str, Any], fine: float, bends: float | None, path
             and pressures [Pa] of all actuators there.
         push: whether the finer solves of the middle and of the last step are checked by pushing.
     """
-    began = time.process_time()
     simulation = make_simulation(task)
     tolerance, size = simulation.settings.tolerance, float(simulation.mesh.size)
     exact = [make_simulation(task, tolerance=tolerance * fine * factor, patient=True) for factor in (1.0, COARSER)]
     orders, steps, spent, places = list_commands(task, simulation), [], 0.0, {}
     checked = {len(orders) // 2, len(orders) - 1} if push else set()
     simulation.warm_up()
+    began = time.process_time()
     for number, (command, duration) in enumerate(orders):
         started = time.process_time()
         result = simulation.step(command, dt=duration)
@@ -59,15 +61,14 @@ def measure_each(task: Mapping[str, Any], fine: float, bends: float | None, path
             step |= judged
             for kind, each in (("found", result), ("truth", truth)):
                 if each is not None:
-                    places[f"{kind} {number}"] = each.positions
-                    places[f"efforts {kind} {number}"] = [state.effort for state in each.actuators.values()]
+                    _keep_place(places, kind, number, each)
         steps.append(step)
         if time.process_time() - began > task["limit"]:
             break
+    whole = time.process_time() - began
     np.savez(path, **places)
     across = float(np.abs(simulation.positions - simulation.mesh.vertices)[:, 1:].max()) / size
     ends = {} if bends is None else {"bent": int(across > bends)}
-    whole = time.process_time() - began
     return {**ends, "seconds": spent, "whole": whole, "unit": tolerance, "given": len(orders), "each": steps}
 
 
@@ -104,25 +105,45 @@ def _push(finer: Simulation, truth: StepResult, command: Command, unit: float) -
     return {"verified": farthest <= AGREE, "returns": farthest}
 
 
-def measure_path(task: Mapping[str, Any], fine: float) -> dict[str, dict[str, Any]]:
+def measure_path(task: Mapping[str, Any], fine: float, path: str) -> dict[str, dict[str, Any]]:
     """Play a task at its own and at a fine tolerance; return the errors of the converged steps of each part.
 
     With dynamics, errors add up along the path; the error is that of the path, divided by the size, under ``path``.
+
+    Args:
+        task: request of a task.
+        fine: fine tolerance, divided by the task's.
+        path: file for the positions of some steps at the fine tolerance, as in `measure_each`; empty with dynamics.
     """
     player = Player(task)
     tolerance, size = player.simulation.settings.tolerance, float(player.simulation.mesh.size)
     exact = Player(task, tolerance=tolerance * fine)
-    moves, figures = player.simulation.scene.dynamics is not None, {}
+    moves, figures, places = player.simulation.scene.dynamics is not None, {}, {}
     played, true = player.play(), exact.play()
     for name, part in played.items():
-        pairs = [pair for pair in zip(part["results"], true[name]["results"], strict=True) if pair[0].converged]
-        judged = [(found, truth) for found, truth in pairs if truth.converged]
+        pairs = list(zip(part["results"], true[name]["results"], strict=True))
+        judged = [(found, truth) for found, truth in pairs if found.converged and truth.converged]
         errors = [find_distance(found.positions, truth.positions) / size for found, truth in judged]
-        largest = max(errors, default=None)
-        own = {"unconverged": part["unconverged"], "judged": len(judged)}
-        if moves:
-            own |= {"path": largest}
-        elif largest is not None:
-            own |= {"error": largest / tolerance, "beyond": sum(error > tolerance for error in errors)}
+        own = {"unconverged": part["unconverged"], "judged": len(judged), "unit": tolerance}
+        own |= {"path": max(errors, default=None)} if moves else _in_tolerances(errors, tolerance)
         figures[name] = own
+        for number in range(len(pairs) - 1, -1, -max(len(pairs) // CHECKED, 1)):
+            if pairs[number][1].converged and not moves:
+                _keep_place(places, "truth", part["first"] + number, pairs[number][1])
+    np.savez(path, **places)
     return figures
+
+
+def _in_tolerances(errors: Sequence[float], tolerance: float) -> dict[str, Any]:
+    """Return the largest of some errors in tolerances, and how many are beyond one."""
+    largest = max(errors, default=None)
+    return {
+        "error": None if largest is None else largest / tolerance,
+        "beyond": sum(error > tolerance for error in errors),
+    }
+
+
+def _keep_place(places: dict[str, Any], kind: str, number: int, result: StepResult) -> None:
+    """Add the positions [m] and the actuators' efforts after a step to the arrays of a file."""
+    places[f"{kind} {number}"] = result.positions
+    places[f"efforts {kind} {number}"] = [state.effort for state in result.actuators.values()]

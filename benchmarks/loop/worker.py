@@ -25,7 +25,7 @@ def answer(request: dict[str, Any], players: dict[str, Player]) -> dict[str, Any
     if work == "newton":
         return {"steps": measure_newton(task, request["path"])}
     if work == "path":
-        return measure_path(task, request["fine"])
+        return measure_path(task, request["fine"], request["path"])
     key = json.dumps(task, sort_keys=True)
     if key not in players:
         players.clear()
