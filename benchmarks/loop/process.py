@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import select
 import subprocess
 import sys
 import tarfile
@@ -18,16 +19,14 @@ from gdfe_ros.workers import THREAD_COUNTS
 
 TREES = ROOT / "build" / "loop"
 """Folder of other commits' trees, and of their known errors."""
+PATIENCE = 900.0
+"""Longest time [s] for one answer; at its first task, a process compiles."""
 START = (
     "import sys; sys.path.insert(0, {tree!r}); import gdfe_ros; "
     "assert gdfe_ros.__file__.startswith({tree!r}), gdfe_ros.__file__; "
     "sys.path.insert(0, {root!r}); from benchmarks.loop.worker import main; main()"
 )
 """Program of the process: the package of the tree, but this tree's benchmarks."""
-
-
-class WorkerError(RuntimeError):
-    """A process ended without an answer."""
 
 
 def unpack_tree(commit: str) -> Path:
@@ -63,24 +62,30 @@ class Worker:
         self._process: subprocess.Popen[str] | None = None
 
     def ask(self, work: str, task: Task, **options: Any) -> dict[str, Any]:
-        """Return the answer to a request; see `benchmarks.loop.worker`.
+        """Return the answer to a request (see `benchmarks.loop.worker`), or ``failed`` with a reason.
 
-        Raises:
-            WorkerError: the process ended without an answer.
+        A process that ends, or does not answer within `PATIENCE`, is replaced at the next request.
         """
         process = self._process = self._process or self._start()
-        process.stdin.write(json.dumps({"work": work, "task": task.request, **options}) + "\n")
-        process.stdin.flush()
-        line = process.stdout.readline()
-        if not line:
-            raise WorkerError(f"the process with the package of {self._tree} ended: status {process.wait()}")
-        return json.loads(line)
+        try:
+            process.stdin.write(json.dumps({"work": work, "task": task.request, **options}) + "\n")
+            process.stdin.flush()
+            ready = select.select([process.stdout], [], [], PATIENCE)[0]
+            line = process.stdout.readline() if ready else ""
+        except BrokenPipeError:
+            line = ""
+        if line:
+            return json.loads(line)
+        process.kill()
+        process.communicate()
+        self._process = None
+        return {"failed": f"no answer within {PATIENCE:g} s, or the process ended: status {process.returncode}"}
 
     def close(self) -> None:
         """End the process."""
         if self._process is not None:
-            self._process.stdin.close()
-            self._process.wait()
+            self._process.communicate()
+            self._process = None
 
     def _start(self) -> subprocess.Popen[str]:
         program = START.format(tree=str(self._tree), root=str(ROOT))

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +13,14 @@ import pytest
 
 from benchmarks.loop import bodies
 from benchmarks.loop.__main__ import GROUPS, choose_rows, probe
-from benchmarks.loop.compare import make_lines
+from benchmarks.loop.compare import make_lines, time_row
 from benchmarks.loop.judge import summarise
 from benchmarks.loop.playing import Player, drop_results
+from benchmarks.loop.process import Worker, unpack_tree
 from benchmarks.loop.row import Row, Target, Task
 from benchmarks.loop.table import make_loop_table
 from benchmarks.loop.truth import measure_each, measure_path
+from benchmarks.provenance import ROOT
 
 SMALL = Task(
     scene="bend5", overrides={"mesh.bar.cells": [10, 1, 1]}, total=200, parts={"first": (0, 3), "later": (5, 8)}
@@ -52,6 +56,17 @@ def test_a_cold_step_is_judged(tmp_path: Path) -> None:
     with np.load(places) as arrays:
         away = np.linalg.norm(arrays["found 0"] - arrays["truth 0"], axis=1).max()
     assert away > 0.0
+
+
+def test_a_row_is_timed_in_another_process() -> None:
+    """A process with the package of a tree times a small row; a task that fails says why, and the process goes on."""
+    assert unpack_tree(str(ROOT)) == ROOT
+    row = Row(group="streams", name="bar", tasks=(SMALL,), turns=1)
+    with closing(Worker(ROOT, min(os.sched_getaffinity(0)))) as worker:
+        assert "does not exist" in worker.ask("time", replace(SMALL, scene="none"), repeats=1)["failed"]
+        found = time_row(row, None, worker)
+    assert set(found) == {"first", "later"}
+    assert all(part["after"] > 0.0 and part["ratio"] is None for part in found.values())
 
 
 def test_steps_are_counted() -> None:
