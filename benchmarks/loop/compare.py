@@ -18,7 +18,7 @@ def time_row(row: Row, before: Worker | None, after: Worker) -> dict[str, Figure
     """Let both processes carry out a row's task in turn; return a dict from part to the figures of its times."""
     task, pairs = row.tasks[0], []
     workers = [worker for worker in (before, after) if worker]
-    setups = {worker: _ask(worker, "time", task, repeats=1)["setup"] for worker in workers}
+    setups = {worker: _ask(worker, "time", task, repeats=0)["setup"] for worker in workers}
     for turn in range(row.turns):
         order = workers if turn % 2 == 0 else workers[::-1]
         answers = {worker: _ask(worker, "time", task, repeats=row.repeats)["runs"] for worker in order}

@@ -102,8 +102,8 @@ def _write_percent(value: float | None) -> str | None:
 
 
 def _write_pair(values: Any) -> str:
-    """Return two values as "a to b", or one."""
+    """Return two values as "a to b", or one if there is one or if both look alike."""
     if not values:
         return ""
     texts = ["-" if value is None else value if isinstance(value, str) else f"{value:.3g}" for value in values]
-    return " to ".join(texts)
+    return " to ".join(dict.fromkeys(texts))

@@ -93,7 +93,7 @@ def make_stream_rows() -> list[Row]:
         if name == "bend5 10x1x1":
             targets = (Target("after", 0.2), *targets)
         rows.append(
-            Row(group="streams", name=f"{name}, {steps} steps", tasks=(task,), errors="path", turns=7, targets=targets)
+            Row(group="streams", name=f"{name}, {steps} steps", tasks=(task,), errors="path", turns=11, targets=targets)
         )
     return rows
 
@@ -126,7 +126,7 @@ def make_motion_rows() -> list[Row]:
         )
         target = Target("ratio", SLOWER) if factor is None else Target("after", factor, least=True)
         targets = target, Target("path over before", 1.1)
-        given = {"unit": "real time", "errors": "path", "fine": 1e-2, "turns": 3, "targets": targets}
+        given = {"unit": "real time", "errors": "path", "fine": 1e-2, "turns": 5, "targets": targets}
         rows.append(Row(group="motion", name=f"{scene}, motion", tasks=(task,), **given))
     return rows
 
@@ -139,6 +139,6 @@ def make_contact_rows() -> list[Row]:
         parts = {name: tuple(round(end / step) for end in ends) for name, ends in phases.items()}
         task = Task(scene=scene, overrides=key, total=round(duration / step), parts=parts)
         targets = Target("ratio", SLOWER), Target("unconverged", 0)
-        given = {"unit": "real time", "turns": 2, "targets": targets}
+        given = {"unit": "real time", "turns": 3, "targets": targets}
         rows.append(Row(group="contact", name=scene, tasks=(task,), **given))
     return rows

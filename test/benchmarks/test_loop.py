@@ -95,7 +95,7 @@ def test_the_table_says_what_is_met() -> None:
     times = {"": {"before": 8.0, "after": 6.0, "ratio": 0.75, "iterations": [40.0, 20.0]}}
     lines = make_lines(row, times, [{"": {"error": 0.9, "beyond": 0}}, {"": {"error": 0.2, "beyond": 0}}])
     text = make_loop_table({"commit": "b6cf3c23", "lines": lines})
-    assert "| bar | 8 ms | 6 ms | 0.75 | 40 to 20 | 0.9 to 0.2 | 0 to 0 |" in text
+    assert "| bar | 8 ms | 6 ms | 0.75 | 40 to 20 | 0.9 to 0.2 | 0 |" in text
     assert "**missed**: ratio, after |" in text
     assert "Of 3 targets, 1 are met, 2 missed, 0 not judged." in text
 
