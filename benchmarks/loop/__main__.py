@@ -21,7 +21,7 @@ from benchmarks.loop.compare import make_lines, report_line, time_row
 from benchmarks.loop.honest import make_error_rows
 from benchmarks.loop.judge import Known, judge_row
 from benchmarks.loop.newton import FROZEN
-from benchmarks.loop.process import Worker, unpack_tree
+from benchmarks.loop.process import TREES, Worker, unpack_tree
 from benchmarks.loop.row import Row
 from benchmarks.loop.table import has_failed, make_loop_table
 from benchmarks.loop.timed import make_cold_rows, make_contact_rows, make_motion_rows, make_robot_rows, make_stream_rows
@@ -66,7 +66,7 @@ def time_rows(rows: list[Row], before: Worker | None, after: Worker) -> dict[str
 
 
 def judge_rows(
-    rows: list[Row], before: Worker | None, after: Worker, frozen: Worker, known: Known
+    rows: list[Row], before: Worker | None, after: Worker, frozen: Worker, known: Known | None
 ) -> dict[str, list[Any]]:
     """Return a dict from row to the figures of its errors, before and after."""
     found: dict[str, list[Any]] = {}
@@ -84,7 +84,7 @@ def compare(rows: list[Row], commit: str, *, alone: bool, times: bool, errors: b
     """Measure rows, times on the first core and errors on the second; return the report."""
     cores = sorted(os.sched_getaffinity(0))[:2]
     tree, frozen = unpack_tree(commit), unpack_tree(FROZEN)
-    known = Known.of(tree.name, again=again)
+    known = Known.of(tree.name, again=again) if tree.parent == TREES else None  # other trees may change
     with ExitStack() as open_, ThreadPoolExecutor(2) as both:
 
         def start(folder: Path, core: int) -> Worker:

@@ -115,11 +115,13 @@ def _judge_path(row: Row, task: Task, worker: Worker, frozen: Worker) -> Figures
         answer = worker.ask("path", task, fine=row.fine, path=places.name)
         if "failed" in answer:
             return {"": answer}
-        judged = frozen.ask("newton", task, path=places.name).get("steps", {})
+        judged = frozen.ask("newton", task, path=places.name)
+    if "failed" in judged:
+        return {"": judged}
     for part in answer.values():
         truths = [
             {"newton": None if distance is None else distance / part["unit"], "definite": definite}
-            for distance, definite in judged.values()
+            for distance, definite in judged["steps"].values()
         ]
         part |= {"checks": len(truths), "unverified": sum(not _is_equilibrium(truth) for truth in truths)}
     return answer
@@ -133,7 +135,9 @@ def _judge_task(row: Row, task: Task, worker: Worker, frozen: Worker) -> Figures
         if "failed" in answer:
             return answer
         judged = frozen.ask("newton", task, path=places.name)
-    for name, (distance, definite) in judged.get("steps", {}).items():
+    if "failed" in judged:
+        return judged
+    for name, (distance, definite) in judged["steps"].items():
         kind, number = name.split()
         given = {"newton": None if distance is None else distance / answer["unit"], "definite": definite}
         answer["each"][int(number)][kind] = given
@@ -143,28 +147,27 @@ def _judge_task(row: Row, task: Task, worker: Worker, frozen: Worker) -> Figures
 def summarise(steps: Sequence[Mapping[str, Any]], size: float) -> Figures:
     """Return figures of judged steps.
 
-    The error of a step is its distance from the finer solve. Without one, it is the length of the Newton step. A step
-    whose finer solve ends at another equilibrium, while the Newton step says that it was near its own, is not beyond
-    its tolerance; it is counted under ``elsewhere``, and under ``saddles`` if it was called stable and is not.
+    The error of a step is its distance from the finer solve. Without one, it is the length of the Newton step; the
+    larger of both, if the finer solve fails its check. A step whose finer solve ends at another equilibrium, while the
+    Newton step says that it was near its own, is not beyond its tolerance; it is counted under ``elsewhere``, and under
+    ``saddles`` if it was called stable and is not. A step that says that it is at a saddle needs no judge.
 
     Args:
         steps: steps with their distances.
         size: the body's size in tolerances.
     """
-    errors, away, checks = [], 0, []
-    for step in steps:
-        if not step["converged"]:
-            continue
-        error, own, truth = step.get("error"), step.get("found", {}), step.get("truth", {})
-        newton = own.get("newton")
-        if error is None:
-            error = newton
-        elif error > ELSEWHERE * size and (step["stable"] is False or (newton is not None and newton <= 1.0)):
+    errors, away, checks, unjudged = [], 0, [], 0
+    for step in (step for step in steps if step["converged"]):
+        error, newton, told = step.get("error"), step.get("found", {}).get("newton"), step["stable"] is False
+        good = _is_verified(step)
+        if error is None or (good is False and newton is not None):
+            error = max((each for each in (error, newton) if each is not None), default=None)
+        if error is not None and error > ELSEWHERE * size and (told or (newton is not None and newton <= 1.0)):
             away, error = away + 1, newton
         if error is not None:
             errors.append(error)
-        if "verified" in step or truth:
-            checks.append(step.get("verified", True) and (not truth or _is_equilibrium(truth)))
+        unjudged += error is None and not told
+        checks += [] if good is None or told else [good]
     claimed = [step for step in steps if step["converged"] and step["stable"]]
     return {
         "iterations": sum(step["iterations"] for step in steps),
@@ -172,7 +175,7 @@ def summarise(steps: Sequence[Mapping[str, Any]], size: float) -> Figures:
         "unconverged": sum(not step["converged"] for step in steps),
         "told": sum(step["converged"] and step["stable"] is False for step in steps),
         "judged": len(errors),
-        "unjudged": sum(step["converged"] for step in steps) - len(errors),
+        "unjudged": unjudged,
         "error": max(errors, default=None),
         "beyond": sum(error > 1.0 for error in errors),
         "elsewhere": away,
@@ -184,6 +187,13 @@ def summarise(steps: Sequence[Mapping[str, Any]], size: float) -> Figures:
 
 def _is_equilibrium(truth: Mapping[str, Any]) -> bool:
     return bool(truth["definite"]) and truth["newton"] is not None and truth["newton"] <= AGREE
+
+
+def _is_verified(step: Mapping[str, Any]) -> bool | None:
+    """Return whether the finer solve of a step passes all its checks; None if it has none."""
+    if "verified" not in step and "truth" not in step:
+        return None
+    return step.get("verified", True) and ("truth" not in step or _is_equilibrium(step["truth"]))
 
 
 def _is_saddle(step: Mapping[str, Any], size: float) -> bool:

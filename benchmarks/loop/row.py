@@ -9,6 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+NONE = "beyond", "unconverged", "unjudged", "unverified"
+"""Figures of which a row of statics may have none."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
@@ -112,9 +115,7 @@ def limit_ratio(ratio: float) -> tuple[Target, ...]:
     return Target("ratio", ratio), *HONEST
 
 
-HONEST = Target("error", 1.0), Target("beyond", 0), Target("unverified", 0)
-"""Targets of every row of statics: no error beyond a tolerance, and no finer solve that fails its check."""
-STABLE = *HONEST, Target("saddles", 0), Target("unconverged", 0), Target("cut", 0)
-"""Targets of a row of errors: also no saddle that is called stable, every step converged, and none left out for want of
-time.
-"""
+HONEST = tuple(Target(name, bound) for name, bound in (("error", 1.0), *((name, 0) for name in NONE)))
+"""Targets of every row of statics: no error beyond a tolerance, every step converged, every finer solve checked."""
+STABLE = *HONEST, Target("saddles", 0), Target("cut", 0)
+"""Targets of a row of errors: also no saddle that is called stable, and no step left out for want of time."""

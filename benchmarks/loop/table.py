@@ -32,7 +32,9 @@ def make_loop_table(report: Mapping[str, Any]) -> str:
     missed = sum(met is False for line in lines for _, met in line["targets"])
     unknown = sum(met is None for line in lines for _, met in line["targets"])
     total = sum(len(line["targets"]) for line in lines)
-    usual = f"Rows with errors also have the targets {', '.join(USUAL[:3])}, and rows of errors {', '.join(USUAL[3:])}."
+    usual = (
+        f"Rows with errors also have the targets {', '.join(USUAL[:-2])}, and rows of errors {', '.join(USUAL[-2:])}."
+    )
     said = f"Of {total} targets, {total - missed - unknown} are met, {missed} missed, {unknown} not judged."
     return f"{markdown_table(HEADS, rows)}\n\n{usual} {said} *Before* is {report['commit']}."
 
@@ -57,7 +59,7 @@ def _make_row(line: Mapping[str, Any]) -> tuple[str, ...]:
         error,
         _write_pair(line.get("beyond")),
         ", ".join(words for words, _ in line["targets"] if words not in USUAL),
-        _write_verdict(line["targets"]),
+        "**failed**" if has_failed(line) else _write_verdict(line["targets"]),
     )
 
 
@@ -89,7 +91,9 @@ def _write_remarks(line: Mapping[str, Any]) -> str:
         words.append(f"judged {_write_pair(judged)}")
     if checks and any(checks):
         pairs = zip(failed, checks, strict=True)
-        words.append("verified " + _write_pair([f"{all_ - bad} of {all_}" for bad, all_ in pairs if all_ is not None]))
+        words.append(
+            "verified " + _write_pair(["-" if all_ is None else f"{all_ - bad} of {all_}" for bad, all_ in pairs])
+        )
     return f" ({'; '.join(words)})" if words else ""
 
 

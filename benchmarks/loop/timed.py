@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from benchmarks.loop.row import Row, Target, Task, limit_ratio
+from benchmarks.loop.row import HONEST, Row, Target, Task, limit_ratio
 from gdfe_ros.scene import load_scene
 
 SLOWER = 1.05
@@ -89,7 +89,7 @@ def make_stream_rows() -> list[Row]:
     rows = []
     for name, (scene, steps, overrides) in STREAMS.items():
         task = Task(scene=scene, overrides=overrides, total=steps, parts={"": (0, steps)})
-        targets = Target("ratio", SLOWER), Target("error", 0.3), Target("beyond", 0)
+        targets = Target("ratio", SLOWER), Target("error", 0.3), *HONEST[1:]
         if name == "bend5 10x1x1":
             targets = (Target("after", 0.2), *targets)
         rows.append(
@@ -125,7 +125,7 @@ def make_motion_rows() -> list[Row]:
             parts={"": (0, round(LASTS / STEP))},
         )
         target = Target("ratio", SLOWER) if factor is None else Target("after", factor, least=True)
-        targets = target, Target("path over before", 1.1)
+        targets = target, Target("path over before", 1.1), Target("unconverged", 0)
         given = {"unit": "real time", "errors": "path", "fine": 1e-2, "turns": 5, "targets": targets}
         rows.append(Row(group="motion", name=f"{scene}, motion", tasks=(task,), **given))
     return rows

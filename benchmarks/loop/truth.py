@@ -125,6 +125,7 @@ def measure_path(task: Mapping[str, Any], fine: float, path: str) -> dict[str, d
         judged = [(found, truth) for found, truth in pairs if found.converged and truth.converged]
         errors = [find_distance(found.positions, truth.positions) / size for found, truth in judged]
         own = {"unconverged": part["unconverged"], "judged": len(judged), "unit": tolerance}
+        own["unjudged"] = len(pairs) - part["unconverged"] - len(judged)
         own |= {"path": max(errors, default=None)} if moves else _in_tolerances(errors, tolerance)
         figures[name] = own
         for number in range(len(pairs) - 1, -1, -max(len(pairs) // CHECKED, 1)):
