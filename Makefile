@@ -7,6 +7,7 @@
 # make measure            every table of the pages anew, where its solver is not this one [ONLY=robots] [AGAIN=1]
 # make profile            where the time of a step goes, and what the machine would allow
 # make bench-since COMMIT=...   run times over those of another commit, in turn
+# make bench-loop [COMMIT=...]  one table of before and after of the solver's loop: times in turn, true errors
 # make bench-node         latency of commands, cost of the node beside the solver, idleness, floods of bad commands
 # make manners            the node asked from outside: a table of what was expected and found
 # make bags               record bags/ anew and replay them        make docs build/site from docs/
@@ -36,7 +37,7 @@ OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
 .PHONY: install run live test test-loaded test-elsewhere browser torture manners measure bench bench-node \
-        bench-node-since bench-since bench-motion bench-contact bench-coarse bench-skip bench-streams bench-batches \
+        bench-node-since bench-since bench-loop bench-motion bench-contact bench-coarse bench-skip bench-streams bench-batches \
         bench-sweep profile bags docs clean
 
 install: $(STAMP)
@@ -139,6 +140,11 @@ bench-skip: install
 # Another commit beside this tree, played in turn: make bench-since COMMIT=main [PLAYS='"bend5, streamed"']
 bench-since: install
 	@$(BIN)/python -m benchmarks.since $(COMMIT) $(PLAYS)
+
+# One table of before and after: times in turn, true errors. make bench-loop [COMMIT=b6cf3c23] [ONLY="cold robots"]
+# [LOOP='--this-only --times']; what there is: LOOP=--list
+bench-loop: install
+	@$(BIN)/python -m benchmarks.loop $(COMMIT) $(if $(ONLY),--only $(ONLY)) $(LOOP)
 
 # Where the time of a step goes, and what this machine would allow
 profile: install

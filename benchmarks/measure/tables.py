@@ -83,6 +83,7 @@ TABLES = (
     ),
     Table(name="manners", module="benchmarks.manners", minutes=6, needs=("rclpy",), ros=True),
     Table(name="since", module="benchmarks.since", arguments=(BEFORE, "--turns", "3"), minutes=9.5),
+    Table(name="loop", module="benchmarks.loop", minutes=9),
     Table(name="bench", module="benchmarks", minutes=7.5),
     Table(name="torture", module="benchmarks.torture.measure", minutes=22, needs=("xdist",)),
 )

@@ -27,6 +27,7 @@ from benchmarks import (
     threads,
 )
 from benchmarks.coarse_meshes import table as coarse_meshes
+from benchmarks.loop import table as loop_tables
 from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.node import tables as node_tables
 from benchmarks.report import KEPT, read_report
@@ -84,6 +85,7 @@ TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "cut_cells": cut_cells.all_tables,
     "environments": environments.environment_table,
     "factors": factors.table,
+    "loop": loop_tables.make_loop_table,
     "manners": manners_table,
     "motion": motion.all_tables,
     "robots": robots.robot_table,

@@ -121,11 +121,11 @@ def test_what_is_not_installed_is_skipped(table: Table) -> None:
 
 
 def test_every_table_has_a_script_and_a_probe() -> None:
-    """Every table's script and probe exist, names are unique, and all take at most 75 minutes."""
+    """Every table's script and probe exist, names are unique, and all take at most 85 minutes."""
     assert len(set(NAMES)) == len(NAMES)
     for item in TABLES:
         assert item.missing() or callable(item.replay_function()), item.name
-    assert sum(item.minutes for item in TABLES) <= 75.0
+    assert sum(item.minutes for item in TABLES) <= 85.0
 
 
 def test_the_list_shows_every_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
