@@ -124,7 +124,7 @@ def test_no_state_nearby_has_less_energy(bend: Callable[..., Bar], poisson: floa
 
 @pytest.mark.parametrize("free", [(), (Axis.X,), (Axis.X, Axis.Y, Axis.Z)], ids=["held", "slides", "floats"])
 def test_every_library_finds_the_same_equilibrium(bend: Callable[..., Bar], free: tuple[Axis, ...]) -> None:
-    """The dense inverse, supernodes and scipy lead to the same positions."""
+    """The dense inverse and supernodes lead to the same positions."""
     bar_ = bend(NeoHookean(young=1e5, poisson=0.4), free=free)
     found = []
     for library in Factorisation:
@@ -133,7 +133,6 @@ def test_every_library_finds_the_same_equilibrium(bend: Callable[..., Bar], free
         assert outcome.converged
         found.append(outcome.positions)
     np.testing.assert_allclose(found[1], found[0], atol=1e-7)
-    np.testing.assert_allclose(found[2], found[0], atol=1e-7)
 
 
 def test_a_free_axis_is_unloaded(bend: Callable[..., Bar], law: Material) -> None:

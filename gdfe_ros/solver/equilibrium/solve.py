@@ -35,8 +35,8 @@ tolerance. The updates of the next step reduce these errors.
 """
 SLOW = 10
 """If this number of updates of exact minimisations does not settle the constraints, the minimisations become finer."""
-MOST_UPDATES = 60
-"""Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
+MOST_UPDATES = 200
+"""Limit of the updates of pressures, multipliers and scales in one solve. A confined, nearly incompressible body needs most."""
 TOO_STRONG = "a load or an actuator is so strong that the rounding of its energy hides the energy of the body"
 TOO_DEEP = "surfaces that were apart entered each other so deeply that contact could not separate them"
 
@@ -190,7 +190,8 @@ class Solve:
         # Even if no further descent is possible, new pressures and scales may make one possible.
         last = self._schedule.exact or active.ended is not End.NEAR
         error, change = self._update(active, still=still)
-        self._settled = last and error <= 1.0
+        kept = 1.0 if self._moving or self._actuation.contacts else FAINT
+        self._settled = last and error <= kept
         self._exact += last
         if last and not self._settled and (still or self._exact % SLOW == 0):
             self._schedule.refine()  # the positions are not accurate enough for the constraints

@@ -132,8 +132,8 @@ class Stability:
             if not (again.converged and again.min_det > 0.0):
                 return _told(changed(found, iterations=spent), stable=stable)
             found = changed(again, iterations=spent)
-            if stable is not False and more <= NEAR:
-                return _told(found, stable=stable)
+            if stable and more <= NEAR:
+                return _told(found, stable=True)
         if distance <= solve.problem.tolerance:
             return _told(_at(found, distance), stable=stable)
         summary = changed(found.state.summary, converged=False, error_estimate=distance, message=NEUTRAL)

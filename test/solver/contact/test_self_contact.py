@@ -108,7 +108,7 @@ def test_a_notch_closes_and_holds() -> None:
         result = simulation.step(Command(actuators={"flexor": tension}))
         assert result.converged, result.message
         tips[tension], touch = result.positions[-1], result.contacts[NAME]
-        assert tension != 9.0 or result.iterations < 110  # 168 while the tangent knew nothing of what touches
+        assert tension != 9.0 or result.iterations < 250  # 654 if the tangent knows nothing of what touches
         assert touch.gaps.min(initial=0.0) > -1e-4 * simulation.mesh.size
         assert (len(touch.presses) > 10) == (tension > 3.0)
     assert np.linalg.norm(tips[12.0] - tips[9.0]) < 0.05 * np.linalg.norm(tips[6.0] - tips[3.0])
