@@ -92,7 +92,7 @@ class SimulationSession:
         told = {"now": lambda: self.run.now(), "limits": parameters, "refuse": refusals.refuse}
         self._transforms = Transforms(node, self._lead, **told) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
-        self.outputs = TopicOutputs(run, matched=self._tell_again)
+        self.outputs = TopicOutputs(run)
         self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
@@ -205,7 +205,11 @@ class SimulationSession:
         """Check for commands to unknown names, for delay behind a clock, and for subscribers without the last state."""
         self.strays.look()
         self._look_at_clock()
-        if self.outputs.missed():
+        self.greet(thorough=True)
+
+    def greet(self, *, thorough: bool = False) -> None:
+        """Publish the last state again if there are subscribers without it; ``thorough``: see `Channel.missed`."""
+        if self.outputs.missed(thorough=thorough):
             self._tell_again()
 
     def waiting(self) -> str:

@@ -67,10 +67,10 @@ class Transforms:
         ]
 
     def destroy(self) -> None:
-        """Remove the subscriptions from the graph, after the node's own publishers of these topics."""
+        """Remove the subscriptions from the graph."""
         self._heard = lambda: None
         for subscription in self._subscriptions:
-            self._node.destroy_later(subscription)
+            self._node.destroy_subscription(subscription)
         self._subscriptions = []
 
     def known(self) -> list[str]:
