@@ -23,6 +23,8 @@ from gdfe_ros.mesh.tetmesh import TetMesh
 
 _CELL_SET, _VERTEX_SET, _FILLING = "cell_set:", "vertex_set:", "filling:"
 _VERTICES, _TRIANGLES, _SLASH = "vertices:", "triangles:", "\\"
+_LARGEST = 1 << 30
+"""Largest size of the arrays of a packed mesh [bytes]; a small archive can expand to any size."""
 _FILLED = tuple(item.name for item in fields(Filling))
 
 
@@ -116,6 +118,9 @@ def _pack(arrays: dict[str, NDArray]) -> str:
 
 def _unpack(text: str) -> dict[str, NDArray]:
     archive = np.load(BytesIO(base64.b64decode(text, validate=True)), allow_pickle=False)
+    size = sum(entry.file_size for entry in archive.zip.infolist())
+    if size > _LARGEST:
+        raise ValueError(f"its arrays have {size} bytes; allowed: up to {_LARGEST}")
     return {name: archive[name] for name in archive.files}
 
 
@@ -131,6 +136,7 @@ def _undamaged(what: str) -> Iterator[None]:
         TypeError,
         EOFError,
         OSError,
+        MemoryError,
         AttributeError,
         zipfile.BadZipFile,
         zlib.error,

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import gdfe_ros
+from gdfe_ros.bounded_text import load_json_object
 
 SCENE_FILE = "scene.yaml"
 STATE_FILE = "state.bin"
@@ -72,16 +73,16 @@ class RunInfo:
             ValueError: the scene or a file differs from its checksum.
         """
         files = dict(attachments)
-        sums = {SCENE_FILE: metadata["scene_sha256"], **json.loads(metadata.get("files_sha256", "{}"))}
+        sums = {SCENE_FILE: metadata["scene_sha256"], **load_json_object(metadata.get("files_sha256", "{}"))}
         for name, checksum in sums.items():
             if hashlib.sha256(files.get(name, b"")).hexdigest() != checksum:
                 raise ValueError(f"the attachment {name} does not match its checksum")
         return cls(
             scene=files.pop(SCENE_FILE, b"").decode(),
-            settings=json.loads(metadata["settings"]),
+            settings=load_json_object(metadata["settings"]),
             files=files,
             package_version=metadata["package_version"],
-            machine=json.loads(metadata["machine"]),
+            machine=load_json_object(metadata["machine"]),
         )
 
     @classmethod
