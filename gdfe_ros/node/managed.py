@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import traceback
 from collections import deque
@@ -115,12 +116,14 @@ class ManagedNode(EventlessNode, LifecycleNode):
         return super().create_subscription(msg_type, topic, guarded, *more, **options)
 
     def destroy_subscription(self, subscription: Subscription) -> bool:
-        """Destroy a subscription, as rclpy does; its memory is released later (`turn`)."""
+        """Destroy a subscription, as rclpy does; its callback is released at once, its memory later (`turn`)."""
+        subscription.callback = _ignore_message
         self._destroyed_last.append((self._turns, subscription))
         return super().destroy_subscription(subscription)
 
     def destroy_timer(self, timer: Timer) -> bool:
-        """Destroy a timer, as rclpy does; its memory is released later (`turn`)."""
+        """Destroy a timer, as rclpy does; its callback is released at once, its memory later (`turn`)."""
+        timer.callback = _ignore_call
         self._destroyed_last.append((self._turns, timer))
         return super().destroy_timer(timer)
 
@@ -128,12 +131,24 @@ class ManagedNode(EventlessNode, LifecycleNode):
         """Release what was destroyed before the turn before the last one; to be called by a timer of this node.
 
         EventsExecutor accesses subscriptions and timers by their addresses, which may be in its queue. The queue is in
-        order: after two calls by a timer that were queued later, nothing refers to them. They must not stay longer,
-        because their callbacks refer to the simulation that they served.
+        order: after two calls by a timer that were queued later, nothing refers to them.
         """
         self._turns += 1
+        released = False
         while self._destroyed_last and self._destroyed_last[0][0] + _KEPT <= self._turns:
             self._destroyed_last.popleft()
+            released = True
+        if released:
+            self.collect()
+
+    @staticmethod
+    def collect() -> None:
+        """Free the memory of a dropped simulation, which is part of reference cycles.
+
+        Python would collect these only after many allocations, of which a node makes few, whatever the size of its
+        arrays.
+        """
+        gc.collect()
 
     def destroy_node(self) -> None:
         """Destroy the node and its state machine at once.
@@ -267,6 +282,14 @@ class ManagedNode(EventlessNode, LifecycleNode):
             return response
 
         return answer
+
+
+def _ignore_message(message: Any) -> None:
+    """Receive a message of a destroyed subscription."""
+
+
+def _ignore_call() -> None:
+    """Receive a call of a destroyed timer."""
 
 
 def _failure(request: Any, response: Any, text: str) -> Any:

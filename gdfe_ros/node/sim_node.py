@@ -122,6 +122,8 @@ class SimNode(ManagedNode):
         session, self.session = self.session, None
         if session is not None:
             session.destroy()
+            del session
+            self.collect()
 
     def prepare(self) -> None:
         """Load the scene, factor its matrices and compile the kernels for the transition ``configure``."""

@@ -19,6 +19,16 @@ BOX = "{box: {size: [0.02, 0.02, 0.02]}, mass: 0.01}"
 ALL, OK = 255, 1
 _QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COUNTS = [40, pytest.param(500, marks=pytest.mark.slow)]
+GROWTH = 20.0
+"""Largest growth of the memory [MB] of a node in all measured changes."""
+_FIRST = 20
+"""Number of changes before the first measurement: until then, allocators and caches fill."""
+
+
+def _memory(process: NodeProcess) -> float:
+    """Return the resident memory of a process [MB]."""
+    lines = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1000.0
 
 
 class _Asked:
@@ -75,27 +85,59 @@ def _lifecycles(asked: _Asked, client: Any) -> Iterator[None]:
         yield
 
 
+@pytest.mark.parametrize("scene", ["slab", pytest.param("grasp", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("rebuilds", _COUNTS)
 @pytest.mark.parametrize("kind", [_spawns, _resets, _lifecycles])
 def test_topics_are_opened_anew_without_a_crash(
-    client: Any, start: Callable, interfaces: Callable, slab: Path, kind: Callable, rebuilds: int
+    client: Any, start: Callable, interfaces: Callable, slab: Path, kind: Callable, rebuilds: int, scene: str
 ) -> None:
     """Spawned and deleted bodies, resets of everything and lifecycles open the topics anew; the node goes on.
 
     Subscribers come and go meanwhile, which are events of the topics. Before, the node died by SIGSEGV in the second
-    of these changes, because handlers of events were destroyed while the executor used them.
+    of these changes, because handlers of events were destroyed while the executor used them. Each change of `grasp`
+    left 20 MB.
     """
     for package in PACKAGES:
         interfaces(package)
-    process: NodeProcess = start(scene=str(slab), clock="wall", dt=0.005)
+    process: NodeProcess = start(scene=str(slab) if scene == "slab" else scene, clock="wall", dt=0.005)
     client.wait(client.records)
     asked = _Asked(client)
-    for _, change in zip(range(rebuilds), kind(asked, client), strict=False):
+    first = 0.0
+    for number, change in zip(range(rebuilds), kind(asked, client), strict=False):
+        first = _memory(process) if number == _FIRST else first
         client.node.create_subscription(PointCloud2, client.full("mesh"), print, _QOS)
         subscription = list(client.node.subscriptions)[-1]
         assert change is None
         client.node.destroy_subscription(subscription)
     assert process.running, process.log
+    print(f"growth of the memory: {_memory(process) - first:.1f} MB")
+    assert _memory(process) - first < GROWTH
     assert client.state() == "active"
     assert "Traceback" not in process.log, process.log
     assert process.stop() == 0, process.log
+
+
+@pytest.mark.parametrize(
+    ("scene", "cycles"),
+    [
+        ("small", 200),
+        pytest.param("tendon_finger", 200, marks=pytest.mark.slow),
+        pytest.param("pneunet", 200, marks=pytest.mark.slow),
+    ],
+)
+def test_configure_and_cleanup_leave_nothing(
+    client: Any, start: Callable, coarse: dict, scene: str, cycles: int
+) -> None:
+    """200 times configure, activate, deactivate and cleanup need at most 20 MB more memory than the first 20 times.
+
+    Before, reference cycles and destroyed timers and subscriptions held the old simulations: 1 to 32 MB per cycle.
+    """
+    process = start(**(coarse if scene == "small" else {"scene": scene}), autostart=False)
+    found = []
+    for cycle in range(_FIRST + cycles + 1):
+        if cycle >= _FIRST and (cycle - _FIRST) % 50 == 0:
+            found.append(_memory(process))
+        for label in ("configure", "activate", "deactivate", "cleanup"):
+            assert client.transition(label)
+    print("memory every 50 cycles [MB]:", found)
+    assert max(found[1:]) - found[0] < GROWTH, found
