@@ -8,6 +8,9 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from gdfe_ros.bounded_text import LARGEST_TEXT
+from gdfe_ros.regular_file import read_text
+
 _REMEDY = "allowed is a csv file with the header strain,stress and one row of numbers a point, stress in Pa"
 
 
@@ -31,7 +34,7 @@ def read_stress_table(path: Path) -> StressTable:
             than two rows.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, most=LARGEST_TEXT, encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"cannot read {path}: {error}; {_REMEDY}") from error
     numbered = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line[0] != "#"]

@@ -12,6 +12,7 @@ import numpy as np
 
 from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.export.columns import JOINTS, Columns
+from gdfe_ros.csv_cells import quoted
 
 Row = dict[str, Any]
 _TARGET = ("x", "y", "z", "rx", "ry", "rz")
@@ -41,13 +42,16 @@ def step_row(step: BagStep, known: Columns) -> Row:
 
 
 def write_csv(rows: Iterable[Row], path: Path, known: Columns) -> None:
-    """Write rows as CSV. Headings are names with units, such as ``time [s]``; missing values are empty."""
+    """Write rows as CSV. Headings are names with units, such as ``time [s]``; missing values are empty.
+
+    Texts that a spreadsheet would execute are quoted (`quoted`).
+    """
     rows = list(rows)
     names = columns(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, names)
-        writer.writerow({name: known.headed(name) for name in names})
-        writer.writerows(rows)
+        writer.writerow({name: quoted(known.headed(name)) for name in names})
+        writer.writerows({name: quoted(value) for name, value in row.items()} for row in rows)
 
 
 def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None) -> None:
