@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import signal
 import sys
 import threading
 import webbrowser
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.commands.waiting import waiting
-from gdfe_ros.entry import collect, without_collection
+from gdfe_ros.entry import catch_endings, collect, without_collection
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.pace import ClockMode
@@ -153,8 +152,7 @@ def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
 
 
 def _end_on_signals(ending: threading.Event) -> None:
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ending.set())
+    catch_endings(lambda *_: ending.set())
 
 
 def _require(arguments: argparse.Namespace) -> None:
