@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,16 @@ def test_only_regular_files_of_limited_size_are_read(unfit: Path, tmp_path: Path
     scene.symlink_to(unfit)
     with pytest.raises(SceneError):
         load_scene(scene)
+
+
+def test_a_mesh_that_its_library_reads_for_ever_is_refused(tmp_path: Path) -> None:
+    """At the end of a damaged file of kind .msh, meshio waits for a bracket for ever; it is refused after seconds."""
+    path = tmp_path / "damaged.msh"
+    path.write_text('(0 "damaged")\n(10 (1 1 8 1 3)(\n0 0 0\n')
+    began = time.process_time()
+    with pytest.raises(MeshError, match=r"more than 5 s"):
+        read_mesh(path)
+    assert time.process_time() - began < 30.0
 
 
 def test_a_regular_file_is_read(tmp_path: Path) -> None:

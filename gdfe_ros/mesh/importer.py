@@ -20,6 +20,7 @@ from gdfe_ros.mesh.file_sets import named_sets
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.quality import check_mesh, list_ids, require_sound
+from gdfe_ros.mesh.reading_time import limited_time
 from gdfe_ros.mesh.subset import keep_cells, merge_vertices
 from gdfe_ros.mesh.tetmesh import TetMesh, raised
 from gdfe_ros.mesh.units import unit_defects
@@ -105,7 +106,7 @@ def _read(path: Path, heading: str) -> meshio.Mesh:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
     said = StringIO()
     try:
-        with redirect_stdout(said), redirect_stderr(said):
+        with redirect_stdout(said), redirect_stderr(said), limited_time(path):
             return library.read(path)
     except (Exception, SystemExit) as error:  # on a broken file meshio's parsers raise any exception, or exit
         reason = " ".join(said.getvalue().split()) or f"{type(error).__name__}: {error}"

@@ -158,6 +158,7 @@ class SimulationSession:
         """Continue the commands of another session that has halted, between two steps."""
         self.stepper.take_over(other.stepper, self._bodies)
         self.inputs.take_over(other.inputs)
+        self._lateness = other._lateness
 
     @property
     def _bodies(self) -> set[str]:

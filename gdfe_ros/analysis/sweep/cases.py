@@ -68,11 +68,14 @@ def read_list(path: Path) -> list[dict[str, Any]]:
         GdfeError: the file does not contain such a list, or the list is empty.
         OSError: the file cannot be read.
     """
-    text = read_text(path, most=LARGEST_TEXT)
-    if path.suffix == ".csv":
-        rows = [{key: load_yaml(value) for key, value in row.items()} for row in csv.DictReader(text.splitlines())]
-    else:
-        rows = load_yaml(text)
+    try:
+        text = read_text(path, most=LARGEST_TEXT)
+        if path.suffix == ".csv":
+            rows = [{key: load_yaml(value) for key, value in row.items()} for row in csv.DictReader(text.splitlines())]
+        else:
+            rows = load_yaml(text)
+    except (yaml.YAMLError, ValueError, TypeError, csv.Error) as error:  # a row of a table may be too long or too short
+        raise GdfeError(f"{path} cannot be read: {' '.join(str(error).split())[:200]}") from error
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         raise GdfeError(f"{path} must hold a list of mappings from dotted keys to values, or CSV with keys on top")
     return rows

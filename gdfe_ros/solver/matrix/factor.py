@@ -10,10 +10,10 @@ from weakref import WeakValueDictionary
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
 
 from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
 from gdfe_ros.solver.matrix.supernodes import NotDefiniteError, supernodal
+from gdfe_ros.sparse_lu import LuFactor
 
 DENSE_UP_TO = 200
 """Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
@@ -65,7 +65,7 @@ class Factor:
                 self.kind = Factorisation.SCIPY
         if self.kind is Factorisation.SCIPY:
             options = {"SymmetricMode": True}
-            self._library = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+            self._library = LuFactor(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64], *, exact: bool = False) -> None:
         """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``.
