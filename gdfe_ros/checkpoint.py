@@ -14,6 +14,7 @@ import hashlib
 import io
 import json
 import os
+import struct
 import zipfile
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -25,14 +26,18 @@ from numpy.typing import NDArray
 import gdfe_ros
 from gdfe_ros.bounded_text import load_json, load_json_object
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.regular_file import read_bytes
+from gdfe_ros.regular_file import LARGEST, read_bytes
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.tree import TreeError, from_tree, to_tree
 
 FORMAT = 2
 """Version of the archive's format; version 1 was a pickle."""
 _OLD_MAGIC = b"gdfe_ros state\n"
-_DAMAGED = (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError, OSError, TreeError)
+_DAMAGED = (
+    zipfile.BadZipFile, NotImplementedError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, EOFError,
+    OSError, OverflowError, MemoryError, RecursionError, struct.error, TreeError,
+)  # fmt: skip
+"""Exceptions that may occur while a damaged archive is read."""
 
 
 def save_state(simulation: Simulation) -> bytes:
@@ -91,8 +96,11 @@ def load_state(simulation: Simulation, data: bytes) -> None:
         raise GdfeError("the state was written by a version that saved pickles; remedy: repeat the run and save it")
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
-    except zipfile.BadZipFile as error:
+        size = sum(entry.file_size for entry in archive.infolist())
+    except (*_DAMAGED, zipfile.zlib.error) as error:
         raise GdfeError(f"these {len(data)} bytes are not a state that save_state wrote") from error
+    if size > LARGEST:
+        raise GdfeError(f"the state has {size} bytes of data; allowed: up to {LARGEST}")
     try:
         given = load_json_object(archive.read("head.json"))
     except (*_DAMAGED, zipfile.zlib.error) as error:

@@ -199,7 +199,7 @@ class Page:
             self.say(str(error))
 
     def _work(self) -> None:
-        """Draw new steps until the end; a fault in drawing is counted and told, and the next frame is drawn."""
+        """Draw new steps until the end; a fault in drawing is counted and reported, and the next frame is drawn."""
         show_name()
         slow = due = 0.0
         while not self._ending.is_set():

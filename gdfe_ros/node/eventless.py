@@ -2,7 +2,7 @@
 """Publishers and subscriptions without QoS events, which are safe to destroy while an executor spins.
 
 rclpy gives each publisher and each subscription handlers of QoS events, at least those of incompatible QoS. Their
-removal can crash the process by SIGSEGV in two ways (rclpy #1644):
+removal can crash the process by SIGSEGV, for two reasons (rclpy #1644):
 
 - The publisher is finalised at once, but its handlers only when the executor next collects its entities. In between, a
   handler refers to freed memory.
