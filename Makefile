@@ -9,7 +9,7 @@
 # make bench-since COMMIT=...   run times over those of another commit, in turn
 # make bench-loop [COMMIT=...]  one table of before and after of the solver's loop: times in turn, true errors
 # make bench-node         latency of commands, cost of the node beside the solver, idleness, floods of bad commands
-# make manners            the node asked from outside: a table of what was expected and found
+# make manners            the node asked from outside: a table of what was expected and found; then fuzzed
 # make bags               record bags/ anew and replay them        make docs build/site from docs/
 # make clean              remove .venv and everything that was built
 
@@ -111,8 +111,13 @@ torture: $(VENV)/.extra-test
 	@$(BIN)/python -m pytest -n $(JOBS) -m torture test/torture test/node
 
 # A node driven from outside: every transition, wrong commands, late joiners, remaps, bad starts. ROS_DOMAIN_ID=... apart.
-manners: install
+# Then ten minutes of hostile scenes, bags, commands, messages, viewers and files; 500 rebuilds and 200 cycles of large scenes.
+HOSTILE := test/torture/test_fuzz_scenes.py test/torture/test_fuzz_bags.py test/torture/test_fuzz_commands.py \
+  test/torture/test_fuzz_files.py test/node/test_fuzz_messages.py test/node/test_rebuilds.py test/live/test_gate.py \
+  test/analysis/test_hostile_bags.py
+manners: $(VENV)/.extra-test
 	@ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST $(BIN)/python test/manners
+	@TORTURE_EXAMPLES=500 $(BIN)/python -m pytest -n $(JOBS) -m 'not torture and not bench' $(HOSTILE)
 
 bench-node: install
 	@$(BIN)/python -m benchmarks.node

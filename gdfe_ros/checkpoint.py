@@ -13,22 +13,31 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import os
+import struct
 import zipfile
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import gdfe_ros
+from gdfe_ros.bounded_text import load_json, load_json_object
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.regular_file import LARGEST, read_bytes
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.tree import TreeError, from_tree, to_tree
 
 FORMAT = 2
 """Version of the archive's format; version 1 was a pickle."""
 _OLD_MAGIC = b"gdfe_ros state\n"
-_DAMAGED = (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError, OSError, TreeError)
+_DAMAGED = (
+    zipfile.BadZipFile, NotImplementedError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, EOFError,
+    OSError, OverflowError, MemoryError, RecursionError, struct.error, TreeError,
+)  # fmt: skip
+"""Exceptions that may occur while a damaged archive is read."""
 
 
 def save_state(simulation: Simulation) -> bytes:
@@ -45,6 +54,37 @@ def save_state(simulation: Simulation) -> bytes:
     return stream.getvalue()
 
 
+def write_state(path: Path, data: bytes) -> None:
+    """Write a state from `save_state` to a new file, or in place of a former state; no other file is overwritten.
+
+    The file is replaced as a whole: if the disk is full, the former state stays.
+
+    Raises:
+        GdfeError: there is a file, a folder or another thing at the path that is no state.
+        OSError: the file cannot be written.
+    """
+    if (path.is_symlink() or path.exists()) and not _is_state(path):
+        raise GdfeError(f"{path} exists and is no state; allowed: a new file, or one that was written by save_state")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    written = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with written.open("xb") as file:
+            file.write(data)
+        os.replace(written, path)
+    except BaseException:
+        written.unlink(missing_ok=True)
+        raise
+
+
+def _is_state(path: Path) -> bool:
+    """Return whether a regular file begins as a state does: as a zip archive, with the entry ``head.json``."""
+    try:
+        data = read_bytes(path)
+    except OSError:
+        return False
+    return data.startswith(_OLD_MAGIC) or (data[:4] == b"PK\3\4" and data[30:39] == b"head.json")
+
+
 def load_state(simulation: Simulation, data: bytes) -> None:
     """Restore a saved state into a simulation.
 
@@ -56,10 +96,13 @@ def load_state(simulation: Simulation, data: bytes) -> None:
         raise GdfeError("the state was written by a version that saved pickles; remedy: repeat the run and save it")
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
-    except zipfile.BadZipFile as error:
+        size = sum(entry.file_size for entry in archive.infolist())
+    except (*_DAMAGED, zipfile.zlib.error) as error:
         raise GdfeError(f"these {len(data)} bytes are not a state that save_state wrote") from error
+    if size > LARGEST:
+        raise GdfeError(f"the state has {size} bytes of data; allowed: up to {LARGEST}")
     try:
-        given = dict(json.loads(archive.read("head.json")))
+        given = load_json_object(archive.read("head.json"))
     except (*_DAMAGED, zipfile.zlib.error) as error:
         raise GdfeError(f"the state is damaged: {error!r}") from error
     own = {"format": FORMAT, **_origin(simulation)}
@@ -67,7 +110,7 @@ def load_state(simulation: Simulation, data: bytes) -> None:
     if wrong:
         raise GdfeError(f"the state does not fit: {'; '.join(wrong)}")
     try:
-        tree = json.loads(archive.read("state.json"))
+        tree = load_json(archive.read("state.json"))
         names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
         arrays = {name: _array(archive.read(f"{name}.npy")) for name in names}
         snapshot = from_tree(tree, arrays)

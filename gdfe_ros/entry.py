@@ -7,13 +7,16 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from types import FrameType, ModuleType
+from typing import Any
 
 from gdfe_ros.errors import DependencyError
 
+ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that ask a process to end: from a terminal, from a manager of processes, and if the terminal is closed."""
 INTERRUPTED = 130
 """Exit status of an interrupted command, as in shells; the exit status of an interrupted node is 0."""
 BAD_MACHINE = 2
@@ -78,21 +81,33 @@ def collect() -> None:
 
 @contextmanager
 def quiet_imports(name: str, status: int) -> Iterator[None]:
-    """End the process at once if SIGINT arrives inside the ``with`` block, in which no resources are open.
+    """End the process at once if SIGINT, SIGTERM or SIGHUP arrives inside the ``with`` block, without open resources.
 
-    KeyboardInterrupt is not sufficient, because libraries that look for optional packages catch it and continue. A
-    dependency that is too old also ends the process, with a message of one line.
+    A signal that is ignored at the start, as SIGHUP is by ``nohup``, stays ignored. KeyboardInterrupt is not
+    sufficient, because libraries that look for optional packages catch it and continue. A dependency that is too old
+    also ends the process, with a message of one line.
     """
 
     def end(number: int, frame: FrameType | None) -> None:
         os.write(sys.stderr.fileno(), f"{name}: interrupted while starting\n".encode())
-        os._exit(status)
+        os._exit(status and 128 + number)
 
-    before = signal.signal(signal.SIGINT, end)
+    before = catch_endings(end)
     try:
         yield
     except DependencyError as error:
         print(f"{name}: {error}", file=sys.stderr)
         raise SystemExit(BAD_MACHINE) from error
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def catch_endings(handler: Callable[[int, FrameType | None], object]) -> dict[int, Any]:
+    """Let a function handle the signals that end a process, except those that are ignored.
+
+    Returns:
+        Dict from signal to its former handler.
+    """
+    caught = [each for each in ENDINGS if signal.getsignal(each) is not signal.SIG_IGN]
+    return {number: signal.signal(number, handler) for number in caught}

@@ -14,19 +14,26 @@ ENDED = "the derivatives were ended before they were found"
 """Error message after the computation of derivatives was interrupted."""
 
 
+_LONGEST_DEFECT, _MOST_DEFECTS = 2000, 100
+"""Largest number of characters of a defect, and of defects, that the text of an error shows."""
+
+
 class DefectsError(GdfeError):
     """An input with one or more defects; the error lists all of them.
 
     Args:
         heading: name of the input, e.g. ``scene config/scenes/bar.yaml``.
-        defects: one line of text for each defect.
+        defects: one line of text for each defect; the error's text shows at most the first hundred.
     """
 
     def __init__(self, heading: str, defects: Sequence[str]) -> None:
         self.heading = heading
         self.defects = list(defects)
         count = f"{len(self.defects)} defect" + ("s" if len(self.defects) != 1 else "")
-        super().__init__("\n  - ".join([f"{heading}: {count}", *self.defects]))
+        shown = [f"{each[:_LONGEST_DEFECT]}..." if len(each) > _LONGEST_DEFECT else each for each in self.defects]
+        if len(shown) > _MOST_DEFECTS:
+            shown[_MOST_DEFECTS:] = [f"and {len(shown) - _MOST_DEFECTS} more"]
+        super().__init__("\n  - ".join([f"{heading}: {count}", *shown]))
 
     def __reduce__(self) -> tuple[type[DefectsError], tuple[str, list[str]]]:
         """Return the arguments for pickling, with which the error is passed from a worker process to its caller."""

@@ -17,7 +17,7 @@ import os, signal, sys
 class Interrupter:
     def find_spec(self, name, path=None, target=None):
         if name == {module!r}:
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), signal.{number})
 sys.meta_path.insert(0, Interrupter())
 sys.argv[1:] = {arguments!r}
 from gdfe_ros import entry
@@ -26,20 +26,23 @@ sys.exit(entry.{script}())
 
 
 @pytest.mark.parametrize(
-    ("script", "arguments", "module", "status", "name"),
+    ("script", "arguments", "module", "number", "status", "name"),
     [
-        ("sim_node", [], "gdfe_ros.simulation", 0, "sim_node"),
-        ("tip_tracking", [], "rclpy", 0, "tip_tracking"),
-        ("carrying_arm", [], "rclpy", 0, "carrying_arm"),
-        ("gdfe", ["solve", "bend5"], "argparse", 130, "gdfe"),
-        ("gdfe", ["solve", "bend5"], "numpy", 130, "gdfe solve"),
+        ("sim_node", [], "gdfe_ros.simulation", "SIGINT", 0, "sim_node"),
+        ("sim_node", [], "gdfe_ros.simulation", "SIGTERM", 0, "sim_node"),
+        ("sim_node", [], "gdfe_ros.simulation", "SIGHUP", 0, "sim_node"),
+        ("tip_tracking", [], "rclpy", "SIGTERM", 0, "tip_tracking"),
+        ("carrying_arm", [], "rclpy", "SIGINT", 0, "carrying_arm"),
+        ("gdfe", ["solve", "bend5"], "argparse", "SIGINT", 130, "gdfe"),
+        ("gdfe", ["solve", "bend5"], "argparse", "SIGTERM", 143, "gdfe"),
+        ("gdfe", ["solve", "bend5"], "numpy", "SIGINT", 130, "gdfe solve"),
     ],
 )
 def test_an_interrupt_during_the_imports_leaves_no_traceback(
-    script: str, arguments: list[str], module: str, status: int, name: str
+    script: str, arguments: list[str], module: str, number: str, status: int, name: str
 ) -> None:
-    """An interrupt during the imports gives one line, and the exit status that shells and launch expect."""
-    code = _INTERRUPTER.format(script=script, arguments=arguments, module=module)
+    """A signal during the imports gives one line, and the exit status that shells and launch expect."""
+    code = _INTERRUPTER.format(script=script, arguments=arguments, module=module, number=number)
     done = _run(code)
     assert (done.returncode, done.stdout, done.stderr) == (status, "", f"{name}: interrupted while starting\n")
 

@@ -66,15 +66,15 @@ def _in_process(scene: Scene, arguments: argparse.Namespace) -> None:
 
 
 @contextmanager
-def _served(name: str, *options: str) -> Iterator[tuple[int, float]]:
-    """Run ``gdfe live`` for a scene; yield its port and the wall time of its start [s]."""
+def _served(name: str, *options: str) -> Iterator[tuple[str, float]]:
+    """Run ``gdfe live`` for a scene; yield its address and the wall time of its start [s]."""
     started = time.time()
     command = [sys.executable, "-m", "gdfe_ros.cli", "live", name, "--port", "8750", *options]
     # Without this variable, Python stores compiled modules, so that the second start is a warm one.
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         try:
-            yield int(process.stdout.readline().split("localhost:")[1].split()[0]), started
+            yield process.stdout.readline().split()[2], started
         finally:
             process.terminate()
 
@@ -83,9 +83,9 @@ def _watch(scene: Scene, arguments: argparse.Namespace) -> None:
     """Open the page, move a slider, play the program; print delays and frame rates."""
     with _served(arguments.scene):
         pass  # The first start is a cold one.
-    with Browser(DrawnSurface(scene.mesh), size=_WINDOW) as browser, _served(arguments.scene) as (port, started):
+    with Browser(DrawnSurface(scene.mesh), size=_WINDOW) as browser, _served(arguments.scene) as (address, started):
         ready = time.time()
-        browser.open(port)
+        browser.open(address.replace("localhost", "127.0.0.1"))
         drawn, first = time.time() - started, next(browser.wire.arrivals()).moment
         opened = browser.wire.connected
         _row("start of the command until a frame reaches the browser", f"{first - started:.2f} s", "3 s")
@@ -107,8 +107,8 @@ def _drag(arguments: argparse.Namespace) -> None:
     """Drag the tip of a bar upwards with the mouse, then play its program with more steps per second than frames."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": _CELLS})
     options = ("--set", f"mesh.bar.cells={_CELLS}", "--dt", "0.001")
-    with Browser(DrawnSurface(scene.mesh), size=_WINDOW) as browser, _served(scene.name, *options) as (port, _):
-        browser.open(port)
+    with Browser(DrawnSurface(scene.mesh), size=_WINDOW) as browser, _served(scene.name, *options) as (address, _):
+        browser.open(address.replace("localhost", "127.0.0.1"))
         browser.dismiss()
         browser.settle()
         before = list(browser.wire.arrivals())[-1]

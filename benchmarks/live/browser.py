@@ -69,9 +69,9 @@ class Browser:
         self.chrome.quit()
         self.wire.close()
 
-    def open(self, port: int) -> None:
+    def open(self, address: str) -> None:
         """Open a page of this machine, and wait until its body is drawn."""
-        self.chrome.get(f"http://127.0.0.1:{port}/")
+        self.chrome.get(address)
         self.wait(lambda: self.ask("return window.gdfe && window.gdfe.draws > 0"), "a body that is drawn")
 
     def wait(self, done: Callable[[], Any], what: str) -> Any:

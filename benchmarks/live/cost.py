@@ -55,11 +55,11 @@ def shares(scene: Scene, *, rounds: int) -> dict[str, float]:
         processor = []
         for _ in range(rounds):
             alone = _play(session)[0]
-            with _watched(page.port, hangs=False):
+            with _watched(page.address(), hangs=False):
                 wall, own, others = _play(session)
             ratios["one viewer"].append(wall / alone)
             processor.append(others / own)
-            with _watched(page.port, hangs=True):
+            with _watched(page.address(), hangs=True):
                 ratios["a viewer that hangs"].append(_play(session)[0] / alone)
         return {**{case: statistics.median(each) for case, each in ratios.items()}, "processor": min(processor)}
 
@@ -75,7 +75,7 @@ def leftovers(scene: Scene, *, reloads: int, at_once: int, times: int = 3) -> di
     with page_of(scene) as (page, session):
         for count in (10, *[reloads] * times):
             session.play()
-            visitors = context.Process(target=_visit, args=(page.port, count, at_once))
+            visitors = context.Process(target=_visit, args=(page.address(), count, at_once))
             visitors.start()
             visitors.join()
             while page.viewers:
@@ -88,13 +88,13 @@ def leftovers(scene: Scene, *, reloads: int, at_once: int, times: int = 3) -> di
     return left
 
 
-def _visit(port: int, reloads: int, at_once: int) -> None:
-    viewers = [Viewer(port) for _ in range(at_once)]
+def _visit(address: str, reloads: int, at_once: int) -> None:
+    viewers = [Viewer(address) for _ in range(at_once)]
     for viewer in viewers:
         viewer.wait(lambda viewer=viewer: viewer.frames, "a frame")
         viewer.__exit__(None, None, None)
     for _ in range(reloads):
-        with Viewer(port) as viewer:
+        with Viewer(address) as viewer:
             viewer.wait(lambda viewer=viewer: "least det F" in viewer.text(), "the page")
 
 
@@ -116,11 +116,11 @@ def _play(session: LiveSession) -> tuple[float, float, float]:
 
 
 @contextmanager
-def _watched(port: int, *, hangs: bool) -> Iterator[None]:
+def _watched(address: str, *, hangs: bool) -> Iterator[None]:
     """Run a viewer in another process inside the ``with`` block; if it ``hangs``, it receives no messages."""
     context = get_context("spawn")
     ready, over = context.Event(), context.Event()
-    process = context.Process(target=_look, args=(port, hangs, ready, over))
+    process = context.Process(target=_look, args=(address, hangs, ready, over))
     process.start()
     if not ready.wait(120.0):
         raise TimeoutError("the viewer does not see the page")
@@ -131,8 +131,8 @@ def _watched(port: int, *, hangs: bool) -> Iterator[None]:
         process.join()
 
 
-def _look(port: int, hangs: bool, ready: threading.Event, over: threading.Event) -> None:
-    with Viewer(port) as viewer:
+def _look(address: str, hangs: bool, ready: threading.Event, over: threading.Event) -> None:
+    with Viewer(address) as viewer:
         viewer.wait(lambda: viewer.nodes, "the page")
         ready.set()
         while not over.is_set():

@@ -25,7 +25,7 @@ class Viewer:
     """A connection to a live page; a context manager.
 
     Args:
-        port: port of the page on this machine.
+        address: address of the page with its token, as `gdfe live` prints it.
 
     Attributes:
         controls: dict from label of a control to the message that created it.
@@ -34,9 +34,9 @@ class Viewer:
         frames: number of frames of the body received so far.
     """
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, address: str) -> None:
         protocol = Subprotocol(f"viser-v{viser.__version__}")
-        address = f"ws://127.0.0.1:{port}"
+        address = address.replace("http://", "ws://", 1)
         patience = {"open_timeout": 60.0, "close_timeout": 0.1}
         self._socket = connect(address, subprotocols=[protocol], max_size=None, compression=None, **patience)
         self.controls: dict[str, dict[str, Any]] = {}

@@ -44,7 +44,7 @@ def draw(name: str, path: Path, *, moment: float, dt: float) -> None:
     session.start()
     try:
         with Browser(DrawnSurface(scene.mesh), size=(1300, 800)) as browser:
-            browser.open(page.port)
+            browser.open(page.address("127.0.0.1"))
             browser.press("play the program")
             time = f"{moment:.3f} s"
             browser.wait(lambda: "paused" in browser.text() and time in browser.text(), "the moment")

@@ -36,11 +36,19 @@ class BagStep:
         record: consumed commands and outcome.
         key: identifies the same step in different runs.
         samples: dict from topic (its role) to dict from field to array, with ``step_record`` as one of the topics.
+        frames: dict from topic to the ``frame_id`` of its message, for messages with a header.
     """
 
     record: StepRecord
     key: StepKey
     samples: dict[str, Values] = field(default_factory=dict)
+    frames: dict[str, str] = field(default_factory=dict)
+
+    def take(self, topic: str, message: Any) -> None:
+        """Add the message of a topic."""
+        self.samples[topic] = message_values(message)
+        if frame := getattr(getattr(message, "header", None), "frame_id", ""):
+            self.frames[topic] = frame
 
 
 def stamp_of(record: StepRecord) -> int:
@@ -108,20 +116,22 @@ class BagSteps:
                 if current is not None:
                     yield current
                 record, moment = StepRecord.from_json(content.data), message.log_time
-                samples = {RECORD: record_values(record), **self._of(moment, early)}
-                current, early = BagStep(record, next(keys), samples), []
+                current = BagStep(record, next(keys), {RECORD: record_values(record)})
+                for topic, message in self._of(moment, early):
+                    current.take(topic, message)
+                early = []
             elif current is None or message.log_time != moment or short in current.samples:
                 early.append((short, message.log_time, content))
             else:
-                current.samples[short] = message_values(content)
+                current.take(short, content)
         if current is not None:
             yield current
         self.tail.update(short for short, _, _ in early)
 
-    def _of(self, moment: int, early: list[tuple[str, int, Any]]) -> dict[str, Values]:
-        """Return the arrays of the ``early`` messages with log time ``moment`` [ns]; count the others as strays."""
+    def _of(self, moment: int, early: list[tuple[str, int, Any]]) -> list[tuple[str, Any]]:
+        """Return topic and message of the ``early`` ones with log time ``moment`` [ns]; count the others as strays."""
         self.strays.update(short for short, time, _ in early if time != moment)
-        return {short: message_values(content) for short, time, content in early if time == moment}
+        return [(short, content) for short, time, content in early if time == moment]
 
 
 def _is_step_topic(role: str) -> bool:

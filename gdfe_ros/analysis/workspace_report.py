@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gdfe_ros.analysis.workspace import ReachableSet
+from gdfe_ros.csv_cells import quoted
 
 _PAIRS = (("x", "z", 0, 2), ("y", "z", 1, 2), ("x", "y", 0, 1))
 
@@ -40,7 +41,7 @@ def write_workspace(path: Path, found: ReachableSet) -> None:
         writer.writerow([*(f"command.{name}" for name in found.actuators), "x [m]", "y [m]", "z [m]", "message"])
         for command, point, message in zip(found.commands, found.points, found.messages, strict=True):
             places = ["" if np.isnan(value) else f"{value:.9g}" for value in point]
-            writer.writerow([*(f"{value:.9g}" for value in command), *places, message])
+            writer.writerow([*(f"{value:.9g}" for value in command), *places, quoted(message)])
 
 
 def draw_workspace(path: Path, found: ReachableSet, *, title: str) -> None:

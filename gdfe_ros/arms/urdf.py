@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.description import Description, Geometry, GeometryKind, Joint, JointKind, Link, Mimic, UrdfLimits
 from gdfe_ros.arms.tree import mimic_defects, root_of
+from gdfe_ros.bounded_text import parse_xml
 from gdfe_ros.errors import ArmError
 from gdfe_ros.spelling import did_you_mean
 
@@ -50,8 +51,8 @@ def parse_urdf(
         ArmError: the URDF has defects; each is listed with a remedy.
     """
     try:
-        robot = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+        robot = parse_xml(text)
+    except ValueError as error:
         if "xacro:" in text:
             raise ArmError(where, [_MACROS]) from error
         raise ArmError(where, [f"this is not XML: {error}; remedy: `xmllint` on the file names the place"]) from error

@@ -18,6 +18,7 @@ from gdfe_ros.commands.convergence import convergence, print_failures
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import IN_RUN
+from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import Scene, load_scene
 
 FAILED = 1
@@ -39,15 +40,15 @@ def run(arguments: argparse.Namespace) -> int:
         scene = load_scene(arguments.scene)
     if scene.program is None:
         raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program'")
-    out = arguments.out or Path("runs") / f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S}"
+    out = arguments.out or path_inside(Path("runs"), f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S}")
     from gdfe_ros.analysis.report.pictures import write_png  # matplotlib takes a second to import
 
     console = Console()
     first = _play(scene, str(arguments.scene), out / IN_RUN, arguments.dt)
     bag = BagRun(out / IN_RUN)
     console.print(_table(scene, bag, first))
-    write_png(out / IN_RUN, out / f"{scene.name}.png")
-    console.print(f"bag      {out / 'bag'}\npicture  {out / f'{scene.name}.png'}")
+    write_png(out / IN_RUN, path_inside(out, f"{scene.name}.png"))
+    console.print(f"bag      {out / 'bag'}\npicture  {path_inside(out, f'{scene.name}.png')}")
     print_failures(bag.records, first=0)
     return 0 if all(record.converged for record in bag.records) else FAILED
 

@@ -14,6 +14,7 @@ from rich.table import Table
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.regular_file import path_inside
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
 LAWS = ("linear", "neo_hookean", "mooney_rivlin", "yeoh", "arruda_boyce", "gent", "ogden", "curve")
@@ -151,7 +152,7 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
             told=lambda text: console.print(text, markup=False, highlight=False),
         )
     _print(console, fit, time.perf_counter() - started)
-    out = arguments.out or Path(f"{scene.name}_fit")
+    out = arguments.out or path_inside(Path(), f"{scene.name}_fit")
     console.print(f"written  {', '.join(str(path) for path in write_fit(out, fit))}", highlight=False)
     return 0
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import signal
 import sys
 import threading
 import webbrowser
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.commands.waiting import waiting
-from gdfe_ros.entry import collect, without_collection
+from gdfe_ros.entry import catch_endings, collect, without_collection
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.pace import ClockMode
@@ -44,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--host",
         default=LOCAL,
-        help="address to listen on; with 0.0.0.0 every machine of the network can see and command it (default: "
-        f"{LOCAL})",
+        help="address to listen on; with 0.0.0.0 every machine of the network that knows the token can see and "
+        f"command it (default: {LOCAL})",
     )
     parser.add_argument(
         "--port",
@@ -68,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show the scene or the node until interrupted; return 0, or 1 if stepping or drawing failed."""
+    """Show the scene or the node until interrupted; return 0, or 1 if the reception from the node failed."""
     _require(arguments)
     ending = threading.Event()
     try:
@@ -93,20 +92,19 @@ def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
         with without_collection():
             # The browser can open the page while this process builds the body, which takes about as long.
             page.lay_out(scene, scene.name)
-            _say_where(arguments, page.port)
+            _say_where(arguments, page)
             session = _session_of(scene, arguments, page)
         page.show(session)
         session.start()
         if arguments.play:
             session.play()
         _end_on_signals(ending)
-        while not ending.wait(0.5) and page.failure is None:
-            pass
+        ending.wait()
     finally:
         if session is not None:
             session.stop()
         page.close()
-    return 0 if page.failure is None else ENDED
+    return 0
 
 
 def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> LiveSession:
@@ -127,34 +125,34 @@ def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
     """Show a node. Whenever the node starts another scene, replace the page at the same address."""
     _say(f"looking for the node {arguments.ros} in the ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}")
     with without_collection():
+        from gdfe_ros.live.gate import Gate
         from gdfe_ros.live.page import Page
         from gdfe_ros.live.remote.node_session import NodeSession
 
-    port, said = arguments.port, 0
+    port, said, gate = arguments.port, 0, Gate()
     while True:
         session = NodeSession(arguments.ros, say=_say)
         page = None
         try:
-            page = Page(host=arguments.host, port=port, frames=arguments.fps)
+            page = Page(host=arguments.host, port=port, frames=arguments.fps, gate=gate)
             page.show(session)
             session.start(told=page.take, warn=page.say)
             if page.port != said:
-                _say_where(arguments, page.port)
+                _say_where(arguments, page)
             port = said = page.port
             _end_on_signals(ending)
-            while not (ending.wait(0.5) or session.outdated or session.failure or page.failure):
+            while not (ending.wait(0.5) or session.outdated or session.failure):
                 pass
         finally:
             session.stop()
             if page is not None:
                 page.close()
-        if ending.is_set() or session.failure or page.failure:
-            return 0 if session.failure is None and page.failure is None else ENDED
+        if ending.is_set() or session.failure:
+            return 0 if session.failure is None else ENDED
 
 
 def _end_on_signals(ending: threading.Event) -> None:
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ending.set())
+    catch_endings(lambda *_: ending.set())
 
 
 def _require(arguments: argparse.Namespace) -> None:
@@ -195,13 +193,12 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def _say_where(arguments: argparse.Namespace, port: int) -> None:
-    if port != arguments.port:
-        print(f"port {arguments.port} is taken; port {port} is used instead")
-    here = "localhost" if arguments.host in (LOCAL, "0.0.0.0") else arguments.host
-    address = f"http://{here}:{port}"
+def _say_where(arguments: argparse.Namespace, page: Page) -> None:
+    if page.port != arguments.port:
+        print(f"port {arguments.port} is taken; port {page.port} is used instead")
+    address = page.address("localhost" if arguments.host in (LOCAL, "0.0.0.0") else arguments.host)
     print(f"look at {address} (Ctrl-C ends it)", flush=True)
     if arguments.host == "0.0.0.0":
-        print("every machine of the network can see and command this simulation", flush=True)
+        print("every machine of the network that has this token can see and command this simulation", flush=True)
     if arguments.open:
         webbrowser.open(address)

@@ -15,6 +15,7 @@ from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import load_scene
 
 UNREACHED = 3
@@ -63,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     limits = ranges(scene, names, _read_ranges(arguments.range, names))
     commands = command_samples(limits, arguments.count)
     found = find_workspace(scene, probe, names, commands, workers=arguments.workers)
-    out = arguments.out or Path(f"{scene.name}_workspace")
+    out = arguments.out or path_inside(Path(), f"{scene.name}_workspace")
     out.mkdir(parents=True, exist_ok=True)
     write_workspace(out / "workspace.csv", found)
     console = Console(soft_wrap=True)

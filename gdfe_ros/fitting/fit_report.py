@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from gdfe_ros.csv_cells import quoted
 from gdfe_ros.fitting.curves import ComparedColumn, curves
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.fit_page import fit_page
@@ -77,7 +78,8 @@ def _write_residuals(path: Path, shown: Sequence[ComparedColumn]) -> None:
         for curve in shown:
             for time, measured, simulated in zip(curve.times, curve.measured, curve.simulated, strict=True):
                 numbers = (f"{value:.9g}" for value in (time, measured, simulated, simulated - measured))
-                writer.writerow([curve.recording, curve.series, int(curve.held_out), *numbers, curve.unit])
+                texts = quoted(curve.recording), quoted(curve.series)
+                writer.writerow([*texts, int(curve.held_out), *numbers, curve.unit])
 
 
 def _draw(path: Path, shown: Sequence[ComparedColumn], *, title: str) -> None:

@@ -9,8 +9,10 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.errors import DefectsError, GdfeError
 from gdfe_ros.fitting.match_schema import MatchModel, RecordingModel
+from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.document import parse_document
 from gdfe_ros.scene.entry import TAG
 
@@ -76,7 +78,7 @@ def _read(match: Path) -> tuple[dict[str, object], dict[str, dict[str, object]]]
     """Return the options for all recordings, and dict from recording to its own options."""
     heading = f"match file {match}"
     try:
-        text = match.read_text(encoding="utf-8")
+        text = read_text(match, most=LARGEST_TEXT)
     except (OSError, UnicodeDecodeError) as error:
         raise MatchError(heading, [f"cannot be read: {error}"]) from error
     shared = dict(parse_document(text, heading=heading).data)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.units import FACTORS
+from gdfe_ros.regular_file import read_text
 from gdfe_ros.spelling import did_you_mean
 
 _HEAD = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\]]*)\])?$")
@@ -35,7 +36,7 @@ class TableFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            text = path.read_text(encoding="utf-8-sig")
+            text = read_text(path, encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
             raise GdfeError(
                 f"{path} cannot be read: {error}; a CSV file or the directory of a bag is needed"

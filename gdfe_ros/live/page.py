@@ -19,7 +19,9 @@ import viser
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.live.admission import Admission
 from gdfe_ros.live.field import Range, fields_of, legend
+from gdfe_ros.live.gate import Gate, guarding
 from gdfe_ros.live.history import StepHistory
 from gdfe_ros.live.interface import ShownRun
 from gdfe_ros.live.leading import Leading
@@ -52,23 +54,26 @@ class Page:
         host: address of the server, e.g. ``127.0.0.1``.
         port: first port to try; if it is in use, the following ports are tried.
         frames: largest number of frames per second.
+        gate: admits the requests of viewers; None: a new one, with a random token.
 
     Raises:
         GdfeError: the host is not an address of this machine, or no port is free.
 
     Attributes:
         port: port of the server.
+        gate: admits the requests of viewers.
         drawn: number of frames drawn so far.
-        failure: exception that ended the drawing; None if there was none.
+        faults: number of frames that could not be drawn; the drawing goes on with the next frame.
     """
 
-    def __init__(self, *, host: str, port: int, frames: float) -> None:
+    def __init__(self, *, host: str, port: int, frames: float, gate: Gate | None = None) -> None:
         _shorten_complaints()
-        self._interval, self.drawn = 1.0 / frames, 0
-        self.failure: Exception | None = None
+        self._interval, self.drawn, self.faults = 1.0 / frames, 0, 0
+        self.gate, self._told = gate or Gate(), Throttle()
         port = _free_port(host, port)
-        with contextlib.redirect_stdout(io.StringIO()):  # the command prints the address
+        with contextlib.redirect_stdout(io.StringIO()), guarding(self.gate):  # the command prints the address
             self._server = viser.ViserServer(host=host, port=port, verbose=False)
+        self._admission = Admission(self._server, self._say_seldom)
         self.port = self._server.get_port()
         self._changed, self._ending = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work, name=VIEWER, daemon=True)
@@ -84,6 +89,10 @@ class Page:
     def viewers(self) -> int:
         """Number of connected browsers."""
         return len(self._server.get_clients())
+
+    def address(self, host: str = "localhost") -> str:
+        """Return the address of the page with its token, for a browser that reaches this machine as ``host``."""
+        return f"http://{host}:{self.port}/?token={self.gate.token}"
 
     def lay_out(self, scene: Scene, title: str) -> None:
         """Draw the undeformed body of a scene while its run is still being built."""
@@ -101,6 +110,7 @@ class Page:
 
         @self._server.on_client_connect
         async def _(client: viser.ClientHandle) -> None:
+            self._admission.welcome(client)
             self._look_again()
 
     def show(self, session: ShownRun) -> None:
@@ -189,36 +199,44 @@ class Page:
             self.say(str(error))
 
     def _work(self) -> None:
+        """Draw new steps until the end; a fault in drawing is counted and reported, and the next frame is drawn."""
         show_name()
-        try:
-            self._show_steps()
-        except Exception as error:
-            self.failure = error
-            self.say(f"the drawing ended: {error!r}")
-
-    def _show_steps(self) -> None:
-        """Draw new steps until the end."""
         slow = due = 0.0
         while not self._ending.is_set():
             self._changed.wait(_SLOWLY)
             self._changed.clear()
             started = monotonic()
-            view, again = self._view, self._again
-            self._session.watch(bool(self.viewers))
-            if not self.viewers:
-                continue
-            if view is not None and (view is not self._seen or again):
-                self._seen, self._again = view, False
-                self._draw(view)
-                self._ending.wait(self._interval / 2)  # meanwhile the browser reads the frame
-                self._stage.turn()
-                self._server.flush()
-                self.drawn += 1
-            if started - slow >= _SLOWLY:
+            try:
+                slow = self._show_step(slow, started)
+            except Exception as error:
+                self.faults += 1
+                self._say_seldom("drawing", f"a frame cannot be drawn: {error!r}")
                 slow = started
-                self._refresh(view)
             due = max(due + self._interval, started)  # compensates for the time spent waiting for a step
             self._ending.wait(max(0.0, due - monotonic()))
+
+    def _show_step(self, slow: float, now: float) -> float:
+        """Draw the last step if there are viewers; return when numbers, plots and traces were updated last."""
+        view, again = self._view, self._again
+        self._session.watch(bool(self.viewers))
+        if not self.viewers:
+            return slow
+        if view is not None and (view is not self._seen or again):
+            self._seen, self._again = view, False
+            self._draw(view)
+            self._ending.wait(self._interval / 2)  # meanwhile the browser reads the frame
+            self._stage.turn()
+            self._server.flush()
+            self.drawn += 1
+        if now - slow < _SLOWLY:
+            return slow
+        self._refresh(view)
+        return now
+
+    def _say_seldom(self, subject: str, text: str) -> None:
+        """Show a text about a subject, of which there may be thousands, at most once in five seconds."""
+        if (more := self._told.due(subject)) is not None:
+            self.say(text + more)
 
     def _draw(self, view: View) -> None:
         """Send the frame of a step at once; viser would wait for 1/60 s to collect messages."""

@@ -25,6 +25,7 @@ from gdfe_ros.node.remodelling import moduli_of, with_moduli
 from gdfe_ros.node.step import Demand, Step, to_nanoseconds
 from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
@@ -168,7 +169,7 @@ class LiveSession:
                 self.reset()
             case Ability.RECORD:
                 name = f"{self.scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}"
-                return self.record(Path("runs") / name if self._bag is None else None)
+                return self.record(path_inside(Path("runs"), name) if self._bag is None else None)
         return None
 
     def start(self) -> None:

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.existing_file import LARGEST
+from gdfe_ros.regular_file import read_bytes
 
 MOST_INCLUDES = 100
 """Largest number of files that may be included; more is a file that includes itself."""
@@ -82,9 +84,9 @@ def _blocks(path: Path, heading: str, included: list[Path]) -> Iterator[Block]:
 def _joined_lines(path: Path, heading: str) -> Iterator[tuple[int, str]]:
     """Yield the number and the text of each line without comments; keyword lines that end in a comma are joined."""
     try:
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
+        text = read_bytes(path, most=LARGEST).decode("utf-8-sig", errors="replace")
     except OSError as error:
-        raise MeshError(heading, [f"cannot be read: {error.strerror}"]) from error
+        raise MeshError(heading, [f"cannot be read: {error.strerror or error}"]) from error
     if "\0" in text:
         raise MeshError(heading, ["this is a binary file, no Abaqus input file; remedy: the .inp file of the job"])
     kept, begun = "", 0

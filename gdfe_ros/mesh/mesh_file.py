@@ -23,6 +23,7 @@ from gdfe_ros.mesh.abaqus_file import read_abaqus
 from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.mesher import run_script
 from gdfe_ros.mesh.raw_mesh import CellBlock, RawMesh
+from gdfe_ros.mesh.reading_time import limited_time
 
 #: Suffixes that the tests cover; meshio reads more.
 SUFFIXES = (".msh", ".vtk", ".vtu", ".inp")
@@ -97,8 +98,10 @@ def _by_meshio(path: Path, kind: str | None, heading: str) -> RawMesh | None:
     if kind is None and path.suffix.lower() not in library.extension_to_filetypes:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
     try:
-        with redirect_stdout(StringIO()), redirect_stderr(StringIO()), np.errstate(all="ignore"):
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()), np.errstate(all="ignore"), limited_time(path):
             raw = library.read(path, file_format=_FORMATS.get(kind))
+    except TimeoutError as error:
+        raise MeshError(heading, [f"cannot be read: {error}; remedy: export it again"]) from error
     except (Exception, SystemExit) as error:  # on a broken file meshio's parsers raise any exception, or exit
         if kind is not None:
             return None

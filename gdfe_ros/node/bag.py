@@ -17,6 +17,7 @@ from gdfe_ros.node.run import Run
 from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
 from gdfe_ros.recording.recorder import Recorder, RecorderStatus
+from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene.scene import Scene
 
 
@@ -109,7 +110,7 @@ def _outcome(recorder: Recorder, status: RecorderStatus) -> str:
 
 
 def _directory(scene: Scene, path: str) -> Path:
-    return Path(path) if path else Path("runs") / f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}"
+    return Path(path) if path else path_inside(Path("runs"), f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}")
 
 
 def _run_info(scene: Scene, parameters: Mapping[str, Any], state: bytes | None) -> RunInfo:

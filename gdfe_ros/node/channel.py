@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any
 
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import serialize_message
 
@@ -32,7 +31,7 @@ class Channel:
     Args:
         node: publishing node.
         spec: description of the topic.
-        matched: function that is called when a subscriber appears; None: not called.
+        repeated: whether new subscribers get the last message of a step (`missed`).
         own: number of this node's own subscriptions to the topic; they do not count as subscribers.
         names: values for the braces in the topic's name, e.g. ``handle="tip"``.
 
@@ -47,7 +46,8 @@ class Channel:
         self,
         node: ManagedNode,
         spec: TopicSpec,
-        matched: Callable[[], object] | None = None,
+        *,
+        repeated: bool = False,
         own: int = 0,
         **names: str,
     ) -> None:
@@ -57,21 +57,12 @@ class Channel:
         managed = spec.name.startswith("~") and spec.delivery not in (Delivery.LATCHED, Delivery.EVENT)
         make = node.create_lifecycle_publisher if managed else node.create_publisher
         topic = spec.name.format(**names)
-        events = PublisherEventCallbacks()
-        self._newcomers = self._unsure = False
+        self._repeated, self._newcomers, self._unsure, self._known = repeated, False, False, own
         self._greeted: set[bytes] = set()
-        if matched is not None:
-
-            def tell(status: Any) -> None:
-                if status.current_count_change > 0:
-                    self._greet()
-                    matched()
-
-            events = PublisherEventCallbacks(matched=node.guarded(tell, f"subscriber events of {topic}"))
-        self._publisher = make(interface_class(spec.type), topic, profile, event_callbacks=events)
+        self._publisher = make(interface_class(spec.type), topic, profile)
         # Enter the handle once: rclpy would enter and leave it for each count of subscribers, i.e. in each step.
         self._held, self._count = ExitStack(), self._publisher.get_subscription_count
-        if matched is not None:
+        if repeated:
             self._held.enter_context(self._publisher.handle)
             self._count = self._publisher.handle.get_subscription_count
         name, qos = self._publisher.topic_name, Qos.from_rclpy(profile)
@@ -95,14 +86,18 @@ class Channel:
             return untold and self._count() > self._own
         return step.first or self.wanted
 
-    def missed(self) -> bool:
-        """Return whether there are new subscribers with volatile durability; they lack the last message.
+    def missed(self, *, thorough: bool = False) -> bool:
+        """Return whether there are new subscribers since the last call, or any that lack the last message.
 
-        If the ROS graph did not show all subscribers when it was last read, read it again.
+        The ROS graph is read for those with volatile durability if there are more subscribers than at the last call, if
+        it did not show all of them then, or, with ``thorough``, if there are any: one may have replaced another one.
         """
-        if self._unsure:
+        if not self._repeated:
+            return False
+        before, self._known = self._known, self._count()
+        if (more := self._known > before) or self._unsure or (thorough and self._known > self._own):
             self._greet()
-        return self._newcomers
+        return more or self._newcomers
 
     def _greet(self) -> None:
         """Search the ROS graph for new volatile subscribers. DDS itself delivers the last message to all others."""

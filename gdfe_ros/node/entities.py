@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from functools import partial
 from typing import Any
@@ -32,6 +32,9 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _REPEATED_GROUP = re.compile(r"(?<!\\)\)[*+{]")
+_REPETITION = re.compile(r"[*+?{]")
+_MOST_REPETITIONS, _LONGEST_FILTER = 3, 100
+"""Largest number of repetitions in, and of characters of, an expression that filters names: more could take hours."""
 
 
 class Entities:
@@ -92,6 +95,7 @@ class Entities:
         entity = wanted.entity()
         name = wanted.unique_name(entity, _names(session.scene) | set(self._inner))
         outer = placement_of(wanted.pose, session.run.frames)
+        _require_near(outer.origin, session)
         self._inner[name] = Placement()
         given = {"origin": outer.origin, "turn": outer.turn}
         work = self._exchange.request(lambda scene: with_body(scene, name, entity, **given))
@@ -143,9 +147,8 @@ class Entities:
         filters = request.filters
         if filters.categories or filters.tags.tags or filters.bounds.type:
             raise Refused(ResultCode.UNSUPPORTED, "only filters.filter, an expression for names, is supported")
-        if _REPEATED_GROUP.search(filters.filter):  # matching could take forever
-            text = f"filters.filter {filters.filter!r} repeats a group, which is not supported"
-            raise Refused(ResultCode.UNSUPPORTED, text)
+        if why := _too_slow(filters.filter):
+            raise Refused(ResultCode.UNSUPPORTED, f"filters.filter {filters.filter[:_LONGEST_FILTER]!r} {why}")
         try:
             pattern = re.compile(filters.filter)
         except re.error as error:
@@ -182,10 +185,7 @@ class Entities:
             return done(response)
         outer = placement_of(request.state, session.run.frames)
         pose = _from_rest(body, outer @ self._inner.get(body.name, Placement()))
-        try:
-            require_near(pose.translation, session.scene.mesh.size)
-        except Refusal as refusal:
-            raise Refused(ResultCode.INVALID_POSE, str(refusal)) from refusal
+        _require_near(pose.translation, session)
 
         def put() -> None:
             simulation = session.simulation
@@ -203,6 +203,29 @@ class Entities:
                 return body
         names = ", ".join(body.name for body in self._bodies()) or "none"
         raise Refused(ResultCode.NOT_FOUND, f"there is no rigid body {name!r}; bodies: {names}")
+
+
+def _require_near(place: Iterable[float], session: SimulationSession) -> None:
+    """Check that a place [m] is near the body.
+
+    Raises:
+        Refused: it is too far.
+    """
+    try:
+        require_near(tuple(place), session.scene.mesh.size)
+    except Refusal as refusal:
+        raise Refused(ResultCode.INVALID_POSE, str(refusal)) from refusal
+
+
+def _too_slow(pattern: str) -> str:
+    """Return why the search for an expression could take too long; empty if it cannot."""
+    if len(pattern) > _LONGEST_FILTER:
+        return f"has {len(pattern)} characters; allowed: up to {_LONGEST_FILTER}"
+    if _REPEATED_GROUP.search(pattern):
+        return "repeats a group, which is not supported"
+    if (count := len(_REPETITION.findall(pattern))) > _MOST_REPETITIONS:
+        return f"has {count} repetitions; allowed: up to {_MOST_REPETITIONS}"
+    return ""
 
 
 def _names(scene: Scene) -> set[str]:

@@ -14,7 +14,8 @@ from gdfe_ros.node.handle_orders import require_pose
 from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.refusals import Refusal
 from gdfe_ros.node.standard_answers import Refused, ResultCode
-from gdfe_ros.scene.entity import Entity, read_entity
+from gdfe_ros.regular_file import read_text
+from gdfe_ros.scene.entity import LARGEST, Entity, read_entity
 from gdfe_ros.scene.schema import NAME
 
 LONGEST = 60
@@ -79,7 +80,7 @@ class EntityRequest:
             Refused: there is no name, it is no valid name, or it is taken and must not be changed.
         """
         name = self.name or entity.name or ("body" if self.renames else "")
-        if not NAME.match(name) or len(name) > LONGEST:
+        if not NAME.fullmatch(name) or len(name) > LONGEST:
             text = f"name is {name[: LONGEST + 1]!r}; allowed: up to {LONGEST} letters, digits and _, a letter first"
             raise Refused(ResultCode.NAME_INVALID, text)
         if name not in taken:
@@ -121,6 +122,6 @@ def _read(uri: str) -> str:
         text = f"uri is {uri!r}; allowed: file:///path or a path, to a file {', '.join(_SUFFIXES)}"
         raise Refused(ResultCode.UNSUPPORTED_FORMAT, text)
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:  # no file, no text, or no path
+        return read_text(path, most=LARGEST)
+    except (OSError, ValueError) as error:  # no regular file, no text, or no path
         raise Refused(ResultCode.PARSE_ERROR, f"uri {uri!r} cannot be read as text: {error}") from error

@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
@@ -73,7 +72,6 @@ class Inputs:
         self.inbox: Inbox | None = None
         self.recorder: Recorder | None = None
         self.freshness = Freshness()
-        self._unheard: set[str] = set()
         self._pursuits: list[Pursuit] = []
         self._inputs = {item.key: item for item in _inputs(run, leaders)}
         self._subscriptions = {key: self._subscribe(item) for key, item in self._inputs.items()}
@@ -93,15 +91,16 @@ class Inputs:
 
     def unheard(self) -> list[str]:
         """Return a text for each command topic with best-effort publishers, whose messages do not reach the node."""
-        found = []
-        for topic in sorted(self._unheard):
-            publishers = self._run.node.get_publishers_info_by_topic(topic)
+        node, found = self._run.node, []
+        for subscription in self._subscriptions.values():
+            topic = subscription.topic_name
+            if node.count_publishers(topic) <= subscription.get_publisher_count():
+                continue
+            publishers = node.get_publishers_info_by_topic(topic)
             names = {each.node_name for each in publishers if each.qos_profile.reliability is _UNSURE}
             if names:
                 found.append(f"{', '.join(sorted(names))} on {topic}: best effort; allowed: reliable")
-            else:
-                self._unheard.discard(topic)
-        return found
+        return sorted(found)
 
     def connections(self) -> dict[str, int]:
         """Return a dict from topic to the number of publishers that the middleware has connected."""
@@ -176,10 +175,8 @@ class Inputs:
         kind = interface_class(item.spec.type)
         receive = partial(self._receive, item, topic, kind)
         node = self._run.node
-        tell = node.guarded(lambda status: self._unheard.add(topic), f"publisher events of {topic}")
-        events = SubscriptionEventCallbacks(incompatible_qos=tell)
         profile = qos_profile(item.spec.delivery)
-        return node.create_subscription(kind, topic, receive, profile, raw=True, event_callbacks=events)
+        return node.create_subscription(kind, topic, receive, profile, raw=True)
 
     def _receive(self, item: Input, topic: str, kind: type, data: bytes) -> None:
         if self.recorder is not None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import traceback
 from collections import deque
@@ -15,16 +16,16 @@ from lifecycle_msgs.msg import Transition
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.publisher import Publisher
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from gdfe_ros.node.eventless import NO_PUBLISHER_EVENTS, EventlessNode
 from gdfe_ros.node.standard_answers import ResultCode, failed
 from gdfe_ros.node.throttle import Throttle
 
-_KEPT = 1000
-"""Largest number of destroyed subscriptions, publishers and timers that stay in memory; a node has fewer."""
+_KEPT = 2
+"""Number of turns (`ManagedNode.turn`) for which a destroyed subscription or timer stays in memory."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
@@ -53,8 +54,8 @@ class Faults:
             self._log(f"{place} failed, the node goes on{more}: {error!r}\n{trace}")
 
 
-class ManagedNode(LifecycleNode):
-    """A lifecycle node whose callbacks cannot end the process.
+class ManagedNode(EventlessNode, LifecycleNode):
+    """A lifecycle node whose callbacks cannot end the process, and whose topics can go while it spins.
 
     Exceptions in callbacks are counted and logged; a service answers with the exception's text. With rclpy alone, such
     an exception ends the executor, even if it only reports a transition that the present state does not allow (rclpy
@@ -68,7 +69,8 @@ class ManagedNode(LifecycleNode):
     def __init__(self, name: str, **options: Any) -> None:
         self._preparation: threading.Thread | None = None
         self._destroyed = False
-        self._destroyed_last: deque[Subscription | Publisher | Timer] = deque(maxlen=_KEPT)
+        self._turns = 0
+        self._destroyed_last: deque[tuple[int, Subscription | Timer]] = deque()
         self.faults = Faults(lambda text: self.get_logger().error(text))
         super().__init__(name, **options)
         self._service_change_state.callback = self._checked(self._service_change_state.callback)
@@ -102,6 +104,10 @@ class ManagedNode(LifecycleNode):
         """Create a timer, as rclpy does, that survives exceptions in its callback."""
         return super().create_timer(timer_period_sec, self.guarded(callback, "a timer"), *more, **options)
 
+    def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> Any:
+        """Create a publisher of a lifecycle node, as rclpy does, without handlers of QoS events."""
+        return super().create_lifecycle_publisher(*arguments, event_callbacks=NO_PUBLISHER_EVENTS, **options)
+
     def create_subscription(
         self, msg_type: type, topic: str, callback: Callable[..., None], *more: Any, **options: Any
     ) -> Any:
@@ -109,37 +115,40 @@ class ManagedNode(LifecycleNode):
         guarded = self.guarded(callback, f"the subscription of {topic}")
         return super().create_subscription(msg_type, topic, guarded, *more, **options)
 
-    def destroy_later(self, subscription: Subscription) -> None:
-        """Destroy a subscription in a later cycle of the executor, after the publishers that are destroyed now.
-
-        If the subscription is matched with a publisher of this node, its destruction is an event of the publisher. An
-        EventsExecutor that removes both in one cycle frees the event without holding Python's lock. The process then
-        crashes by SIGSEGV.
-        """
-
-        def destroy() -> None:
-            self.destroy_timer(timer)
-            self.destroy_subscription(subscription)
-
-        timer = self.create_timer(0.0, destroy, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
     def destroy_subscription(self, subscription: Subscription) -> bool:
-        """Destroy a subscription, as rclpy does; its memory is released later.
-
-        Its messages may still be in the executor's queue, and EventsExecutor accesses the subscription by its address.
-        """
-        self._destroyed_last.append(subscription)
+        """Destroy a subscription, as rclpy does; its callback is released at once, its memory later (`turn`)."""
+        subscription.callback = _ignore_message
+        self._destroyed_last.append((self._turns, subscription))
         return super().destroy_subscription(subscription)
 
-    def destroy_publisher(self, publisher: Publisher) -> bool:
-        """Destroy a publisher; its memory is released later, because its events may be in the executor's queue."""
-        self._destroyed_last.append(publisher)
-        return super().destroy_publisher(publisher)
-
     def destroy_timer(self, timer: Timer) -> bool:
-        """Destroy a timer; its memory is released later, because its calls may be in the executor's queue."""
-        self._destroyed_last.append(timer)
+        """Destroy a timer, as rclpy does; its callback is released at once, its memory later (`turn`)."""
+        timer.callback = _ignore_call
+        self._destroyed_last.append((self._turns, timer))
         return super().destroy_timer(timer)
+
+    def turn(self) -> None:
+        """Release what was destroyed before the turn before the last one; to be called by a timer of this node.
+
+        EventsExecutor accesses subscriptions and timers by their addresses, which may be in its queue. The queue is in
+        order: after two calls by a timer that were queued later, nothing refers to them.
+        """
+        self._turns += 1
+        released = False
+        while self._destroyed_last and self._destroyed_last[0][0] + _KEPT <= self._turns:
+            self._destroyed_last.popleft()
+            released = True
+        if released:
+            self.collect()
+
+    @staticmethod
+    def collect() -> None:
+        """Free the memory of a dropped simulation, which is part of reference cycles.
+
+        Python would collect these only after many allocations, of which a node makes few, whatever the size of its
+        arrays.
+        """
+        gc.collect()
 
     def destroy_node(self) -> None:
         """Destroy the node and its state machine at once.
@@ -273,6 +282,14 @@ class ManagedNode(LifecycleNode):
             return response
 
         return answer
+
+
+def _ignore_message(message: Any) -> None:
+    """Receive a message of a destroyed subscription."""
+
+
+def _ignore_call() -> None:
+    """Receive a call of a destroyed timer."""
 
 
 def _failure(request: Any, response: Any, text: str) -> Any:

@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 import yaml
 
+from gdfe_ros.bounded_text import load_yaml
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.spelling import did_you_mean
 
 MOST_SHOWN = 16
 """Largest number of shown values of an array. A longer array is shown by its first values and its length."""
+_LONGEST_SHOWN = 200
+"""Largest number of characters of a text that an error shows."""
 _ARRAY = re.compile(r"sequence<(?P<kind>[^,]+)(, \d+)?>|(?P<fixed>.+)\[(?P<count>\d+)\]")
 _TEXT = re.compile(r"w?string(<\d+>)?")
 
@@ -27,10 +30,12 @@ def parse(text: str) -> object:
         GdfeError: the text is not YAML.
     """
     try:
-        return yaml.safe_load(text)
+        return load_yaml(text)
     except yaml.YAMLError as error:
         problem = getattr(error, "problem", None) or error
-        raise GdfeError(f"{text!r} is no YAML: {problem}; write e.g. '{{name: [flexor], effort: [4.0]}}'") from None
+        raise GdfeError(
+            f"{text[:_LONGEST_SHOWN]!r} is no YAML: {problem}; write e.g. '{{name: [flexor], effort: [4.0]}}'"
+        ) from None
 
 
 def fill(message: Any, values: object, where: str = "") -> Any:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cached_property, partial
 
 from rosgraph_msgs.msg import Clock
@@ -29,14 +29,13 @@ class TopicOutputs:
 
     Args:
         run: the published run.
-        matched: function that is called when a topic with a message for each step gets a subscriber.
     """
 
-    def __init__(self, run: Run, *, matched: Callable[[], object]) -> None:
+    def __init__(self, run: Run) -> None:
         node, scene, frames = run.node, run.scene, run.frames
         self._run, self._frames, self._frame_id = run, frames, frames.frame_id
         publish_tf = frames.transforms is not None and run.parameters["publish_tf"]
-        each_step = partial(Channel, node, matched=matched)
+        each_step = partial(Channel, node, repeated=True)
         self._mesh, self._strain = each_step(topics.MESH), each_step(topics.STRAIN)
         self._record, self._markers = each_step(topics.STEP_RECORD), each_step(topics.MARKERS)
         self._topology, self._scene_text = Channel(node, topics.TOPOLOGY), Channel(node, topics.SCENE)
@@ -88,9 +87,9 @@ class TopicOutputs:
             imus=imus,
         )
 
-    def missed(self) -> bool:
-        """Return whether a subscriber has not received the present state."""
-        return any([channel.missed() for channel in self.channels])
+    def missed(self, *, thorough: bool = False) -> bool:
+        """Return whether a subscriber has not received the present state; ``thorough``: see `Channel.missed`."""
+        return any([channel.missed(thorough=thorough) for channel in self.channels])
 
     def attach(self, recorder: Recorder | None) -> None:
         """Record all topics that bags contain, from now on; None ends the recording."""

@@ -9,6 +9,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+_STILL = 1.0
+"""An idle process that wakes up later than its next heartbeat by more than this time [s] has stood still, e.g. stopped
+by a signal.
+"""
 FARTHEST_JUMP = 10.0
 """Largest forward jump of an external clock [s] for which steps are made. After a larger jump, the time is skipped."""
 
@@ -78,8 +82,9 @@ class _OwnPace:
 class WallPace(_OwnPace):
     """Makes steps at a constant rate of wall time or, while idle, at the interval of the heartbeats.
 
-    After an idle time of n periods, one step covers n dt, so that simulation time keeps up with wall time. A step that
-    ends n periods too late counts as n overruns, even if the node is idle after it. Simulation time then stays behind
+    After an idle time of n periods, one step covers n dt, so that simulation time keeps up with wall time. If the
+    process stood still, the time after the next heartbeat is skipped, and counts as overruns. A step that ends n
+    periods too late counts as n overruns, even if the node is idle after it. Simulation time then stays behind
     by the missed periods.
 
     Args:
@@ -107,13 +112,22 @@ class WallPace(_OwnPace):
         timing, now = self._timing(), self._now()
         period, periods = 1.0 / timing.rate, 1
         if self._idle:
-            periods = max(1, round((now - self._last) / period))
+            periods = max(1, round(self._idled(timing, now, period) / period))
             self._due = now
         else:
             self._end(now, period)
         self._due += period
         self._last, self._idle, self._running = now, False, True
         return periods * timing.dt
+
+    def _idled(self, timing: Timing, now: float, period: float) -> float:
+        """Return the idle time that a step covers [s]; time in which the process stood still is skipped and counted."""
+        missed = now - self._last - timing.heartbeat
+        if not timing.heartbeat or missed <= _STILL:
+            return now - self._last
+        self.overruns += int(missed / period)
+        self.late += missed
+        return timing.heartbeat
 
     def _end(self, now: float, period: float) -> None:
         """Record the end of a step. If the next step is late by a period or more, count overruns and restart now."""

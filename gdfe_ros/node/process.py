@@ -6,7 +6,6 @@ from __future__ import annotations
 import io
 import os
 import re
-import signal
 import sys
 import threading
 import time
@@ -21,6 +20,7 @@ from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedEx
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
+from gdfe_ros.entry import catch_endings
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.managed import Faults, ManagedNode
 
@@ -63,7 +63,7 @@ def run(make_node: Callable[[threading.Event], Any], args: list[str] | None = No
 
 
 def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[str] | None = None) -> int:
-    """Spin nodes until SIGINT, SIGTERM or a shutdown of ROS, then close them in order.
+    """Spin nodes until SIGINT, SIGTERM, SIGHUP or a shutdown of ROS, then close them in order.
 
     rclpy's own signal handlers are not used, because they remove the topics while the threads still publish.
 
@@ -156,7 +156,7 @@ def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -
 
 
 def _catch_signals(stopping: threading.Event) -> None:
-    """Make SIGINT and SIGTERM set an event; a second signal, more than `_INSIST` later, ends the process at once.
+    """Make SIGINT, SIGTERM and SIGHUP set an event; a second one, more than `_INSIST` later, ends the process at once.
 
     The second signal is needed because the event ends neither a compilation of kernels nor a long solve at once.
     Signals in quick succession count as one, because a terminal sends SIGINT to every process of its group, and a
@@ -173,5 +173,4 @@ def _catch_signals(stopping: threading.Event) -> None:
             first.append(now)
             stopping.set()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, catch)
+    catch_endings(catch)

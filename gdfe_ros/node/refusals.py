@@ -86,8 +86,11 @@ class RefusalLog:
 
 
 def shortened(text: str) -> str:
-    """Return a text, without its middle if it is longer than `_LONGEST`; values of a message may make it very long."""
-    if len(text) <= _LONGEST:
-        return text
-    half = _LONGEST // 2
-    return f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"
+    """Return a text in one line, without its middle if it is longer than `_LONGEST`.
+
+    Values of a message may make it very long, and contain control characters, which a terminal obeys.
+    """
+    if len(text) > _LONGEST:
+        half = _LONGEST // 2
+        text = f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)

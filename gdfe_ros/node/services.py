@@ -13,7 +13,7 @@ from typing import Any
 
 from std_srvs.srv import SetBool, Trigger
 
-from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.checkpoint import load_state, save_state, write_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
@@ -22,6 +22,7 @@ from gdfe_ros.node.qos import interface_class
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.specification import ServiceSpec
 from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.regular_file import read_bytes
 
 
 class Services:
@@ -129,9 +130,8 @@ class Services:
         def save() -> str:
             data = save_state(session.simulation)
             try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(data)
-            except OSError as error:
+                write_state(path, data)
+            except (OSError, ValueError) as error:
                 raise GdfeError(f"state_path {path} cannot be written: {error}") from error
             return f"state at time {session.simulation.time:.9g} s in {path}"
 
@@ -143,14 +143,11 @@ class Services:
 
         def load() -> str:
             session.bags.require_none()
-            if not path.is_file():
-                raise GdfeError(
-                    f"state_path {path} cannot be read: it is no file; remedy: the file that ~/save_state wrote"
-                )
             try:
-                data = path.read_bytes()
-            except OSError as error:
-                raise GdfeError(f"state_path {path} cannot be read: {error}") from error
+                data = read_bytes(path)
+            except (OSError, ValueError) as error:
+                text = f"state_path {path} cannot be read: {error}; remedy: the file that ~/save_state wrote"
+                raise GdfeError(text) from error
             load_state(session.simulation, data)
             session.stepper.restart(Begin.LOADED)
             session.inputs.give_up("another state was loaded")

@@ -20,6 +20,7 @@ from gdfe_ros.node.following import leaders_of
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface.parameters import MODULUS
+from gdfe_ros.node.lateness import Lateness
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.moduli import Moduli
 from gdfe_ros.node.outputs import TopicOutputs
@@ -31,15 +32,11 @@ from gdfe_ros.node.run import Run
 from gdfe_ros.node.step import Demand, Step, handle_error, observe
 from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.node.strays import UnmatchedTopics
-from gdfe_ros.node.throttle import Throttle
 from gdfe_ros.node.transforms import Transforms, transforms_installed
 from gdfe_ros.node.walk import Walk
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
-
-_LATE = 1.0
-"""A warning is logged if the simulation lags behind an external clock by more than this time [s]."""
 
 
 class Handover(NamedTuple):
@@ -92,7 +89,7 @@ class SimulationSession:
         told = {"now": lambda: self.run.now(), "limits": parameters, "refuse": refusals.refuse}
         self._transforms = Transforms(node, self._lead, **told) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
-        self.outputs = TopicOutputs(run, matched=self._tell_again)
+        self.outputs = TopicOutputs(run)
         self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
@@ -102,7 +99,7 @@ class SimulationSession:
         self.courier: Courier | None = None
         self.walk: Walk | None = None
         self._telling = False
-        self._lateness = Throttle()
+        self._lateness = Lateness()
         self._jumps: JumpHandle | None = None
         self.outputs.publish_scene(0)
 
@@ -161,6 +158,7 @@ class SimulationSession:
         """Continue the commands of another session that has halted, between two steps."""
         self.stepper.take_over(other.stepper, self._bodies)
         self.inputs.take_over(other.inputs)
+        self._lateness = other._lateness
 
     @property
     def _bodies(self) -> set[str]:
@@ -202,10 +200,18 @@ class SimulationSession:
         return found | self.inputs.connections()
 
     def look(self) -> None:
-        """Check for commands to unknown names, for delay behind a clock, and for subscribers without the last state."""
+        """Check for commands to unknown names, for late steps, and for subscribers without the last state."""
         self.strays.look()
-        self._look_at_clock()
-        if self.outputs.missed():
+        text = self._lateness.look(
+            self.run.pace, steps=self.stepper.count, rate=self.run.timing().rate, time=self.simulation.time
+        )
+        if text is not None:
+            self._warn(text)
+        self.greet(thorough=True)
+
+    def greet(self, *, thorough: bool = False) -> None:
+        """Publish the last state again if there are subscribers without it; ``thorough``: see `Channel.missed`."""
+        if self.outputs.missed(thorough=thorough):
             self._tell_again()
 
     def waiting(self) -> str:
@@ -350,13 +356,6 @@ class SimulationSession:
 
     def _warn(self, text: str) -> None:
         self.run.node.get_logger().warning(text)
-
-    def _look_at_clock(self) -> None:
-        """Warn if the simulation is more than `_LATE` behind an external clock."""
-        behind = self.run.pace.behind if self.run.pace is not None else 0.0
-        if behind > _LATE and (more := self._lateness.due("behind")) is not None:
-            text = f"the simulation, at {self.simulation.time:.9g} s, is {behind:.3f} s behind the clock it follows"
-            self._warn(f"{text}: its steps take longer than dt{more}")
 
     def _lead(self) -> None:
         """Command the followers of frames to the present placements of their leaders on /tf."""

@@ -35,6 +35,8 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _DIAGNOSTICS_PERIOD = 1.0
+_GREETING_PERIOD = 0.2
+"""Longest time until a late subscriber gets the present state of an idle node [s]."""
 _RECONNECTION = 1.0
 """Longest wait for the endpoints of others after the topics were opened anew [s]; later ones join as late ones do."""
 
@@ -76,6 +78,7 @@ class SimNode(ManagedNode):
         # A steady clock, because with use_sim_time the ROS clock may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
+        self.create_timer(_GREETING_PERIOD, self._greet, clock=self._steady)
         self._starter = None
         if self._settings["autostart"]:
             self._starter = self.create_timer(0.0, self._autostart, clock=self._steady)
@@ -119,6 +122,8 @@ class SimNode(ManagedNode):
         session, self.session = self.session, None
         if session is not None:
             session.destroy()
+            del session
+            self.collect()
 
     def prepare(self) -> None:
         """Load the scene, factor its matrices and compile the kernels for the transition ``configure``."""
@@ -239,7 +244,13 @@ class SimNode(ManagedNode):
         if self._refused.wanted:
             self._refused.send(messages.refused(source, refusal), 0)
 
+    def _greet(self) -> None:
+        session = self.session  # another thread may call `close`
+        if session is not None:
+            session.greet()
+
     def _report(self) -> None:
+        self.turn()
         session = self.session  # another thread may call `close`
         if session is not None:
             session.look()

@@ -136,7 +136,8 @@ class StandardServices:
         if whole not in (0, _TIME | _STATE):
             return failed(response, ResultCode.UNSUPPORTED, f"scope {scope}: time and state are reset together only")
         if not whole:
-            return later(self._entities.remove_all(anew=False), response) if scope & _SPAWNED else done(response)
+            removes = scope & _SPAWNED and self._entities.spawned
+            return later(self._entities.remove_all(anew=False), response) if removes else done(response)
         session.interrupt("reset_simulation ended it")
         return later(self._restarted(session, spawned=bool(scope & _SPAWNED)), response)
 

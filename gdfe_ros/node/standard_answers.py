@@ -71,7 +71,8 @@ def later(work: Future[Any], response: Any, fill: Callable[[Any, Any], None] | N
         error = found.exception()
         if error is not None:
             code = error.code if isinstance(error, Refused) else ResultCode.FAILED
-            answer.set_result(failed(response, code, str(error) or repr(error)))
+            text = str(error) if isinstance(error, GdfeError) else repr(error)  # a KeyError's text is only its key
+            answer.set_result(failed(response, code, text))
             return
         if fill is not None:
             fill(response, found.result())

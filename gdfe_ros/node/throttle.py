@@ -9,6 +9,8 @@ from collections.abc import Hashable
 
 _INTERVAL = 5.0
 """Shortest time between two texts about the same subject [s]."""
+_MOST = 1000
+"""Largest number of subjects that are kept; the names in messages may be subjects."""
 
 
 class Throttle:
@@ -26,5 +28,8 @@ class Throttle:
             if now < until:
                 self._quiet[key] = (until, unsaid + 1)
                 return None
+            self._quiet.pop(key, None)  # the oldest subjects come first
             self._quiet[key] = (now + _INTERVAL, 0)
+            while len(self._quiet) > _MOST:
+                del self._quiet[next(iter(self._quiet))]
         return f" ({unsaid} more like it since the last warning)" if unsaid else ""

@@ -23,8 +23,12 @@ _UNREAD = 2000
 """Largest number of unread messages of /tf; older ones are dropped. A moving frame is published again long before so
 many messages arrive.
 """
+_MOST_FRAMES = 10_000
+"""Largest number of frames of other nodes; transforms of further ones are refused."""
 _DEEPEST = 1000
 """A frame with more ancestors than this number is part of a cycle."""
+_SHOWN = 80
+"""Largest number of characters of a frame's name that a refusal shows."""
 _UNIT_SLACK = 1e-2
 """Largest deviation of a quaternion's length from 1, as in tf2."""
 
@@ -67,10 +71,10 @@ class Transforms:
         ]
 
     def destroy(self) -> None:
-        """Remove the subscriptions from the graph, after the node's own publishers of these topics."""
+        """Remove the subscriptions from the graph."""
         self._heard = lambda: None
         for subscription in self._subscriptions:
-            self._node.destroy_later(subscription)
+            self._node.destroy_subscription(subscription)
         self._subscriptions = []
 
     def known(self) -> list[str]:
@@ -107,6 +111,9 @@ class Transforms:
 
     def _keep_fixed(self, data: bytes) -> None:
         self._fixed_unread.append((data, self._now()))
+        if len(self._fixed_unread) > _UNREAD:  # unlike moving frames, these are not published again
+            with self._lock:
+                self._read()
         self._heard()
 
     def _read(self) -> None:
@@ -122,7 +129,7 @@ class Transforms:
                         self._take(each, arrived, moving=spec is topics.TF)
                     except Refusal as refusal:
                         if refusal.reason is not Reason.OUT_OF_ORDER:
-                            self._refuse(f"{spec.name}, frame {each.child_frame_id!r},", refusal)
+                            self._refuse(f"{spec.name}, frame {each.child_frame_id[:_SHOWN]!r},", refusal)
 
     def _take(self, told: Any, arrived: int, *, moving: bool) -> None:
         """Store a transform that arrived at a time [ns]; the stamp of a moving frame is checked.
@@ -132,6 +139,8 @@ class Transforms:
                 before the frame's last stamp.
         """
         place = _checked(told.transform)
+        if told.child_frame_id not in self._parents and len(self._parents) >= _MOST_FRAMES:
+            raise Refusal(Reason.QUEUE_FULL, f"{_MOST_FRAMES} frames are known; further ones are refused")
         if moving:
             ages = {"max_age": self._limits["command_max_age"], "max_lead": self._limits["command_max_lead"]}
             self._freshness.check([told.child_frame_id], told.header.stamp, now=arrived, **ages)

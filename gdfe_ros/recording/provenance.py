@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import gdfe_ros
+from gdfe_ros.bounded_text import load_json_object
 
 SCENE_FILE = "scene.yaml"
 STATE_FILE = "state.bin"
@@ -69,19 +70,24 @@ class RunInfo:
 
         Raises:
             KeyError: the metadata record was not written by this package.
-            ValueError: the scene or a file differs from its checksum.
+            ValueError: the scene or a file differs from its checksum, or the record has data of another kind.
         """
         files = dict(attachments)
-        sums = {SCENE_FILE: metadata["scene_sha256"], **json.loads(metadata.get("files_sha256", "{}"))}
+        sums = {SCENE_FILE: metadata["scene_sha256"], **load_json_object(metadata.get("files_sha256", "{}"))}
         for name, checksum in sums.items():
             if hashlib.sha256(files.get(name, b"")).hexdigest() != checksum:
                 raise ValueError(f"the attachment {name} does not match its checksum")
+        settings, machine = load_json_object(metadata["settings"]), load_json_object(metadata["machine"])
+        if not isinstance(settings.get("node", {}), dict) or not all(
+            isinstance(each, str) for each in machine.values()
+        ):
+            raise ValueError("the settings of the node are no mapping, or a fact about the machine is no text")
         return cls(
             scene=files.pop(SCENE_FILE, b"").decode(),
-            settings=json.loads(metadata["settings"]),
+            settings=settings,
             files=files,
             package_version=metadata["package_version"],
-            machine=json.loads(metadata["machine"]),
+            machine=machine,
         )
 
     @classmethod

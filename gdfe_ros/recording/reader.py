@@ -15,6 +15,7 @@ from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
 from mcap.records import Channel, Schema
 
+from gdfe_ros.bounded_text import load_yaml
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_file import RECORDING_RECORD, ROLE_KEY, RUN_RECORD
 from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY, bag_directory
@@ -24,7 +25,12 @@ from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
 from gdfe_ros.recording.frames import require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.topic import Qos, TopicInfo
+from gdfe_ros.regular_file import read_text
 
+_LARGEST_DEFINITION = 200_000
+"""Largest size of a type's definition [bytes]; a parser of 16 MB takes a minute."""
+_LARGEST_METADATA = 4_000_000
+"""Largest size of metadata.yaml [bytes]."""
 DAMAGE = (*UNREADABLE, yaml.YAMLError)
 """Exceptions that may occur while a damaged file, or a damaged text in it, is read."""
 
@@ -133,8 +139,19 @@ class BagReader:
 
 
 def topic_of(channel: Channel, schema: Schema) -> TopicInfo:
-    """Return the topic that MCAP's channel and schema records describe; of several QoS profiles, use the first."""
-    profiles = yaml.safe_load(channel.metadata.get("offered_qos_profiles", "")) or []
+    """Return the topic that MCAP's channel and schema records describe; of several QoS profiles, use the first.
+
+    Raises:
+        ValueError: the definition of the type is too large.
+    """
+    if len(schema.data) > _LARGEST_DEFINITION:
+        text = (
+            f"the definition of {schema.name[:80]} has {len(schema.data)} bytes; allowed: up to {_LARGEST_DEFINITION}"
+        )
+        raise ValueError(text)
+    profiles = load_yaml(channel.metadata.get("offered_qos_profiles", "")) or []
+    if not isinstance(profiles, list) or not all(isinstance(each, dict) for each in profiles):
+        raise ValueError(f"the quality of service of {channel.topic[:80]} is no list of mappings")
     return TopicInfo(
         name=channel.topic,
         type=schema.name,
@@ -171,7 +188,7 @@ def _listed_files(metadata: Path) -> list[Path]:
         ValueError: a key or a file is missing.
         RecordingError: the files are not in MCAP format.
     """
-    data = yaml.safe_load(metadata.read_text(encoding="utf-8"))
+    data = load_yaml(read_text(metadata, most=_LARGEST_METADATA))
     info = data.get(ROOT_KEY) if isinstance(data, dict) else None
     if not isinstance(info, dict):
         raise ValueError(f"it has no {ROOT_KEY}")

@@ -11,11 +11,17 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
+from gdfe_ros.bounded_text import load_json_object
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
 
 FORMAT = 1
+_LARGEST = 4_000_000
+"""Largest number of characters of a record."""
+_LONGEST_STEP = 1e9
+"""Largest duration of a step [s]."""
 
 
 class Begin(str, Enum):
@@ -107,10 +113,11 @@ class StepRecord:
             RecordingError: the text is not that of a step record, or has another format.
         """
         try:
-            entries = json.loads(text)
+            entries = load_json_object(text, largest=_LARGEST)
             if entries.pop("format") != FORMAT:
                 raise ValueError(f"its format is not {FORMAT}")
             entries["begin"] = Begin(entries["begin"])
+            _require_sound(entries)
             if "residual" in entries:  # its name in older bags
                 entries["error_estimate"] = entries.pop("residual")
             if entries["error_estimate"] is None:
@@ -123,3 +130,30 @@ class StepRecord:
             raise RecordingError(
                 f"step record {text[:80]!r} cannot be read: {error!r}; it must come from this version's node"
             ) from error
+
+
+def _require_sound(entries: dict[str, Any]) -> None:
+    """Raise a ValueError if a step could not be repeated from these entries because a value has another type or range.
+
+    Poses are six finite numbers, commands one, and the duration of a step is limited.
+    """
+    for section, count in (("handles", 6), ("bodies", 6), ("actuators", 0), ("loads", 0), ("joints", 0)):
+        given = entries.get(section, {})
+        if not isinstance(given, dict):
+            raise ValueError(f"its {section} are no object")
+        for name, value in given.items():
+            numbers = value if count else [value]
+            if not isinstance(numbers, list) or len(numbers) != (count or 1) or not all(map(_is_finite, numbers)):
+                raise ValueError(f"the value of {name[:80]!r} in its {section} is not {count or 'a'} finite number(s)")
+    for name, least, most in (("dt", 0.0, _LONGEST_STEP), ("time", -math.inf, math.inf)):
+        value = entries[name]
+        if not _is_finite(value) or not least <= value <= most:
+            raise ValueError(f"its {name} is {value!r}; allowed: {least:g} to {most:g} s")
+    for name in ("step", "cut_after", "stamp"):
+        value = entries.get(name)
+        if not (value is None or (isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63)):
+            raise ValueError(f"its {name} is {str(value)[:80]}; allowed: an integer")
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -19,10 +19,12 @@ from gdfe_ros.arms.meshes import find_mesh, read_surface, renamed_package
 from gdfe_ros.arms.shapes import touching_links, visuals
 from gdfe_ros.arms.springs import JointSprings
 from gdfe_ros.arms.urdf import parse_urdf
+from gdfe_ros.bounded_text import LARGEST_XML
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import ArmError, MeshError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.packing import pack_robot, unpack_robot
+from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
@@ -128,7 +130,7 @@ class _Builder:
         else:
             where = f"URDF {model.urdf}"
             try:
-                self._text = model.urdf.read_text(encoding="utf-8-sig")
+                self._text = read_text(model.urdf, most=LARGEST_XML, encoding="utf-8-sig")
             except (OSError, UnicodeDecodeError) as error:
                 raise ArmError(
                     where, [f"it cannot be read as text: {error}; remedy: the path of a URDF file"]

@@ -3,26 +3,17 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
 
+from gdfe_ros.bounded_text import MOST_NODES, Loader, check_yaml, load_yaml
 from gdfe_ros.errors import SceneError
 
 KeyPath = tuple[str | int, ...]
-#: Deepest nesting of a scene file; deeper nesting is only possible if an alias contains itself.
-DEEPEST = 40
-
-
-class _Reader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-    """PyYAML's safe loader (YAML 1.1), which also reads 1e6 as a number, as in YAML 1.2."""
-
-
-_Reader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+0123456789.")
-)
+_LONGEST_SHOWN = 80
+"""Largest number of characters of a line that an error shows."""
 
 
 @dataclass(frozen=True)
@@ -52,19 +43,22 @@ class Document:
         return any(path[: i + 1] in self.overridden for i in range(len(path)))
 
 
-def parse_document(text: str, *, heading: str) -> Document:
+def parse_document(text: str, *, heading: str, most_nodes: int = MOST_NODES) -> Document:
     """Return the document of a YAML text.
 
     Args:
         text: the YAML text.
         heading: name of the text in an error, e.g. ``scene bend5.yaml``.
+        most_nodes: largest number of values.
 
     Raises:
-        SceneError: the text is not YAML, is empty, or its top level is not a mapping.
+        SceneError: the text is not YAML, exceeds a limit of `bounded_text`, is empty, or its top level is not a
+            mapping.
     """
     reader = None
     try:
-        reader = _Reader(text)
+        check_yaml(text, most_nodes=most_nodes)
+        reader = Loader(text)
         node = reader.get_single_node()
         if node is None:
             raise SceneError(heading, ["the file is empty; it needs name, mesh, materials, regions and handles"])
@@ -89,7 +83,7 @@ def parse_value(text: str) -> Any:
         ValueError: the text is not YAML.
     """
     try:
-        return yaml.load(text, Loader=_Reader)
+        return load_yaml(text)
     except yaml.YAMLError as error:
         raise ValueError(_explain(error, text)) from error
 
@@ -100,10 +94,8 @@ def write_document(data: dict[str, Any]) -> str:
     return yaml.dump(data, Dumper=getattr(yaml, "CSafeDumper", yaml.SafeDumper), **layout)
 
 
-def _construct(reader: _Reader, node: yaml.Node, path: KeyPath, document: Document) -> Any:
+def _construct(reader: Loader, node: yaml.Node, path: KeyPath, document: Document) -> Any:
     document.lines.setdefault(path, node.start_mark.line + 1)
-    if len(path) > DEEPEST:
-        raise yaml.composer.ComposerError(None, None, "an alias contains itself", node.start_mark)
     if isinstance(node, yaml.SequenceNode):
         return [_construct(reader, item, (*path, i), document) for i, item in enumerate(node.value)]
     if not isinstance(node, yaml.MappingNode):
@@ -131,9 +123,10 @@ def _construct(reader: _Reader, node: yaml.Node, path: KeyPath, document: Docume
 def _explain(error: yaml.YAMLError, text: str) -> str:
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if mark is None:
-        return f"this is not YAML: {str(error).splitlines()[0]}"
+        return f"this is not YAML: {str(error).splitlines()[0][:_LONGEST_SHOWN]}"
     lines = text.splitlines()
-    shown = lines[mark.line].strip() if mark.line < len(lines) else ""
+    begin = max(0, mark.column - _LONGEST_SHOWN // 2)
+    shown = lines[mark.line][begin : begin + _LONGEST_SHOWN].strip() if mark.line < len(lines) else ""
     problem = " ".join(filter(None, (getattr(error, "context", None), getattr(error, "problem", None))))
     hint = "; indent with spaces, not tabs" if mark.line < len(lines) and "\t" in lines[mark.line] else ""
     return f"line {mark.line + 1}, column {mark.column + 1}: this is not YAML: {problem}{hint}: {shown!r}"

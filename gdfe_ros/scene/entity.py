@@ -24,6 +24,10 @@ from gdfe_ros.scene.scene import Scene
 
 PLACED = ("at", "rotation_deg")
 """Keys of a body's entry that state its place."""
+LARGEST = 100_000
+"""Largest number of characters of a body's description, which is read while other requests wait."""
+_MOST_VALUES = 1000
+"""Largest number of values in it."""
 ODD = 0.05
 """Largest relative difference between given moments of inertia and those of a homogeneous body that is not reported."""
 
@@ -59,11 +63,13 @@ def read_entity(text: str, *, where: str = "the resource") -> Entity:
 
     Raises:
         ArmError: the URDF has defects, or is not of this kind.
-        SceneError: the YAML text is no mapping, or states a place.
+        SceneError: the YAML text is no mapping, states a place, or is too large.
     """
+    if len(text) > LARGEST:
+        raise SceneError(where, [f"it has {len(text)} characters; allowed: up to {LARGEST}"])
     if text.lstrip().startswith("<"):
         return _from_urdf(text, where)
-    entry = parse_document(text, heading=where).data
+    entry = parse_document(text, heading=where, most_nodes=_MOST_VALUES).data
     stated = [key for key in PLACED if key in entry]
     if stated:
         raise SceneError(where, [f"it has {' and '.join(stated)}; remedy: leave it out, initial_pose states the place"])

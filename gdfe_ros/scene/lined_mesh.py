@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh import Mesh
+from gdfe_ros.mesh.existing_file import LARGEST
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
 from gdfe_ros.mesh.store import keep, key_of, recall
 from gdfe_ros.mesh.touching import Touching
+from gdfe_ros.regular_file import read_bytes
 from gdfe_ros.scene.mesh_schema import MeshModel
 from gdfe_ros.scene.skin_schema import SkinModel
 
@@ -79,7 +81,7 @@ def _content(model: MeshModel | SkinModel) -> bytes | None:
     text = [json.dumps(model.model_dump(mode="json", exclude=exclude), sort_keys=True).encode()]
     for path in _paths(model):
         try:
-            text.append(path.read_bytes())
+            text.append(read_bytes(path, most=LARGEST))
         except OSError:
             return None
     return b"\0".join(text)

@@ -13,11 +13,13 @@ from pydantic import ValidationError
 
 from gdfe_ros.actuators import Actuator, Load
 from gdfe_ros.arms.arm import Arm
+from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.form import TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.errors import SceneError
+from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.actuation import build_actuators, build_loads, build_masses, build_probes, neutral_commands
 from gdfe_ros.scene.arms import build_arms, joint_starts, require_arms
 from gdfe_ros.scene.builder import assign_materials, build_handles, build_materials, build_program, require_held
@@ -63,7 +65,7 @@ def load_scene(name_or_path: str | Path, *, overrides: Mapping[str, Any] | None 
     path = _find(name_or_path)
     heading = f"scene {path}"
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path, most=LARGEST_TEXT)
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(heading, [f"cannot be read as text: {error}; a scene is a YAML file"]) from error
     return _scene(text, heading, path, overrides)

@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from gdfe_ros.errors import SceneError
+from gdfe_ros.regular_file import NAME_RULE
 from gdfe_ros.scene.document import Document, KeyPath
 from gdfe_ros.scene.entry import TAG
 from gdfe_ros.scene.keys import describe_key, known_keys
@@ -92,6 +93,8 @@ class Defects:
             self._add_law(path)
         elif location and location[-1] == "[key]":
             self.add(path, "allowed names: letters, digits and _, starting with a letter", value=NO_VALUE)
+        elif path == ("name",) and kind == "string_pattern_mismatch":
+            self.add(path, f"allowed: {NAME_RULE}")
         elif kind in ("literal_error", "enum"):
             allowed = context["expected"].replace(" or ", ", ").replace("'", "").split(", ")
             self.add(path, f"not known{suggest(self._lookup(path), allowed)}")

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import BaseModel, Field, StringConstraints, model_validator
 
 from gdfe_ros.constraints import Axis, Pose
+from gdfe_ros.regular_file import NAME_PATTERN
 from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, Place
 from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.entry import Entry
@@ -163,7 +164,9 @@ class SolverModel(Entry):
 class SceneModel(Entry):
     """A scene file."""
 
-    name: Annotated[str, StringConstraints(min_length=1)] = Field(description="a short name")
+    name: Annotated[str, StringConstraints(pattern=NAME_PATTERN)] = Field(
+        description="a short name: up to 64 letters, digits, `_`, `-` and `.`; bags and results are named by it"
+    )
     description: str = Field("", description="a sentence that describes the scene")
     mesh: MeshModel | None = Field(
         None, description="the body, e.g. bar: {size: [0.2, 0.05, 0.05], cells: [20, 5, 5]}; either this or `meshes`"

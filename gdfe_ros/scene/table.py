@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from gdfe_ros.bounded_text import LARGEST_TEXT
+from gdfe_ros.regular_file import read_bytes
 from gdfe_ros.scene.table_columns import Column, find_columns, is_unit_row
 
 _REMEDY = (
@@ -76,9 +78,9 @@ def read_stress_table(path: Path) -> StressTable:
 
 def _text(path: Path) -> str:
     try:
-        raw = path.read_bytes()
+        raw = read_bytes(path, most=LARGEST_TEXT)
     except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror}; {_REMEDY}") from error
+        raise ValueError(f"cannot read {path}: {error.strerror or error}; {_REMEDY}") from error
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         return raw.decode("utf-16", errors="replace")
     if b"\0" in raw:

@@ -12,12 +12,12 @@ import rclpy
 from lifecycle_msgs.srv import ChangeState
 from rclpy.client import Client as ServiceClient
 from rclpy.context import Context
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.eventless import EventlessNode
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.strays import namesakes
 from gdfe_ros.testing.discovery import await_discovery
@@ -54,7 +54,7 @@ class Client:
         self._process, self._name, self._patience = process, name, patience
         self._context = context or Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self.node = Node(label, context=self._context, namespace=name.rpartition("/")[0])
+        self.node = EventlessNode(label, context=self._context, namespace=name.rpartition("/")[0])
         self._born = time.monotonic()
         self.executor = make_executor(self._context)
         self.executor.add_node(self.node)

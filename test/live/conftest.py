@@ -55,7 +55,7 @@ class Live:
 
     def look(self) -> Viewer:
         """Connect a viewer, and wait until it has received the whole page."""
-        viewer = Viewer(self.page.port)
+        viewer = Viewer(self.page.address())
         self.viewers.append(viewer)
         viewer.wait(lambda: viewer.frames and "converged" in viewer.text(), "the page")
         return viewer

@@ -17,7 +17,7 @@ def test_a_user_moves_a_slider_and_resets(live: Callable[..., Any]) -> None:
     page = live()
     session = page.session
     with Browser(DrawnSurface(session.scene.mesh), size=(900, 650)) as browser:
-        browser.open(page.page.port)
+        browser.open(page.page.address("127.0.0.1"))
         browser.wait(lambda: "converged" in browser.text() and "lower, tension [N]" in browser.text(), "the page")
         browser.nudge(0)
         browser.wait(lambda: session.simulation.commands["lower"] > 0.0, "the slider's command")
@@ -32,7 +32,7 @@ def test_a_user_drags_a_handle(live: Callable[..., Any]) -> None:
     page = live()
     session, mesh = page.session, page.session.scene.mesh
     with Browser(DrawnSurface(mesh), size=(900, 650)) as browser:
-        browser.open(page.page.port)
+        browser.open(page.page.address("127.0.0.1"))
         browser.wait(lambda: "converged" in browser.text(), "the page")
         browser.dismiss()
         browser.drag_control(session.scene, session.scene.handles[1], (0, 0, 1), pixels=60.0)

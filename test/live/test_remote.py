@@ -43,7 +43,7 @@ class Shown:
         self.page = Page(host="127.0.0.1", port=8650, frames=30.0)
         self.page.show(self.session)
         self.session.start(told=self.page.take, warn=self.page.say)
-        self.viewer = Viewer(self.page.port)
+        self.viewer = Viewer(self.page.address())
         self.viewer.wait(lambda: self.viewer.frames and "converged" in self.viewer.text(), "the page")
 
     def close(self) -> None:
@@ -113,7 +113,7 @@ def test_a_page_that_nobody_looks_at_hears_no_meshes(shown: Callable[..., Shown]
     before = page.session.commands["lower"]
     page.session.command("lower", ActuatorOrder({"lower": before + 1.0}))
     _await(lambda: page.session.commands["lower"] == before + 1.0)
-    page.viewer = viewer = Viewer(page.page.port)
+    page.viewer = viewer = Viewer(page.page.address())
     uuid = viewer.wait(lambda: viewer.controls.get("lower, tension [N]"), "the page")["uuid"]
     viewer.wait(lambda: viewer.values[uuid] == before + 1.0, "the slider")
     viewer.wait(lambda: np.abs(viewer.surface() - rest).max() > 1e-4, "a bent bar")
@@ -337,7 +337,7 @@ def test_a_node_that_is_not_active_is_shown_at_rest() -> None:
             page = Page(host="127.0.0.1", port=8650, frames=30.0)
             page.show(session)
             session.start(told=page.take, warn=page.say)
-            with Viewer(page.port) as viewer:
+            with Viewer(page.address()) as viewer:
                 viewer.wait(lambda: "inactive" in viewer.text() and "/handles/tip" in viewer.nodes, "the page")
                 link.transition("activate")
                 viewer.wait(lambda: "converged" in viewer.text() and "inactive" not in viewer.text(), "its steps")
@@ -353,12 +353,12 @@ def test_the_command_shows_the_next_scene_at_the_same_address(bar: str, tmp_path
         NodeSession("gdfe_sim", patience=120.0).stop()  # the command waits for seconds only
         command = [sys.executable, "-m", "gdfe_ros.cli", "live", "--ros", "--port", "8660"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        port = int(process.stdout.readline().split("localhost:")[1].split()[0])
-        with Viewer(port) as viewer:
+        address = process.stdout.readline().split()[2]
+        with Viewer(address) as viewer:
             viewer.wait(lambda: "lower, tension [N]" in viewer.controls and "converged" in viewer.text(), "the page")
     try:
         with NodeProcess(OTHER):
-            with _next_page(port) as viewer:
+            with _next_page(address) as viewer:
                 assert "/handles/tip" in viewer.nodes
             process.send_signal(signal.SIGINT)
             assert process.wait(60.0) == 0
@@ -386,12 +386,12 @@ def _await(done: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def _next_page(port: int) -> Viewer:
-    """Connect to a port until its page has no sliders of the bar; return the viewer."""
+def _next_page(address: str) -> Viewer:
+    """Connect to an address until its page has no sliders of the bar; return the viewer."""
     end = time.monotonic() + 120.0
     while time.monotonic() < end:
         with contextlib.suppress(OSError, WebSocketException):  # while one page goes and the next one comes
-            viewer = Viewer(port)
+            viewer = Viewer(address)
             viewer.wait(lambda viewer=viewer: "converged" in viewer.text(), "a page", patience=10.0)
             if "lower, tension [N]" not in viewer.controls:
                 return viewer

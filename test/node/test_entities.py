@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,12 @@ CUBE = """<robot name="cube"><link name="cube">
 <inertial><mass value="0.02"/><inertia ixx="3e-6" ixy="0" ixz="0" iyy="3e-6" iyz="0" izz="3e-6"/></inertial>
 <collision><origin xyz="0 0 0.015"/><geometry><box size="0.03 0.03 0.03"/></geometry></collision>
 </link><gazebo reference="cube"><mu1>0.5</mu1></gazebo></robot>"""
+BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "\n".join(
+    f"{after}: &{after} [{', '.join([f'*{name}'] * 9)}]" for name, after in zip("abcdefgh", "bcdefghi", strict=True)
+)
+"""YAML of ten lines that stands for 9^9 values."""
+PATIENCE = 60.0
+"""Longest time of an answer on a busy machine [s]; without limits, it would be hours."""
 UNSUPPORTED, OK, NOT_FOUND, FAILED = 0, 1, 2, 4
 NOT_UNIQUE, NAME_INVALID, FORMAT, NO_RESOURCE, NAMESPACE, PARSE, POSE = 101, 102, 103, 104, 105, 106, 109
 
@@ -218,15 +225,26 @@ def test_a_body_joins_while_the_clock_runs(client: Any, start: Callable, slab: P
         ({"at": (float("nan"), 0, 0)}, POSE, "finite"),
         ({"initial_pose__header__frame_id": "moon"}, POSE, "'moon'"),
         ({"at": (0.05, 0.05, 0.0)}, FAILED, "inside of"),
+        ({"at": (1e6, 0.0, 0.0)}, POSE, "times the body's size"),
+        ({"text": BOMB}, PARSE, "aliases repeat"),
+        ({"text": f"{{box: {{size: [{'1' * 60_000}, 1, 1]}}, mass: 1}}"}, PARSE, "has 60000 characters"),
+        ({"text": CUBE.replace("<robot", "<!DOCTYPE a><robot", 1)}, PARSE, "document type"),
+        ({"text": "# " + "x" * 200_000}, PARSE, "allowed: up to 100000"),
+        ({"name": "cube\n"}, NAME_INVALID, "letters, digits"),
+        ({"entity_resource__uri": "/dev/zero.yaml"}, PARSE, "cannot be read"),
+        ({"name": "b", "text": "{mesh: {file: /dev/zero}, mass: 1}"}, FAILED, "no regular file"),
     ],
 )
-def test_a_body_that_cannot_join_is_refused(
+def test_a_body_that_cannot_join_is_refused_soon(
     client: Any, start: Callable, slab: Path, entities: _Entities, changes: dict, code: int, text: str
 ) -> None:
-    """A defect is named with its code and text, and the simulation goes on as before."""
+    """A defect, or a resource that would take hours to read, is named with its code; the simulation goes on."""
     start(scene=str(slab), clock="lockstep", dt=0.005)
     client.wait(client.records)
+    began = time.monotonic()
     answer = entities.spawn(**{"at": (0.3, 0, 0.2), **changes}).result
+    client.state()
+    assert time.monotonic() - began < PATIENCE
     assert (answer.result, text in answer.error_message) == (code, True), answer.error_message
     assert entities.names() == ["part"]
     _steps(client, 2)
@@ -284,6 +302,8 @@ def test_strange_requests_are_answered(client: Any, start: Callable, slab: Path,
     assert "unknown bits" in entities.reset(8).error_message
     assert entities.asked(r"^(\w+_?)+!$").result == UNSUPPORTED
     assert entities.asked("(").result == FAILED
+    assert entities.asked(".*" * 10 + "!$").result == UNSUPPORTED
+    assert entities.asked("a" * 1000).result == UNSUPPORTED
 
 
 def test_a_scene_without_dynamics_takes_no_bodies(

@@ -241,7 +241,7 @@ def test_runs_with_obstacles_are_replayed_to_the_bit(tmp_path: Path, cube: str, 
     assert main(["export", str(bag), "--to", "csv", "--out", str(tmp_path / "run.csv")]) == 0
     first, *_, last = (tmp_path / "run.csv").read_text().splitlines()
     row = dict(zip(first.split(","), last.split(","), strict=True))
-    assert float(row["obstacles/ball/wrench.wrench.force.z [N]"]) == state.wrenches["ball"][2]
+    assert float(row["obstacles/ball/wrench.wrench.force.z [N in ball_centre]"]) == state.wrenches["ball"][2]
     assert float(row["contacts.points"]) == len(state.contacts) > 0
     assert main(["export", str(bag), "--to", "npz", "--out", str(tmp_path / "run.npz")]) == 0
     arrays = np.load(tmp_path / "run.npz")

@@ -55,6 +55,24 @@ def test_an_idle_wall_pace_only_beats_and_then_catches_up() -> None:
     assert pace.overruns == 0
 
 
+def test_time_in_which_the_process_stood_still_is_skipped() -> None:
+    """After 4 s without a heartbeat of 2 s, as by SIGSTOP, a step covers 2 s; the rest counts as late.
+
+    Before, the simulation made up for the whole time in few long steps.
+    """
+    clock = _Clock()
+    pace = WallPace(lambda: TIMING, clock)
+    pace.begin()
+    assert pace.delay(pending=False, settled=True) == pytest.approx(2.0)
+    clock.now += 6.0
+    assert pace.delay(pending=False, settled=True) == 0.0
+    assert pace.begin() == pytest.approx(20 * 0.5)
+    assert (pace.overruns, pace.late) == (40, pytest.approx(4.0))
+    clock.now += 0.1
+    assert pace.delay(pending=True, settled=False) == 0.0
+    assert pace.begin() == 0.5
+
+
 def test_without_a_heartbeat_an_idle_pace_waits_for_an_event() -> None:
     """With heartbeat 0, idle wall and fast paces wait without limit; a ticking clock continues."""
     silent = replace(TIMING, heartbeat=0.0)

@@ -18,14 +18,6 @@ from std_srvs.srv import SetBool, Trigger
 from gdfe_ros.testing import forking
 from gdfe_ros.testing.discovery import await_discovery
 
-WAITING = """
-name: waiting
-mesh: {bar: {size: [0.2, 0.02, 0.02], cells: [4, 1, 1]}}
-materials: {rubber: {law: curve, csv: table.csv, poisson: 0.45}}
-regions: [{material: rubber}]
-handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
-"""
-
 
 def _parts(client: Any) -> dict[str, DiagnosticStatus]:
     """Return a dict of the node's diagnostics by part."""
@@ -79,12 +71,9 @@ def test_a_node_that_ends_answers_those_who_wait(client: Any, start: Callable, c
     assert (walk.result().success, walk.result().message) == (False, "the stepping has ended")
 
 
-def test_a_node_that_is_being_configured_answers(client: Any, start: Callable, tmp_path: Path) -> None:
-    """While configure waits for a material table, the node gives state and parameters, and refuses transitions."""
-    table = tmp_path / "table.csv"
-    os.mkfifo(table)
-    (tmp_path / "bar.yaml").write_text(WAITING, encoding="utf-8")
-    start(scene=str(tmp_path / "bar.yaml"), autostart=False)
+def test_a_node_that_is_being_configured_answers(client: Any, start: Callable) -> None:
+    """While configure factors a fine mesh, the node gives state and parameters, and refuses transitions."""
+    start(scene="bend5", scene_overrides=["mesh.bar.cells=[90, 20, 20]"], autostart=False)
     request = ChangeState.Request()
     request.transition.label = "configure"
     configured = _begin(client, ChangeState, "change_state", request)
@@ -93,7 +82,6 @@ def test_a_node_that_is_being_configured_answers(client: Any, start: Callable, t
     for label in ("configure", "transition_success"):
         assert not client.transition(label)
     assert not configured.done()
-    table.write_text("strain,stress\n0.1,1e4\n1.0,8e4\n", encoding="utf-8")
     client.wait(configured.done)
     assert configured.result().success
     assert client.state() == "inactive"

@@ -69,6 +69,7 @@ def test_a_node_is_played_paused_stepped_stopped_and_quit(
     assert int(client.status()["steps"]) == before + 3
     assert standard.step(0) == (FAILED, "steps is 0; allowed: 1 or more")
     assert standard.reset(1) == (0, "scope 1: time and state are reset together only")
+    assert [standard.reset(scope) for scope in (4, 7, 255, 0)] == [(OK, "")] * 4  # there are no spawned bodies
     assert standard.reset(0) == (OK, "")
     assert standard.state() == PAUSED
     assert client.status()["simulation time [s]"] == "0"

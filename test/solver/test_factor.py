@@ -17,7 +17,7 @@ from gdfe_ros.solver.matrix import factor
 from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
 
 SCENE = """
-name: one of many
+name: one_of_many
 mesh: {bar: {size: [0.4, 0.1, 0.1], cells: [16, 4, 4]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 300}}
 regions: [{material: soft}]

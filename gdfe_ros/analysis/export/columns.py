@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.analysis.difference_table import unit_of
@@ -11,7 +11,8 @@ from gdfe_ros.analysis.difference_table import unit_of
 JOINTS = "joint_states"
 _CABLE = (Mode.TENSION, Mode.LENGTH, Mode.SHORTENING)
 _CHAMBER = (Mode.PRESSURE, Mode.VOLUME)
-_TIMES = ("time", "dt", "wall_time")
+_TIMES = {"time": "s", "dt": "s", "wall_time": "s", "solve_time": "s", "stamp": "ns"}
+_COMPONENTS = ("x", "y", "z", "w")
 _RATES = {"m": "m/s", "m^3": "m^3/s", "": "1/s"}
 
 
@@ -24,6 +25,7 @@ class Columns:
 
     def __init__(self, actuators: Iterable[Actuator]) -> None:
         self._actuators = {actuator.name: actuator for actuator in actuators}
+        self._frames: dict[str, str] = {}
 
     @property
     def joints(self) -> list[str]:
@@ -34,7 +36,7 @@ class Columns:
         """Return the SI unit of a table's column or of an array; empty for counts, texts and ratios."""
         topic, _, field = column.replace("/", ".").rpartition(".")
         if column in _TIMES:
-            return "s"
+            return _TIMES[column]
         if column.startswith("command."):
             actuator = self._actuators.get(column.removeprefix("command."))
             return actuator.mode.unit if actuator else ""
@@ -47,10 +49,21 @@ class Columns:
         # For wrench.force.z the word before the component determines the unit; z alone would be a length.
         return unit_of(f".{topic.rpartition('.')[2]}.{field}") or unit_of(field)
 
+    def note_frames(self, frames: Mapping[str, str]) -> None:
+        """Note the coordinate frames of topics, which the headings of their columns state."""
+        self._frames |= frames
+
+    def frame(self, column: str) -> str:
+        """Return the name of the coordinate frame of a column's number; empty for numbers that have none."""
+        if column.rpartition(".")[2] not in _COMPONENTS:
+            return ""
+        return next((frame for topic, frame in self._frames.items() if column.startswith(f"{topic}.")), "")
+
     def headed(self, column: str) -> str:
-        """Return the heading of a column: its name with its unit, e.g. ``time [s]``."""
-        unit = self.unit(column)
-        return f"{column} [{unit}]" if unit else column
+        """Return the heading of a column: its name, unit and frame, e.g. ``time [s]``, ``x [m in base_link]``."""
+        parts = [self.unit(column), *(["in", frame] if (frame := self.frame(column)) else [])]
+        text = " ".join(part for part in parts if part)
+        return f"{column} [{text}]" if text else column
 
     def _joint_unit(self, mode: Mode, field: str) -> str:
         extent = "m" if mode in _CABLE else "m^3" if mode in _CHAMBER else ""

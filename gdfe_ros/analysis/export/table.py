@@ -12,22 +12,27 @@ import numpy as np
 
 from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.export.columns import JOINTS, Columns
+from gdfe_ros.csv_cells import quoted
 
 Row = dict[str, Any]
+_SHOWN = ("converged", "wall_time")
+"""Fields of the step's record that have a column of another name or type."""
 _TARGET = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def step_row(step: BagStep, known: Columns) -> Row:
     """Return the row of a step: time, outcome, consumed commands, and published numbers and short arrays.
 
-    Columns: ``step, time`` [s], ``dt`` [s], ``wall_time`` [s], outcomes, ``target.<handle>.x`` to ``rz`` [m, rad],
-    ``set.<body>.x`` to ``rz`` [m, rad], ``command.<actuator, load or joint>``, then ``<topic>.<field>``, and
-    ``joint_states.<actuator>.<field>``.
+    Columns: ``step, time`` [s], ``dt`` [s], ``stamp`` [ns], ``solve_time`` [s], outcomes, ``target.<handle>.x`` to
+    ``rz`` [m, rad], ``set.<body>.x`` to ``rz`` [m, rad], ``command.<actuator, load or joint>``, then
+    ``<topic>.<field>``, and ``joint_states.<actuator>.<field>``.
     """
     record = step.record
-    row: Row = {"step": record.step, "time": record.time, "dt": record.dt, "wall_time": record.wall_time}
+    known.note_frames(step.frames)
+    row: Row = {"step": record.step, "time": record.time, "dt": record.dt}
+    row |= {"stamp": record.stamp, "solve_time": record.wall_time}
     row |= {"begin": record.begin.value, "converged": record.converged, "cut": record.cut, "message": record.message}
-    row |= {name: float(values[0]) for name, values in step.samples[RECORD].items() if name != "converged"}
+    row |= {name: float(values[0]) for name, values in step.samples[RECORD].items() if name not in _SHOWN}
     for verb, poses in (("target", record.handles), ("set", record.bodies)):
         for name, pose in poses.items():
             six = (*pose.translation, *pose.rotation)
@@ -41,13 +46,17 @@ def step_row(step: BagStep, known: Columns) -> Row:
 
 
 def write_csv(rows: Iterable[Row], path: Path, known: Columns) -> None:
-    """Write rows as CSV. Headings are names with units, such as ``time [s]``; missing values are empty."""
+    """Write rows as CSV; missing values are empty.
+
+    Headings are names with units and frames, e.g. ``time [s]``, ``probe/tip.pose.position.x [m in base_link]``. Texts
+    that a spreadsheet would execute are quoted (`quoted`).
+    """
     rows = list(rows)
     names = columns(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, names)
-        writer.writerow({name: known.headed(name) for name in names})
-        writer.writerows(rows)
+        writer.writerow({name: quoted(known.headed(name)) for name in names})
+        writer.writerows({name: quoted(value) for name, value in row.items()} for row in rows)
 
 
 def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None) -> None:
@@ -56,7 +65,8 @@ def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None)
     Args:
         rows: dicts from column to value; the columns may differ from row to row.
         path: path of the file.
-        known: units of the columns, written as ``unit`` into each column's metadata; None for no units.
+        known: units and frames of the columns, written as ``unit`` and ``frame`` into each column's metadata; None for
+            none.
     """
     import pyarrow
     import pyarrow.parquet
@@ -64,7 +74,10 @@ def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None)
     rows = list(rows)
     table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns(rows)})
     if known is not None:
-        fields = [field.with_metadata({"unit": known.unit(field.name)}) for field in table.schema]
+        fields = [
+            field.with_metadata({"unit": known.unit(field.name), "frame": known.frame(field.name)})
+            for field in table.schema
+        ]
         table = table.cast(pyarrow.schema(fields))
     pyarrow.parquet.write_table(table, path)
 

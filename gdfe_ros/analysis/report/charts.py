@@ -34,13 +34,14 @@ _ACTUATION = (
 Chart = dict[str, Any]
 
 
-def all_charts(history: RunHistory, scene: Scene, *, dt: float) -> list[Chart]:
+def all_charts(history: RunHistory, scene: Scene, *, dt: float, paced: bool = False) -> list[Chart]:
     """Return all charts of a run; charts without data are left out.
 
     Args:
         history: series of the run.
         scene: scene of the run.
         dt: usual time step [s], drawn as a line in the chart of solve times; 0 for no line.
+        paced: whether to show by how much the steps are late, because the wall clock paced them.
     """
     charts = [
         *_motion(history, scene),
@@ -58,6 +59,7 @@ def all_charts(history: RunHistory, scene: Scene, *, dt: float) -> list[Chart]:
         _cost(history, "Solver iterations", "a step", {"iterations": history.costs["iterations"]}),
         _residuals(history, scene.solver.tolerance),
         _times(history, dt),
+        *([_cost(history, "Lateness", "[s]", {"late by": history.lateness()})] if paced else []),
         _cost(history, "Skipped work", "a step", _named(history.costs, "skipped.")),
     ]
     return [chart for chart in charts if chart["data"]]

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.message_values import Values
@@ -27,6 +28,8 @@ class RunHistory:
 
     Attributes:
         time: simulation time at the end of each step [s].
+        simulated: sum of the durations of the steps so far, at the end of each step [s].
+        stamps: stamp of each step on the node's clock [s]; NaN in old bags.
         targets: dict from handle to its target at each step: translation [m] and rotation vector [rad], six numbers.
         commands: dict from actuator, load or joint to its command at each step; NaN before the first command.
         costs: dict from cost to its value at each step: ``iterations, substeps, error_estimate, wall_time`` [s] and
@@ -40,6 +43,8 @@ class RunHistory:
 
     strain: StrainHistogram
     time: list[float] = field(default_factory=list)
+    simulated: list[float] = field(default_factory=list)
+    stamps: list[float] = field(default_factory=list)
     targets: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
     commands: dict[str, list[float]] = field(default_factory=dict)
     costs: dict[str, list[float]] = field(default_factory=dict)
@@ -53,6 +58,8 @@ class RunHistory:
         """Add the numbers of one step."""
         record, count = step.record, len(self.time)
         self.time.append(record.time)
+        self.simulated.append((self.simulated[-1] if count else 0.0) + record.dt)
+        self.stamps.append(np.nan if record.stamp is None else 1e-9 * record.stamp)
         self._add_commands(step, count)
         costs = {name: float(getattr(record, name)) for name in COSTS}
         costs |= {f"skipped.{name}": float(number) for name, number in record.skipped.items()}
@@ -71,6 +78,13 @@ class RunHistory:
         if not record.converged:
             self.not_converged.append(record.time)
         self.cut += record.cut
+
+    def lateness(self) -> NDArray[np.float64]:
+        """Return, for each step, the wall time since the first step minus the simulation time since then [s].
+
+        NaN in old bags. With ``publish_clock``, or the /clock of another node, stamps are no wall times.
+        """
+        return (np.array(self.stamps) - self.stamps[0]) - (np.array(self.simulated) - self.simulated[0])
 
     def _add_commands(self, step: BagStep, count: int) -> None:
         """Add the commands of one step; a command that the step did not consume keeps its last value."""

@@ -24,6 +24,7 @@ def run_rows(run: BagRun, history: RunHistory) -> Rows:
     rows = [
         ("steps", f"{len(history.time)}, of which {int((costs['iterations'] > 0).sum())} needed a solve"),
         ("simulation time", f"{span:.6g} s"),
+        ("wall time", _wall_time(run, history)),
         ("solve time", f"{solving:.4g} s, {_ratio(span, solving)}"),
         ("solve time a step", _times(times)),
         ("iterations a step", f"mean {costs['iterations'].mean():.3g}, most {costs['iterations'].max():.0f}"),
@@ -80,8 +81,29 @@ def _ratio(span: float, solving: float) -> str:
     if solving <= 0.0:
         return "nothing to solve"
     if span < solving:
-        return f"{span / solving:.3g} of real time: slower"
-    return f"{span / solving:.3g} times faster than real time"
+        return f"{solving / span:.3g} times the simulation time" if span > 0.0 else "without simulation time"
+    return f"{100.0 * solving / span:.3g} % of the simulation time"
+
+
+def wall_stamped(run: BagRun) -> bool:
+    """Return whether the stamps of a run are wall times: not simulation time, nor the /clock of another node."""
+    node = run.reader.run.settings.get("node", {})
+    return isinstance(node, dict) and not node.get("publish_clock") and node.get("clock") != "external"
+
+
+def paced_by_wall(run: BagRun) -> bool:
+    """Return whether a node made the steps of a run at a rate of wall time; only such steps can be late."""
+    return wall_stamped(run) and run.reader.run.settings.get("node", {}).get("clock") == "wall"
+
+
+def _wall_time(run: BagRun, history: RunHistory) -> str:
+    """Return the wall time from the first to the last step, and its relation to the simulation time of these steps."""
+    wall, span = history.stamps[-1] - history.stamps[0], history.simulated[-1] - history.simulated[0]
+    if not wall_stamped(run) or not wall > 0.0:
+        return ""
+    text = f"{wall:.6g} s for {span:.6g} s of simulation time: {span / wall:.3g} of real time"
+    late = float(np.nanmax(history.lateness()))
+    return f"{text}, late by up to {late:.3g} s" if paced_by_wall(run) and late > 0.0 else text
 
 
 def _convergence(history: RunHistory) -> str:

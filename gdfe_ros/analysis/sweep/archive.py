@@ -11,6 +11,7 @@ from typing import Any
 
 from gdfe_ros.analysis.sweep.case_run import Result
 from gdfe_ros.analysis.sweep.cases import Case
+from gdfe_ros.bounded_text import load_json
 from gdfe_ros.errors import GdfeError
 
 _FACTS = "sweep.json"
@@ -34,7 +35,7 @@ class Archive:
         facts = {"scene_sha256": hashlib.sha256(scene.encode()).hexdigest()}
         known = directory / _FACTS
         if known.is_file():
-            if json.loads(known.read_text(encoding="utf-8")) != facts:
+            if load_json(known.read_text(encoding="utf-8")) != facts:
                 raise GdfeError(f"{directory} holds the results of another scene: name another directory or remove it")
         elif directory.exists() and any(directory.iterdir()):
             raise GdfeError(f"{directory} is not empty and holds no sweep: name another directory")
@@ -44,7 +45,7 @@ class Archive:
     def find(self, case: Case) -> Result | None:
         """Return the result of a case, or None if it is not completed."""
         path = self._cases / f"{case.name}.json"
-        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+        return load_json(path.read_text(encoding="utf-8")) if path.is_file() else None
 
     def keep(self, case: Case, result: Result) -> None:
         """Write a result; if the process is killed, either all of it or nothing is written."""

@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from gdfe_ros.bounded_text import LARGEST_TEXT, load_yaml
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.regular_file import read_text
 
 
 @dataclass(frozen=True)
@@ -66,11 +68,14 @@ def read_list(path: Path) -> list[dict[str, Any]]:
         GdfeError: the file does not contain such a list, or the list is empty.
         OSError: the file cannot be read.
     """
-    text = path.read_text(encoding="utf-8")
-    if path.suffix == ".csv":
-        rows = [{key: yaml.safe_load(value) for key, value in row.items()} for row in csv.DictReader(text.splitlines())]
-    else:
-        rows = yaml.safe_load(text)
+    try:
+        text = read_text(path, most=LARGEST_TEXT)
+        if path.suffix == ".csv":
+            rows = [{key: load_yaml(value) for key, value in row.items()} for row in csv.DictReader(text.splitlines())]
+        else:
+            rows = load_yaml(text)
+    except (yaml.YAMLError, ValueError, TypeError, csv.Error) as error:  # a row of a table may be too long or too short
+        raise GdfeError(f"{path} cannot be read: {' '.join(str(error).split())[:200]}") from error
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         raise GdfeError(f"{path} must hold a list of mappings from dotted keys to values, or CSV with keys on top")
     return rows
@@ -82,7 +87,7 @@ def _values(key: str, text: str) -> list[Any]:
         if len(parts) == 3:
             values = np.linspace(float(parts[0]), float(parts[1]), int(parts[2])).tolist()
         else:
-            values = yaml.safe_load(text)
+            values = load_yaml(text)
     except (ValueError, yaml.YAMLError) as error:
         raise GdfeError(f"--grid {key}: {text!r} is no list and no low:high:count: {error}") from error
     if not isinstance(values, list) or not values:

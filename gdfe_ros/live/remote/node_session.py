@@ -14,7 +14,6 @@ from types import TracebackType
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
@@ -28,6 +27,7 @@ from gdfe_ros.live.remote.search import Waiting, absence, full_name
 from gdfe_ros.live.remote.steps import Steps, view_of
 from gdfe_ros.live.view import View
 from gdfe_ros.node.actuator_orders import EFFORTS
+from gdfe_ros.node.eventless import EventlessNode
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.process import make_executor
@@ -79,7 +79,7 @@ class NodeSession:
         self._ending, self._watched, self._silent = threading.Event(), False, False
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node(f"{_OWN}_{os.getpid()}", context=self._context)
+        self._node = EventlessNode(f"{_OWN}_{os.getpid()}", context=self._context)
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
         try:

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
-from scipy.sparse.linalg import SuperLU, splu
 
 from gdfe_ros.actuators.load import AttachedMass, gauss_points
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import scattered
+from gdfe_ros.sparse_lu import LuFactor
 
 
 def mass_matrix(
@@ -57,12 +57,12 @@ class FreeMass:
     def __init__(self, body: Body, mass: sparse.csr_matrix) -> None:
         rigid = [each.vertices for each in body.rigid_bodies]
         self._free, self._mass = np.concatenate([body.unknowns.free, *rigid]), mass
-        self._factor: SuperLU | None = None
+        self._factor: LuFactor | None = None
 
     def accelerated(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices."""
         if self._factor is None:
-            self._factor = splu(self._mass[self._free][:, self._free].tocsc())
+            self._factor = LuFactor(self._mass[self._free][:, self._free].tocsc())
         acceleration = np.zeros_like(forces)
         acceleration[self._free] = self._factor.solve(forces[self._free])
         return acceleration

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""YAML, JSON and XML from unknown senders as plain data, in bounded time and memory.
+
+Every text that a scene, a bag, a service or a file contains is read by these functions. A text that exceeds a limit is
+refused before anything is built from it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
+
+import yaml
+
+LARGEST_TEXT = 32_000_000
+"""Largest number of characters of a text. A scene contains its meshes, packed, as text."""
+MOST_NODES = 100_000
+"""Largest number of YAML values, each counted as often as aliases repeat it."""
+DEEPEST = 40
+"""Deepest nesting of YAML."""
+LONGEST_NUMBER = 100
+"""Largest number of characters of a number."""
+LARGEST_XML = 2_000_000
+"""Largest number of characters of an XML text."""
+
+_NUMBER_LIKE = re.compile(r"[-+.:_\deE]*\Z")
+_TEXT_TAGS = ("tag:yaml.org,2002:str", "!")
+
+
+class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+    """PyYAML's safe loader (YAML 1.1), which also reads 1e6 as a number, as in YAML 1.2.
+
+    Use it only for texts that have passed `check_yaml`.
+    """
+
+
+# No two parts of the pattern match the same digits: otherwise, a match takes quadratic time.
+Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$"), list("-+0123456789.")
+)
+
+
+def load_yaml(text: str, *, most_nodes: int = MOST_NODES) -> Any:
+    """Return the data of a YAML text.
+
+    Args:
+        text: the text.
+        most_nodes: largest number of values.
+
+    Raises:
+        yaml.YAMLError: the text is not YAML, or exceeds a limit of this module.
+    """
+    check_yaml(text, most_nodes=most_nodes)
+    try:
+        return yaml.load(text, Loader=Loader)
+    except (ValueError, RecursionError) as error:  # e.g. a date that does not exist
+        raise yaml.YAMLError(f"a value cannot be read: {error}") from error
+
+
+def check_yaml(text: str, *, most_nodes: int = MOST_NODES, largest: int = LARGEST_TEXT) -> None:
+    """Check that a YAML text is within the limits, without building its data.
+
+    Raises:
+        yaml.YAMLError: the text is not YAML, or exceeds a limit of this module.
+    """
+    if len(text) > largest:
+        raise yaml.YAMLError(f"it has {len(text)} characters; allowed: up to {largest}")
+    try:
+        loader = Loader(text)
+    except UnicodeError as error:
+        raise yaml.YAMLError(f"it has characters that are no Unicode: {error.reason}") from error
+    try:
+        _Count(most_nodes).check(loader)
+    finally:
+        loader.dispose()
+
+
+@dataclass
+class _Open:
+    """A value that is being read: its anchor, the values counted before it, and the depth of its contents."""
+
+    anchor: str | None
+    before: int
+    height: int = 0
+
+
+class _Count:
+    """Counts the values of a YAML text from its events, each as often as aliases repeat it.
+
+    Args:
+        most: largest number of values.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most, self._count = most, 0
+        self._open: list[_Open] = []
+        self._sizes: dict[str, tuple[int, int]] = {}
+
+    def check(self, loader: Loader) -> None:
+        """Read all events of a text.
+
+        Raises:
+            yaml.YAMLError: the text is not YAML, or exceeds a limit.
+        """
+        while loader.check_event():
+            event = loader.get_event()
+            match event:
+                case yaml.ScalarEvent():
+                    _require_short(event)
+                    self._add(1, 0, event)
+                    self._keep(event.anchor, 1, 0)
+                case yaml.AliasEvent():
+                    self._add(*self._size(event), event)
+                case yaml.CollectionStartEvent():
+                    self._open.append(_Open(event.anchor, self._count))
+                    self._add(1, 0, event)
+                case yaml.CollectionEndEvent():
+                    self._close()
+
+    def _size(self, event: yaml.AliasEvent) -> tuple[int, int]:
+        """Return the number of values that an alias repeats, and their depth."""
+        if any(each.anchor == event.anchor for each in self._open):
+            raise _refusal(event, f"an alias contains itself: {event.anchor[:40]!r}")
+        if event.anchor not in self._sizes:
+            raise _refusal(event, f"the alias {event.anchor[:40]!r} has no anchor")
+        return self._sizes[event.anchor]
+
+    def _add(self, count: int, height: int, event: yaml.Event) -> None:
+        self._count += count
+        if self._count > self._most:
+            raise _refusal(event, f"it has more than {self._most} values, those that aliases repeat included")
+        if len(self._open) + height > DEEPEST:
+            raise _refusal(event, f"it is nested deeper than {DEEPEST} levels")
+        if self._open:
+            self._open[-1].height = max(self._open[-1].height, height + 1)
+
+    def _close(self) -> None:
+        closed = self._open.pop()
+        self._keep(closed.anchor, self._count - closed.before, closed.height)
+        if self._open:
+            self._open[-1].height = max(self._open[-1].height, closed.height + 1)
+
+    def _keep(self, anchor: str | None, count: int, height: int) -> None:
+        if anchor is not None:
+            self._sizes[anchor] = (count, height)
+
+
+def _require_short(event: yaml.ScalarEvent) -> None:
+    """Raise an error for a number with too many digits, or for a long text whose tag makes it another type."""
+    if len(event.value) <= LONGEST_NUMBER:
+        return
+    plain = event.implicit[0] and _NUMBER_LIKE.match(event.value)
+    if plain or (event.tag is not None and event.tag not in _TEXT_TAGS):
+        text = f"a number, or a value with a tag, has {len(event.value)} characters; allowed: up to {LONGEST_NUMBER}"
+        raise _refusal(event, text)
+
+
+def _refusal(event: yaml.Event, problem: str) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
+
+
+def load_json(text: str | bytes, *, largest: int = LARGEST_TEXT) -> Any:
+    """Return the data of a JSON text.
+
+    Raises:
+        ValueError: the text is not JSON, has more than ``largest`` characters, or is nested too deeply.
+    """
+    if len(text) > largest:
+        raise ValueError(f"it has {len(text)} characters; allowed: up to {largest}")
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+
+
+def load_json_object(text: str | bytes, *, largest: int = LARGEST_TEXT) -> dict[str, Any]:
+    """Return the data of a JSON text whose outermost value is an object.
+
+    Raises:
+        ValueError: as for `load_json`, or the outermost value is no object.
+    """
+    data = load_json(text, largest=largest)
+    if not isinstance(data, dict):
+        raise ValueError(f"its outermost value is a {type(data).__name__}; allowed: an object")
+    return data
+
+
+def parse_xml(text: str) -> ElementTree.Element:
+    """Return the outermost element of an XML text without a document type, whose entities could expand without end.
+
+    Raises:
+        ValueError: the text is not XML, has a document type, or is too large.
+    """
+    if len(text) > LARGEST_XML:
+        raise ValueError(f"it has {len(text)} characters; allowed: up to {LARGEST_XML}")
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ValueError("it has a document type (<!DOCTYPE>, <!ENTITY>); allowed: elements only")
+    try:
+        return ElementTree.fromstring(text)
+    except (ElementTree.ParseError, UnicodeError) as error:
+        raise ValueError(str(error)) from error

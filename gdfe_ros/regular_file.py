@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that data name: read only if they are regular files of limited size, and kept inside of their folder.
+
+A path in a scene, a request or a bag may lead to a pipe, which never answers, to a device, which never ends, or out of
+the folder that is meant.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from pathlib import Path
+
+LARGEST = 2 << 30
+"""Largest size of a file that is read whole [bytes]."""
+NAME_PATTERN = "^[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}$"
+"""Pattern of a name that becomes a part of paths and of the log."""
+NAME_RULE = "1 to 64 letters, digits, _, - and .; the first is a letter, a digit or _"
+_PART = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}\Z")
+"""Pattern of a part of a path, which may be a name with a suffix."""
+
+
+def read_bytes(path: Path, *, most: int = LARGEST) -> bytes:
+    """Return the content of a regular file.
+
+    Raises:
+        OSError: the file cannot be read, is no regular file, or has more than ``most`` bytes.
+    """
+    # Without O_NONBLOCK, opening a pipe waits until another process writes to it.
+    number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with open(number, "rb") as file:
+        _require_regular(os.fstat(number), path, most)
+        return file.read()
+
+
+def read_text(path: Path, *, most: int = LARGEST, encoding: str = "utf-8") -> str:
+    """Return the content of a regular file as text, with each line end as a line feed.
+
+    Raises:
+        OSError: as for `read_bytes`.
+        UnicodeDecodeError: the file is not text.
+    """
+    return read_bytes(path, most=most).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def require_regular(path: Path, *, most: int = LARGEST) -> None:
+    """Check that a path leads to a regular file of at most ``most`` bytes, before another library reads it.
+
+    Raises:
+        OSError: there is no such file, or it is no regular file, or too large.
+    """
+    _require_regular(path.stat(), path, most)
+
+
+def _require_regular(status: os.stat_result, path: Path, most: int) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(f"{path} is no regular file; allowed: no folder, pipe, socket or device")
+    if status.st_size > most:
+        raise OSError(f"{path} has {status.st_size} bytes; allowed: up to {most}")
+
+
+def path_inside(folder: Path, name: str) -> Path:
+    """Return the path of an entry of a folder; every path that is built from data is made by this function.
+
+    Args:
+        folder: the folder.
+        name: name of the entry: a name that follows `NAME_PATTERN`, and possibly a suffix such as a date.
+
+    Raises:
+        ValueError: the name does not follow the rule, and could lead out of the folder.
+    """
+    if not _PART.match(name):
+        raise ValueError(f"the name {name[:80]!r} cannot be a part of a path; allowed: {NAME_RULE}")
+    return folder / name

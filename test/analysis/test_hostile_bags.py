@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags that someone else made to harm: each command refuses them in a line, soon, and without a traceback."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import String
+
+from gdfe_ros.cli import main
+from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.writer import BagWriter
+
+PATIENCE = 20.0
+"""Longest processor time of a refusal [s], with the imports of a command; without limits, it was minutes."""
+BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "\n".join(
+    f"{after}: &{after} [{', '.join([f'*{name}'] * 9)}]" for name, after in zip("abcdefgh", "bcdefghi", strict=True)
+)
+COMMANDS = {
+    "replay": lambda bag: ["replay", bag],
+    "export": lambda bag: ["export", bag, "--out", f"{bag}.csv"],
+    "report": lambda bag: ["report", bag, "--out", f"{bag}.html"],
+}
+
+
+def _entries(change: Callable[[dict[str, Any]], object]) -> Callable[[str], str]:
+    """Return a function that changes the entries of a step's record."""
+
+    def edit(text: str) -> str:
+        entries = json.loads(text)
+        change(entries)
+        return json.dumps(entries)
+
+    return edit
+
+
+RECORDS: dict[str, Callable[[str], str]] = {
+    "a step of 1e308 s": _entries(lambda entries: entries.update(dt=1e308)),
+    "a negative step": _entries(lambda entries: entries.update(dt=-1.0)),
+    "a time that is text": _entries(lambda entries: entries.update(time="soon")),
+    "deep nesting": lambda text: "[" * 200_000,
+    "a long number": lambda text: text.replace('"dt": ', '"dt": ' + "1" * 60_000, 1),
+    "a list": lambda text: "[1, 2]",
+    "handles that are a list": _entries(lambda entries: entries.update(handles=[1])),
+    "a pose of two numbers": _entries(lambda entries: entries.update(handles={"tip": [1, 2]})),
+    "a pose of texts": _entries(lambda entries: entries.update(handles={"tip": list("abcdef")})),
+    "a command that is NaN": _entries(lambda entries: entries.update(actuators={"tip": float("nan")})),
+    "a cut that is text": _entries(lambda entries: entries.update(cut_after="x")),
+    "a number beyond 64 bits": _entries(lambda entries: entries.update(stamp=10**30)),
+}
+RUNS: dict[str, Callable[[RunInfo], RunInfo]] = {
+    "settings that are a list": lambda run: replace(run, settings=[1, 2]),
+    "a machine that is a text": lambda run: replace(run, machine="x"),
+    "a node's settings that are a list": lambda run: replace(run, settings={**run.settings, "node": [1]}),
+    "a scene that is a bomb": lambda run: replace(run, scene=BOMB),
+    "a scene with a long number": lambda run: replace(run, scene="name: " + "1" * 60_000),
+    "a scene named like a path": lambda run: replace(run, scene=run.scene.replace("name: bend5", "name: ../../evil")),
+    "a scene that is empty": lambda run: replace(run, scene=""),
+}
+
+
+def _remade(
+    bag: Path,
+    out: Path,
+    *,
+    run: Callable[[RunInfo], RunInfo] = lambda run: run,
+    record: Callable[[str], str] = lambda text: text,
+    definition: Callable[[str], str] = lambda text: text,
+) -> Path:
+    """Write a bag again with changed contents, whose checksums are right."""
+    reader = BagReader(bag)
+    topics = [replace(topic, definition=definition(topic.definition)) for topic in reader.topics.values()]
+    writer = BagWriter(out, topics, run=run(reader.run))
+    for message in reader.messages():
+        data = message.data
+        if message.topic.endswith("/step_record"):
+            data = serialize_message(String(data=record(deserialize_message(data, String).data)))
+        writer.write(message.topic, data, message.log_time)
+    writer.close({})
+    return out
+
+
+def _refuse(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Give a bag to each command; it gives one line and status 2, or, if it does not read the part, its result."""
+    for command in COMMANDS.values():
+        began = time.process_time()
+        status = main(command(str(bag)))
+        assert time.process_time() - began < PATIENCE
+        told = capsys.readouterr()
+        assert status in (0, 1, 2)
+        assert "Traceback" not in told.err
+        assert len(told.err) < 5000
+    assert status == 2
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_hostile_record_is_refused(
+    make_bag: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """A step's record with a value that no step can have is refused by each command."""
+    _refuse(_remade(make_bag(heights=[0.0, 0.01]), tmp_path / "hostile", record=RECORDS[name]), capsys)
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_hostile_origin_is_refused(
+    make_bag: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """A scene or settings of another type, or that would take hours to read, are refused by each command."""
+    _refuse(_remade(make_bag(heights=[0.0, 0.01]), tmp_path / "hostile", run=RUNS[name]), capsys)
+
+
+def test_a_huge_definition_is_refused(
+    make_bag: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A definition of a type with 16 MB, whose parser took a minute, is refused."""
+    bag = _remade(
+        make_bag(heights=[0.0, 0.01]), tmp_path / "hostile", definition=lambda text: text + "\n# x" * 4_000_000
+    )
+    _refuse(bag, capsys)

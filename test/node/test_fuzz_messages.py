@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Random messages and requests to a node: it refuses or obeys them, answers soon, and does not grow."""
+
+from __future__ import annotations
+
+import os
+import random
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+MESSAGES = int(os.environ.get("TORTURE_EXAMPLES", "0")) * 20 or 1000
+"""Number of random messages; a tenth as many requests."""
+GROWTH, PATIENCE = 40.0, 60.0
+"""Largest growth of the memory [MB], and longest time of an answer on a busy machine [s]."""
+NUMBERS = (0.0, -1.0, 0.01, 1e-300, 1e300, float("inf"), float("nan"), 1e6)
+TEXTS = (
+    "",
+    "flexor",
+    "tip",
+    "base_link",
+    "moon",
+    "a" * 5000,
+    "\x1b[31m",
+    "{",
+    "[" * 500,
+    "../x",
+    "9" * 5000,
+    "&a [*a]",
+)
+KINDS: dict[str, type] = {
+    "actuation": JointState,
+    "commands": Float64MultiArray,
+    "trajectory": JointTrajectory,
+    "handles/base/target": PoseStamped,
+    "handles/base/velocity": TwistStamped,
+}
+
+
+def _fill(message: Any, dice: random.Random) -> Any:
+    """Give some fields of a message, and of the messages in it, random values of their types."""
+    for name, kind in message.get_fields_and_field_types().items():
+        value = getattr(message, name)
+        if dice.random() < 0.3:
+            continue
+        if hasattr(value, "get_fields_and_field_types"):
+            _fill(value, dice)
+        elif kind == "double":
+            setattr(message, name, dice.choice(NUMBERS))
+        elif kind == "string":
+            setattr(message, name, dice.choice(TEXTS))
+        elif kind == "sequence<double>":
+            setattr(message, name, [dice.choice(NUMBERS) for _ in range(dice.choice((0, 1, 2, 3, 500)))])
+        elif kind == "sequence<string>":
+            setattr(message, name, [dice.choice(TEXTS) for _ in range(dice.randrange(4))])
+        elif kind in ("int32", "uint32"):
+            setattr(message, name, dice.choice((0, 1, 2**31 - 1)))
+    if isinstance(message, JointTrajectory):
+        message.points = [_fill(JointTrajectoryPoint(), dice) for _ in range(dice.randrange(4))]
+    return message
+
+
+def _bytes(kind: type, dice: random.Random) -> bytes:
+    """Return a random message of a kind, whole, cut, changed, or any bytes."""
+    data = bytearray(serialize_message(_fill(kind(), dice)))
+    match dice.randrange(5):
+        case 0:
+            del data[dice.randrange(len(data)) :]
+        case 1:
+            data[dice.randrange(len(data))] = dice.randrange(256)
+        case 2:
+            data[4:] = dice.randbytes(dice.randrange(200))
+    return bytes(data)
+
+
+def _memory(pid: int) -> float:
+    """Return the resident memory of a process [MB]."""
+    lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1000.0
+
+
+def _ask(client: Any, dice: random.Random) -> float:
+    """Send a random request, and return the time of its answer [s]."""
+    from simulation_interfaces import srv
+
+    began = time.monotonic()
+    match dice.randrange(3):
+        case 0:
+            request = srv.SpawnEntity.Request(name=dice.choice(TEXTS), allow_renaming=True)
+            request.entity_resource.resource_string = dice.choice(TEXTS)
+            client.call(srv.SpawnEntity, "spawn_entity", request)
+        case 1:
+            request = srv.GetEntities.Request()
+            request.filters.filter = dice.choice((*TEXTS, ".*" * 20 + "!", "(a+)+$", "(", "a{1,60000}"))
+            client.call(srv.GetEntities, "get_entities", request)
+        case _:
+            value = ParameterValue(type=dice.randrange(10), double_value=dice.choice(NUMBERS))
+            value.string_value, value.string_array_value = dice.choice(TEXTS), [dice.choice(TEXTS)]
+            names = ("rate", "dt", "follow", "scene_overrides", "state_path", "command_set", "nothing", "marker_field")
+            parameters = [Parameter(name=dice.choice(names), value=value)]
+            client.call(SetParameters, "set_parameters", SetParameters.Request(parameters=parameters))
+    return time.monotonic() - began
+
+
+def test_random_messages_and_requests(client: Any, start: Callable, interfaces: Callable) -> None:
+    """A node under random messages and requests stays active, answers soon, does not grow, and obeys afterwards."""
+    for package in ("tf2_msgs", "simulation_interfaces"):
+        interfaces(package)
+    process = start(scene="tendon_finger", heartbeat=0.2)
+    client.wait(client.records)
+    dice, slowest, before = random.Random(1), 0.0, 0.0
+    publishers = {
+        topic: client.node.create_publisher(kind, client.full(topic), 100)
+        for topic, kind in KINDS.items()
+        if not topic.startswith("handles") or client.node.count_subscribers(client.full(topic))
+    }
+    for number in range(MESSAGES):
+        topic = dice.choice(list(publishers))
+        publishers[topic].publish(_bytes(KINDS[topic], dice))
+        client.spin(0.001)
+        if number % 10 == 0:
+            slowest = max(slowest, _ask(client, dice))
+        if number == MESSAGES // 4:
+            before = _memory(process.pid)
+    assert client.state() == "active"
+    assert slowest < PATIENCE
+    growth = _memory(process.pid) - before
+    print(f"{MESSAGES} messages; slowest answer {slowest:.2f} s, growth {growth:.1f} MB")
+    assert growth < GROWTH
+    assert "\x1b" not in process.log
+    assert process.stop() == 0
