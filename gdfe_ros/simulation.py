@@ -295,7 +295,7 @@ class Simulation:
 
     def remarks(self) -> list[str]:
         """Return remarks on the scene, e.g. on unstable materials or contrasts beyond the policy's calibration."""
-        return remarks(self.scene, self.policy)
+        return [*remarks(self.scene, self.policy), *self.stepper.equilibrium.remarks]
 
     def set_positions(self, positions: ArrayLike) -> None:
         """Set the vertex positions from which the next step starts, e.g. those of another simulation.

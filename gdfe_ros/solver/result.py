@@ -22,9 +22,11 @@ class StepResult:
         positions: (n, 3) float64 [m], a copy.
         converged: whether the error estimate is at most the tolerance, every handle is at its commanded pose, and no
             element is folded or inverted.
-        iterations: number of linear solves with the constant matrix.
+        iterations: number of iterations; each evaluates the body and solves a linear system once.
         error_estimate: estimated largest distance of a vertex to the equilibrium, divided by the body's size. Infinite
             if it is unknown, for example if the deadline ended the solve.
+        estimated: whether ``error_estimate`` is only an estimate, because the body's tangent is too expensive to be
+            factored, and the constant matrix takes its place.
         energy: strain energy [J].
         min_det: least volume ratio det F at a corner of an element; for a cut cell, of the whole box. Not positive if
             an element is folded or inverted.
@@ -38,9 +40,9 @@ class StepResult:
         policy: the policy of the solve.
         factorisation: the library that solves with the constant matrix.
         message: description of the defect; empty if there is none.
-        stable: whether the energy has positive curvature in every direction. This is checked when a motion begins or
-            is not smooth, and at intervals. False: the body is at a saddle of the energy and leaves it when
-            pushed. None: not checked, or not converged.
+        stable: whether the energy has positive curvature in every direction. This is proved after cold and far steps,
+            when the strain energy has grown much, and at intervals. False: the body is at a saddle of the energy and
+            leaves it when pushed. None: not known, or not converged.
         cut_after: number of time checks before the deadline of the solve passed; None if it did not pass.
         actuators: dict from actuator name to its command, length or volume, and tension or pressure.
         terms: dict from the name of a term that was added to the simulation to its report.
@@ -67,6 +69,7 @@ class StepResult:
     factorisation: str
     message: str = ""
     stable: bool | None = None
+    estimated: bool = False
     cut_after: int | None = None
     contacts: dict[str, Touch] = field(default_factory=dict)
     actuators: dict[str, ActuatorState] = field(default_factory=dict)

@@ -52,7 +52,7 @@ class Solution:
 
     Attributes:
         state: the final state, still without the histories, the motion and the dormancy state that `accept` adds.
-        iterations: number of linear solves with the constant matrix.
+        iterations: number of iterations.
         cut: whether the limit or the deadline ended the solve.
         diverged: whether the energy has no lower bound.
         exhausted: whether no further descent was possible, because of the energy's rounding or at a kink of the energy.

@@ -171,7 +171,7 @@ class Summary:
         actuators: dict from actuator name to its state.
         terms: dict from the name of a further term to its report.
         message: description of the defect; empty if there is none.
-        stable: as in `StepResult`.
+        stable, estimated: as in `StepResult`.
     """
 
     converged: bool
@@ -183,6 +183,7 @@ class Summary:
     terms: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     message: str = ""
     stable: bool | None = None
+    estimated: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

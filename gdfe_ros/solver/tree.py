@@ -47,7 +47,7 @@ _ADDED = {
     states.ElementState: {"hourglass_scale_before"},
     states.Snapshot: {"scene", "joints", "links"},
     states.State: {"soft"},
-    states.Summary: {"stable"},
+    states.Summary: {"stable", "estimated"},
     Ledger: {"bound"},
 }
 """Dict from dataclass to the fields that older archives lack."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Minimisation of the potential: L-BFGS with the constant matrix, its workspace, history and stopping criteria."""
+"""Minimisation of the potential: L-BFGS around a tangent that turns with the body."""

@@ -155,6 +155,16 @@ class EquilibriumSolver:
         self._loaded = None
         return solve.evaluate(self._whole, self.matrix.coupling, threads=None)
 
+    @property
+    def remarks(self) -> list[str]:
+        """Remarks on the accuracy of solves: whether the body has no tangent, and why."""
+        level = self.minimiser.level
+        if level.affordable:
+            return []
+        text = f"the factor of the body's tangent would take {level.memory / 1e9:.2g} GB"
+        fits = "it is made only where a solve needs it" if level.fits else "which are not free"
+        return [f"{text}, {fits}; error estimates rest on the constant matrix and are rough; remedy: coarser cells"]
+
     def observe(self, observer: Observer | None) -> None:
         """Set the observer, which is called with the energy of every iteration; None for none."""
         self.minimiser.observer = observer

@@ -36,7 +36,7 @@ tolerance. The updates of the next step reduce these errors.
 SLOW = 10
 """If this number of updates of exact minimisations does not settle the constraints, the minimisations become finer."""
 MOST_UPDATES = 200
-"""Limit of the updates of pressures, multipliers and scales in one solve. A confined, nearly incompressible body needs most."""
+"""Limit of the updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need most."""
 TOO_STRONG = "a load or an actuator is so strong that the rounding of its energy hides the energy of the body"
 TOO_DEEP = "surfaces that were apart entered each other so deeply that contact could not separate them"
 
@@ -228,6 +228,7 @@ class Solve:
             actuators=self._actuation.states(positions, problem.commands, self._operators),
             terms=self._actuation.reports(positions),
             message=message,
+            estimated=self._minimiser.tangent is None and len(active.unknowns.free) > 0,
         )
         carried = len(active.carried) > 0
         elements = ElementState(

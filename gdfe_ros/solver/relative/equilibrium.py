@@ -69,6 +69,11 @@ class RelativeEquilibrium:
     def observe(self, observer: Observer | None) -> None:
         """Do nothing: this policy has no energy to observe."""
 
+    @property
+    def remarks(self) -> list[str]:
+        """No remarks: the constant matrix is the whole method."""
+        return []
+
     def at_rest(self) -> State:
         """Return the undeformed state; the captured shapes are the rest shapes, with zero strain."""
         body, loose = self._body, np.zeros((len(self._body.unknowns.slides), 3))

@@ -61,6 +61,7 @@ def step_result(
         factorisation=stepper.equilibrium.matrix.kind.value,
         message=summary.message,
         stable=summary.stable if summary.converged else None,
+        estimated=summary.estimated,
         cut_after=limit.after if limit else None,
         velocities=None if velocities is None else velocities[own],
         energies=stepper.energies(state),

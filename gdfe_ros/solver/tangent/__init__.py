@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The factored tangent stiffness: preconditioner of slender bodies, and estimate of their distance to equilibrium."""
+"""The factored tangent stiffness: preconditioner of a solve, and proof that an equilibrium is a minimum."""

@@ -92,9 +92,13 @@ class TangentLevel:
 
     @property
     def fits(self) -> bool:
-        """Whether a factor and the elements' tangents fit into half of the memory that is free."""
-        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-        return self._factor.memory + self._elements.memory <= 0.5 * free
+        """Whether they fit into half of the memory that is free."""
+        return self.memory <= 0.5 * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+    @property
+    def memory(self) -> int:
+        """Memory [bytes] of a factor and of the elements' tangents."""
+        return self._factor.memory + self._elements.memory
 
     def take(
         self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, definite: bool = False

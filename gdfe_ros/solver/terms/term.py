@@ -104,15 +104,15 @@ class Term:
         return np.zeros((0, 1), np.int32)
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the term's part (k, 3 c, 3 c) [N/m] of the kept tangent of slender bodies.
+        """Return the term's part (k, 3 c, 3 c) [N/m] of the kept tangent, between neighbours.
 
-        The part is positive semi-definite, and couples only neighbours. It speeds up the minimisation; no equilibrium
-        depends on it.
+        It speeds up the minimisation; no equilibrium depends on it. If it is the whole second derivative (`exact`), a
+        factor of the tangent proves the stability of an equilibrium.
         """
         return np.zeros((0, 3, 3))
 
     def springs(self, positions: NDArray[np.float64]) -> Springs:
-        """Return springs at ``positions`` (n, 3) [m] between vertices that nothing else couples.
+        """Return springs at ``positions`` (n, 3) [m] between vertices that nothing else couples, as G^T G.
 
         Springs have the same purpose as `tangents`, but are few, and may change from solve to solve.
         """
