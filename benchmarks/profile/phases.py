@@ -126,6 +126,7 @@ class Counts:
             metric: Metric,
             size: float,
             target: float,
+            proven: bool,
             most: int,
             limit: int,
             begins: bool,
@@ -135,7 +136,7 @@ class Counts:
             while True:
                 kept = len(metric.kept.order) > 0
                 turned, evaluations = status["turned"] > FOLLOWED * size, int(status["evaluations"])
-                used = descend(problem, work, metric, size, target, most, min(1, limit - done), begins)
+                used = descend(problem, work, metric, size, target, proven, most, min(1, limit - done), begins)
                 done, begins = done + used, False
                 solved = done < limit or used > 0
                 counts[SOLVES] += solved

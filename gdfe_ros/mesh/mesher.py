@@ -54,7 +54,7 @@ def run_script(
         command = [sys.executable, str(script), kind, str(asked), str(answer)]
         try:
             # Meshers write files into their working directory.
-            options = {"cwd": folder, "capture_output": True, "text": True, "timeout": longest}
+            options = {"cwd": folder, "capture_output": True, "text": True, "errors": "replace", "timeout": longest}
             done = subprocess.run(command, **options, check=False)
         except subprocess.TimeoutExpired as error:
             text = f"the {noun} did not end in {longest:g} s; remedy: a larger size, or a simpler file"

@@ -137,10 +137,13 @@ class Unfinished:
     Attributes:
         tolerance: tolerance of the unfinished minimisation.
         iterations: number of iterations since the last finished solve.
+        steps, changes: (k, 3 r) [m] and [N] the pairs of the history, oldest first; None in older archives.
     """
 
     tolerance: float
     iterations: int
+    steps: Array | None = None
+    changes: Array | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -48,6 +48,7 @@ _ADDED = {
     states.Snapshot: {"scene", "joints", "links"},
     states.State: {"soft"},
     states.Summary: {"stable", "estimated"},
+    states.Unfinished: {"steps", "changes"},
     Ledger: {"bound"},
 }
 """Dict from dataclass to the fields that older archives lack."""

@@ -71,8 +71,8 @@ def test_any_command(
         assert _snapshot(simulation) == before
         return
     assert np.isfinite(result.positions).all()
-    assert np.isfinite([result.energy, result.error_estimate, result.min_det]).all()
-    assert result.converged or result.message
+    assert np.isfinite([result.energy, result.min_det]).all()
+    assert np.isfinite(result.error_estimate) if result.converged else result.message
 
 
 def test_the_simulation_recovers(simulation: Simulation) -> None:

@@ -23,7 +23,7 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
 from gdfe_ros.solver.tangent.tangent import Tangent
 
-SHARE, MOVING, FREE = 0.5, 0.1, 0.02
+SHARE, MOVING, FREE = 0.2, 0.1, 0.02
 """A minimisation ends if its distance to the equilibrium, divided by the tolerance, is at most this: in statics, in
 motion, and in the motion of bodies that nothing holds. Only the accuracy of the solve conserves their momentum.
 """

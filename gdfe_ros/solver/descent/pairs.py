@@ -14,7 +14,11 @@ The direction is d = -z. Because M enters only through the product M^-1 q, it ma
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gdfe_ros.compiled import vector_kernel
+from gdfe_ros.solver.descent.workspace import Workspace, numbers
 
 
 @vector_kernel
@@ -68,3 +72,18 @@ def remember(work):
     status.head = (i + 1) % len(work.curvature)
     status.count = min(status.count + 1, len(work.curvature))
     return True
+
+
+def history(work: Workspace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the steps and changes (k, 3 r) of the history, oldest first; copies."""
+    status = numbers(work)
+    rows = (int(status["head"]) - int(status["count"]) + np.arange(int(status["count"]))) % len(work.curvature)
+    return work.steps[rows], work.changes[rows]
+
+
+def load_history(work: Workspace, steps: NDArray[np.float64], changes: NDArray[np.float64]) -> None:
+    """Set the history of a workspace to steps and changes (k, 3 r), oldest first."""
+    status, count = numbers(work), len(steps)
+    work.steps[:count], work.changes[:count] = steps, changes
+    work.curvature[:count] = np.einsum("ki,ki->k", steps, changes)
+    status["count"], status["head"] = count, count % len(work.curvature)

@@ -38,7 +38,7 @@ class DescentSchedule:
     def aim(self, *, confirms: bool) -> float:
         """Return the tolerance of the next minimisation; if it only ``confirms`` the positions, that of the solve."""
         if confirms:
-            self._aim = max(self._finest, self._tolerance)
+            self._aim = max(self._finest, min(self._tolerance, self._actuation.resolution))
             return self._aim
         coarser = COARSER[self._count] if self._count < len(COARSER) and self.present > self._tolerance else 1.0
         if self._count == 0 and self._patient:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Task
+from gdfe_ros.solver.descent.pairs import history, load_history
 from gdfe_ros.solver.descent.search import ROUNDING
 from gdfe_ros.solver.descent.workspace import End, Problem
 from gdfe_ros.solver.elements.fields import store_energies
@@ -144,6 +145,8 @@ class Solve:
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
         """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
         self._minimiser.begin(active, self._tangent)
+        if self._resumed is not None and self._resumed.steps is not None:
+            load_history(active.workspace, self._resumed.steps, self._resumed.changes)
         task = self._placed(active, coupling, threads)
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
         self._schedule = self._scheduled(updates=updates)
@@ -251,7 +254,7 @@ class Solve:
                 elements=elements,
                 operators=self._operators,
                 tangent=self._minimiser.used_tangent(),
-                unfinished=self._unfinished() if self._cut and not converged else None,
+                unfinished=self._unfinished(active) if self._cut and not converged else None,
                 summary=summary,
             ),
             iterations=self.iterations,
@@ -328,9 +331,11 @@ class Solve:
         message = f"{reason}: about {estimate:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
         return False, estimate, message
 
-    def _unfinished(self) -> Unfinished:
+    def _unfinished(self, active: ActiveSet) -> Unfinished:
         done = self._resumed.iterations if self._resumed else 0
-        return Unfinished(tolerance=self._schedule.present, iterations=done + self.iterations)
+        steps, changes = history(active.workspace)
+        tolerance = self._schedule.present
+        return Unfinished(tolerance=tolerance, iterations=done + self.iterations, steps=steps, changes=changes)
 
 
 def _followed_scale(elements: ElementState, ratio: float) -> NDArray[np.float64]:

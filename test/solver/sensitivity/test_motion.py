@@ -59,7 +59,12 @@ CASES: Mapping[str, Case] = {
     "density": ("materials.soft.density", soft("density", 1100.0), 11.0, {}),
     "bdf2": ("materials.soft.young", soft("young", 1e5), 1e3, damped(scheme="bdf2")),
     "newmark": ("materials.soft.young", soft("young", 1e5), 1e3, damped(scheme="newmark")),
-    "volume": ("materials.soft.poisson", soft("poisson", 0.495), 5e-5, {"materials.soft.poisson": 0.495}),
+    "volume": (
+        "materials.soft.poisson",
+        soft("poisson", 0.495),
+        5e-5,
+        {"materials.soft.poisson": 0.495, "solver.tolerance": 1e-10},
+    ),
     "tension": ("actuators.a", lambda change: (Command(actuators={"a": 0.3 + change}), {}), 3e-3, {}),
     "shortening": (
         "actuators.a",
