@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.loop import UNPROVEN
-from gdfe_ros.solver.descent.minimiser import LEAST_AGE, SHARE, Minimiser, Task
+from gdfe_ros.solver.descent.minimiser import SHARE, Minimiser, Task
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.distance import largest, largest_distance
 from gdfe_ros.solver.equilibrium.solve import Solve
@@ -26,7 +25,7 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
 from gdfe_ros.solver.value import changed
 
-GROWTH, LONG = 2.0, 1e-2
+GROWTH, LONG = 4.0, 1e-2
 """A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex moves by
 more than this multiple of the body's size in one solve.
 """
@@ -104,9 +103,8 @@ class Stability:
         start, energy = solve.start, found.state.summary.energy
         if start.proved is None or energy > GROWTH * start.proved or solve.interrupted:
             return True
-        costly = found.iterations > max(LEAST_AGE, self._minimiser.level.price)
         overdue = self._minimiser.is_overdue(found.state.tangent)
-        return costly or overdue or largest_distance(found.positions, start.positions) > LONG * self._size
+        return overdue or largest_distance(found.positions, start.positions) > LONG * self._size
 
     def _proved(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
         stable, distance = None, np.inf
@@ -121,7 +119,7 @@ class Stability:
             stable, direction = self._verdict(task, definite=definite)
             late = past(solve.problem.deadline) or found.iterations >= solve.problem.limit
             distance, step = self._minimiser.newton_step(task)
-            near = distance <= SHARE * UNPROVEN * solve.problem.tolerance
+            near = distance <= SHARE * solve.problem.tolerance
             if late or (near and stable is not False):
                 return _told(_at(found, distance), stable=stable)
             solve.go_on_from(found.state)
