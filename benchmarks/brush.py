@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A brush: bristles on an elastic palm, of which a few are moved. The work for the other bristles can be skipped."""
+"""A brush: bristles on an elastic palm, of which a few are moved."""
 
 from __future__ import annotations
 

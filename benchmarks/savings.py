@@ -60,7 +60,7 @@ class Saving:
         elements: number of elements of the body.
         left: number of elements that the skip leaves out in the median step.
         time_without, time_with: median processor time of a step [s].
-        mean_without, mean_with: mean processor time of a step [s], including steps that make frozen elements active.
+        mean_without, mean_with: mean processor time of a step [s].
         error: mean distance between the two final states, divided by the largest displacement; None if the two runs
             have different materials.
     """
@@ -123,23 +123,13 @@ def saving(name: str, skip: Skip, scene: Scene, motion: Motion) -> Saving:
 
 def savings() -> list[Saving]:
     """Return the savings of all skips."""
-    return [*dormant_savings(), *small_savings(), *linear_savings()]
+    return [repeated_saving(), *small_savings(), *linear_savings()]
 
 
-def dormant_savings() -> list[Saving]:
-    """Return the savings if 100, 50, 10 or 1 of a hundred bristles move, and if one command is repeated."""
-    found = []
-    for moved in (BRUSH.bristles, BRUSH.bristles // 2, BRUSH.bristles // 10, 1):
-        name = f"brush, {moved} of {BRUSH.bristles} bristles move"
-        found.append(
-            saving(
-                name, Skip.DORMANT, BRUSH.scene(BRUSH.bristles), lambda amount, n=moved: BRUSH.bent(range(n), amount)
-            )
-        )
-    found.append(
-        saving("brush, no new command", Skip.SOLVE, BRUSH.scene(BRUSH.bristles), lambda _: BRUSH.bent([0], 0.1))
-    )
-    return found
+def repeated_saving() -> Saving:
+    """Return the saving if one command is repeated."""
+    scene = BRUSH.scene(BRUSH.bristles)
+    return saving("brush, no new command", Skip.SOLVE, scene, lambda _: BRUSH.bent([0], 0.1))
 
 
 def small_savings() -> list[Saving]:

@@ -88,6 +88,7 @@ class Worker:
             self._process = None
 
     def _start(self) -> subprocess.Popen[str]:
+        TREES.mkdir(parents=True, exist_ok=True)
         program = START.format(tree=str(self._tree), root=str(ROOT))
         own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         process = subprocess.Popen(

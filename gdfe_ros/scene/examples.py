@@ -286,7 +286,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     schema.PointModel: ("{time: 1.0, value: 5.0}",),
     schema.SolverModel: (
         "{policy: energy, tolerance: 1.0e-5, steps: 20, max_iterations: 500, threads: 2, "
-        "skip: [solve, dormant elements], torsion: section}",
+        "skip: [solve, pressure updates], torsion: section}",
     ),
 }
 """Dict from the model of each kind of entry to its example texts; keys that exclude each other have separate texts."""

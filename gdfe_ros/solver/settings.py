@@ -33,7 +33,6 @@ class Skip(str, Enum):
 
     SOLVE = "solve"
     HANDLES = "elements inside handles"
-    DORMANT = "dormant elements"
     SHAPE_FACTORS = "shape factor updates"
     PRESSURES = "pressure updates"
     EIGENVALUES = "eigenvalues"

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.descent.active_set import Movable
 from gdfe_ros.solver.state import Balance, State
 
 
@@ -26,6 +25,7 @@ class Increment:
         limit: largest number of iterations.
         deadline: once it has passed, the solve returns its best positions so far; None for no deadline.
         begins, ends: fractions of the load path at which the increment begins and ends.
+        divisible: whether a shorter increment may follow, so that a solve is given up once a chamber inflates.
         keeping: relative tolerance of commanded lengths and of hourglass scales; None stands for ``tolerance``.
         volumes: relative tolerance of the volumes of elements with a pressure; None stands for ``keeping``.
     """
@@ -37,6 +37,7 @@ class Increment:
     deadline: Deadline | None = None
     begins: float = 0.0
     ends: float = 1.0
+    divisible: bool = False
     keeping: float | None = None
     volumes: float | None = None
 
@@ -51,7 +52,7 @@ class Solution:
     """Result of a solve; the equilibrium solver's `accept` completes its state.
 
     Attributes:
-        state: the final state, still without the histories, the motion and the dormancy state that `accept` adds.
+        state: the final state, still without the motion that `accept` adds.
         iterations: number of iterations.
         cut: whether the limit or the deadline ended the solve.
         diverged: whether the energy has no lower bound.
@@ -59,8 +60,6 @@ class Solution:
         buried: whether surfaces penetrate each other deeply; a depth just above the tolerance does not count.
         began: (n, 3) positions at the beginning of the solve [m].
         balance: energy balance of the equilibrium; None if the state is no equilibrium, or has no energy.
-        tolerance: the requested tolerance.
-        active: the unknowns of the solve.
         run: serial number of the solve; `accept` takes only the solution of the last solve.
     """
 
@@ -72,8 +71,6 @@ class Solution:
     buried: bool = False
     began: NDArray[np.float64]
     balance: Balance | None = None
-    tolerance: float
-    active: Movable
     run: int = 0
 
     @property

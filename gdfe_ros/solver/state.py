@@ -81,56 +81,6 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DormancyState:
-    """State of the dormancy: which vertices are frozen, and the search for vertices to freeze; see `Dormancy`.
-
-    Attributes:
-        awake: (n,) bool, vertices that are not frozen; None if none is frozen.
-        known: forces and energies of the frozen elements; None if they are not evaluated yet.
-        border: (k, 3) dE/dx [N] of the watched vertices when ``known`` was evaluated; None if ``known`` is None.
-        yielding: estimated displacement [m] of the frozen vertices per 1 N of change of the forces ``border``, as last
-            computed; infinite before the first computation.
-        before: (n, 3) positions [m] after the last examined step; the undeformed positions before the first.
-        calm: (n,) bool, vertices that were at rest in all counted steps.
-        count: number of counted steps.
-        patience: number of successive steps for which a vertex must be at rest before it is frozen.
-        rests: number of steps to skip before the next examination.
-        longer_rest: number of steps that the last pause skipped; the next pause skips twice as many.
-        lasted: number of steps that were solved with only the present awake part, since this part was chosen or the
-            whole body was last solved.
-    """
-
-    awake: NDArray[np.bool_] | None
-    known: Known | None
-    border: Array | None
-    yielding: float
-    before: Array | None
-    calm: NDArray[np.bool_]
-    count: int
-    patience: int
-    rests: int
-    longer_rest: int
-    lasted: int
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Known:
-    """Forces and energies of the elements at the positions at which a part of them was frozen.
-
-    Attributes:
-        force: (m, c, 3) corner forces [N].
-        energies: (m,) energies [J] that the kernels minimise.
-        stored: (m,) energies [J] with the volume energy of the material law.
-        least: (m,) least volume ratio at a corner.
-    """
-
-    force: Array
-    energies: Array
-    stored: Array
-    least: Array
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Unfinished:
     """Progress of a solve that the limit or the deadline ended; the next solve continues from it.
 
@@ -205,7 +155,6 @@ class State:
         elements, shapes: state of the elements under the policies ``energy`` and ``relative``.
         operators: operators of the elements at the present growth.
         tangent: the tangent that preconditions the minimisation; None stands for that of the undeformed body.
-        sleep: dormancy state; None if freezing is disabled.
         unfinished: progress of the last solve if the limit or the deadline ended it; otherwise None.
         proved: strain energy [J] of the last equilibrium whose stability was examined; None if none was.
         balance: energy balance of the equilibrium; None if this state is no equilibrium, or has no energy.
@@ -231,7 +180,6 @@ class State:
     shapes: ShapeState | None = None
     operators: Operators
     tangent: Tangent | None = None
-    sleep: DormancyState | None = None
     unfinished: Unfinished | None = None
     proved: float | None = None
     balance: Balance | None

@@ -24,10 +24,8 @@ _VALUES = (
     Ledger,
     states.Balance,
     states.ElementState,
-    states.Known,
     states.Motion,
     states.ShapeState,
-    states.DormancyState,
     states.Snapshot,
     states.State,
     states.Summary,
@@ -36,8 +34,8 @@ _VALUES = (
     Pose,
     Tangent,
 )
-_CLASSES = {kind.__name__: kind for kind in _VALUES} | {"Sleep": states.DormancyState}
-"""Dict from name to a dataclass that a tree may contain; the last name occurs only in older archives."""
+_CLASSES = {kind.__name__: kind for kind in _VALUES}
+"""Dict from name to a dataclass that a tree may contain."""
 
 _RENAMED = {states.Summary: {"residual": "error_estimate"}}
 """Dict from dataclass to a dict from a field's name in older archives to its present name."""

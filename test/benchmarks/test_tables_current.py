@@ -29,7 +29,6 @@ OLDER: dict[str, str] = {
     "motion": ONE_LOOP,
     "robots": ONE_LOOP,
     "since": ONE_LOOP,
-    "skip": f"{ONE_LOOP}; the brush has a kept tangent now, so that no part of it is frozen",
     "streams": ONE_LOOP,
     "threads": ONE_LOOP,
     "torture": ONE_LOOP,

@@ -94,7 +94,7 @@ def test_a_long_solve_is_ended_where_somebody_waits_for_its_end(client: Any, sta
 
     A solve may end by itself before `deactivate` arrives. The node is then kept busy once more.
     """
-    fine = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 8, 8]", "solver.tolerance=1e-12"]}
+    fine = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[40, 12, 12]", "solver.tolerance=1e-12"]}
     process = start(**fine, clock="lockstep")
 
     def is_solving() -> bool:

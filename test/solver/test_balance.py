@@ -50,7 +50,7 @@ def _solution(state: State) -> Solution:
 
 
 def _solution_of(state: State) -> Solution:
-    options = {"tolerance": 1e-4, "active": None, "began": state.positions + 1.0, "balance": state.balance}
+    options = {"began": state.positions + 1.0, "balance": state.balance}
     return Solution(state=state, iterations=1, **options)
 
 

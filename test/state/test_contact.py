@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact together with other state: checkpoints, cut steps, dormancy, and places far from the origin."""
+"""Contact together with other state: checkpoints, cut steps, and places far from the origin."""
 
 from __future__ import annotations
 
@@ -69,17 +69,6 @@ def test_steps_that_are_cut_arrive_at_the_same_contact() -> None:
     assert result.converged
     assert np.abs(result.positions - target.positions).max() < 5e-4 * whole.mesh.size
     assert result.reactions["pin"][2] == pytest.approx(target.reactions["pin"][2], rel=0.03)
-
-
-def test_a_part_that_sleeps_wakes_when_it_is_touched() -> None:
-    """A dormant bar that is pressed near its far end yields as a bar without dormancy does."""
-    sleepy, awake = make(), make(solver={"skip": []})
-    for simulation in (sleepy, awake):
-        for z in np.linspace(0.0, 0.002, 6):
-            simulation.step(Command(handles={"base": Pose((0.0, 0.0, float(z)))}))
-        pressed(simulation, [(0.0, 0.01)])
-    assert np.abs(sleepy.positions - awake.positions).max() < 5e-4 * sleepy.mesh.size
-    assert sleepy.result.reactions["pin"][2] == pytest.approx(awake.result.reactions["pin"][2], rel=0.05)
 
 
 def test_far_from_the_origin_it_is_the_same_contact() -> None:

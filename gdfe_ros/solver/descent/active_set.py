@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The part of a body that a solve moves and evaluates: the whole body, or its awake part."""
+"""What a solve moves and evaluates: unknowns, elements, and the arrays for them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.workspace import End, Workspace, allocate, allocate_part, numbers
+from gdfe_ros.solver.descent.workspace import End, Workspace, allocate, numbers
 from gdfe_ros.solver.elements.blocks import Blocks
 from gdfe_ros.solver.elements.tet_blocks import TetBlocks
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -27,39 +27,22 @@ _ENDS = tuple(End)
 
 
 @dataclass(frozen=True, eq=False)
-class Movable:
-    """The unknowns of a solve.
-
-    Attributes:
-        unknowns: numbering of the unknowns.
-        frozen: int32 vertices that belong to no handle and that the solve does not move.
-        matrix: the constant matrix of the unknowns.
-    """
-
-    unknowns: Unknowns
-    frozen: NDArray[np.int32]
-    matrix: ConstantMatrix
-
-    @classmethod
-    def all_of(cls, unknowns: Unknowns, matrix: ConstantMatrix) -> Movable:
-        """Return a `Movable` with these unknowns and this matrix, without frozen vertices."""
-        return cls(unknowns, np.zeros(0, np.int32), matrix)
-
-
-@dataclass(frozen=True, eq=False)
-class ActiveSet(Movable):
+class ActiveSet:
     """Unknowns of a solve, the elements that it evaluates, and their workspace.
 
     Attributes:
-        elements: (k,) int32 evaluated elements; the forces of all other elements stay constant.
+        unknowns: numbering of the unknowns.
+        matrix: the constant matrix of the unknowns.
+        elements: (k,) int32 evaluated elements; all others are inside of handles and have no forces.
         carried: int32 evaluated elements whose pressures are updated.
         softening: int32 evaluated elements whose hourglass scales are updated.
         blocks: the evaluated elements in the layout of the kernels, for a body without growth.
         skipped: dict from kind of work to the number of elements for which it is left out.
-        workspace: the arrays of its minimisations; the awake part uses the same arrays of positions and forces as the
-            whole body.
+        workspace: the arrays of its minimisations.
     """
 
+    unknowns: Unknowns
+    matrix: ConstantMatrix
     elements: NDArray[np.int32]
     carried: NDArray[np.int32]
     softening: NDArray[np.int32]
@@ -85,32 +68,8 @@ class ActiveSet(Movable):
                 elements = elements[~inside]
                 blocks = body.blocks_of(elements)
         work = allocate(body.unknowns.rows, body.rest, body.cells.shape)
-        none = np.zeros(0, np.int32)
         updated = _updated(body, elements, skip)
-        skipped = _skipped(body, elements, elements, *updated)
-        return cls(body.unknowns, none, matrix, elements, *updated, blocks, skipped, work)
-
-    def part(self, body: Body, awake: NDArray[np.bool_], skip: Collection[Skip]) -> ActiveSet:
-        """Return the active set of the free vertices that are ``awake`` (n,) and the elements around them."""
-        elements = self.elements[awake[body.cells[self.elements]].any(axis=1)]
-        free = self.unknowns.free
-        unknowns = self.unknowns.restricted(free[awake[free]])
-        work, updated = allocate_part(unknowns.rows, self.workspace), _updated(body, elements, skip)
-        return ActiveSet(
-            unknowns,
-            free[~awake[free]],
-            self.matrix.part(unknowns),
-            elements,
-            *updated,
-            body.blocks_of(elements),
-            _skipped(body, self.elements, elements, *updated),
-            work,
-        )
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether no vertex is frozen."""
-        return not len(self.frozen)
+        return cls(body.unknowns, matrix, elements, *updated, blocks, _skipped(body, elements, *updated), work)
 
     @cached_property
     def status(self) -> np.void:
@@ -138,7 +97,7 @@ class ActiveSet(Movable):
         """Set the unknowns to the start of a minimisation.
 
         Args:
-            positions: (n, 3) [m] of the free vertices, frozen ones included.
+            positions: (n, 3) [m] of the free vertices.
             base: (n, 3) [m]; only the rows of handle vertices are read.
             slides: (p, 3) translations [m] of the handles with a free axis.
             turns: (p, 3) rotation vectors [rad] of these handles.
@@ -199,19 +158,11 @@ def _updated(
 
 
 def _skipped(
-    body: Body,
-    movable: NDArray[np.int32],
-    elements: NDArray[np.int32],
-    carried: NDArray[np.int32],
-    softening: NDArray[np.int32],
+    body: Body, elements: NDArray[np.int32], carried: NDArray[np.int32], softening: NDArray[np.int32]
 ) -> dict[str, int]:
-    """Return a dict from kind of work to the number of elements for which it is left out.
-
-    ``elements`` are evaluated; ``movable`` are the elements that would be evaluated if all vertices were awake.
-    """
+    """Return a dict from kind of work to the number of elements for which it is left out."""
     counts = {
-        Skip.HANDLES: len(body.material) - len(movable),
-        Skip.DORMANT: len(movable) - len(elements),
+        Skip.HANDLES: len(body.material) - len(elements),
         Skip.SHAPE_FACTORS: len(elements) - len(softening),
         Skip.PRESSURES: len(elements) - len(carried),
         Skip.EIGENVALUES: int((body.table.law[body.material[elements]] != Law.OGDEN).sum()),

@@ -52,12 +52,14 @@ class Task:
         problem: the constant data.
         coupling: the constant matrix, and its coupling to the rigid rows of handles.
         deadline: once it has passed, the minimisation ends; None for no deadline.
+        gives_up: whether the minimisation ends at positions (n, 3) [m] at which the tangent is indefinite.
     """
 
     active: ActiveSet
     problem: Problem
     coupling: Coupling
     deadline: Deadline | None = None
+    gives_up: Callable[[NDArray[np.float64]], bool] | None = None
 
     @property
     def turn(self) -> AbstractContextManager[object]:
@@ -141,16 +143,15 @@ class Minimiser:
                 task.evaluate()
                 self._show(work, begins=True)
             with task.turn:
-                most = self._age(task.active)
+                most = self._age()
                 given = task.problem, work, self.metric(task.coupling), self._body.size, target, proven, most
                 used = descend(*given, max(0, min(chunk, limit - done)), begins)
             self._show(work, begins=False)
             begins, done = False, done + used
             self._spent += used
-            ended = task.active.ended
-            if ended is End.WORN and self._renewed(task, fresh=not used):
+            if task.active.ended is End.WORN and self._renewed(task, fresh=not used):
                 continue
-            if ended is not End.NONE:
+            if task.active.ended is not End.NONE:
                 return Descended(done, cut=False)
             if done >= limit or past(task.deadline):
                 return Descended(done, cut=True)
@@ -225,20 +226,23 @@ class Minimiser:
         before = self._body.rest if tangent.positions is None else tangent.positions
         return Metric(self.level.kept, coupling, before, held, 1.0, *self._given)
 
-    def _age(self, active: ActiveSet) -> int:
+    def _age(self) -> int:
         """Return the number of iterations of a solve for which one matrix serves."""
         if self.tangent is None:
-            return UNSOLVED if active.is_whole and self.level.fits else 2**62
+            return UNSOLVED if self.level.fits else 2**62
         return max(LEAST_AGE, round(AGE * self.level.price))
 
     def _renewed(self, task: Task, *, fresh: bool) -> bool:
         """Renew the tangent within a solve; return whether that is possible and may help."""
         if fresh and task.active.status["since"] == 0:
             return False
-        if self.tangent is None and not (task.active.is_whole and self.level.fits):
+        if self.tangent is None and not self.level.fits:
             return False
         work = task.active.workspace
         self._adopt(task, self.level.take(task.problem, work.u, work.x))
+        if self.tangent.shift > 0.0 and task.gives_up is not None and task.gives_up(work.x):
+            task.active.status["ended"] = End.GIVEN_UP
+            return False
         return True
 
     def _show(self, work: Workspace, *, begins: bool) -> None:

@@ -28,6 +28,8 @@ class End(IntEnum):
     """The precision of the energy and its gradient is used up."""
     RUNAWAY = 5
     """The energy has no lower bound: an unstable law or load."""
+    GIVEN_UP = 6
+    """The body is on its way to another equilibrium, or to none, and a shorter increment may end before that."""
 
 
 STATUS = np.dtype(
@@ -134,18 +136,12 @@ def allocate(rows: int, x: NDArray[np.float64], cells: tuple[int, int], memory: 
 
     ``cells`` is (m, c): the number of elements, and of the corners of each.
     """
-    return _with_history(rows, memory, x.copy(), np.zeros((*cells, 3)), np.zeros(cells[0]), np.zeros_like(x))
-
-
-def allocate_part(rows: int, whole: Workspace) -> Workspace:
-    """Return a workspace for fewer ``rows`` that uses the positions, forces and energies of the ``whole`` body."""
-    return _with_history(rows, len(whole.curvature), whole.x, whole.force, whole.energies, whole.outside)
-
-
-def _with_history(rows: int, memory: int, *shared: NDArray[np.float64]) -> Workspace:
     return Workspace(
         *(np.zeros(3 * rows) for _ in range(7)),
-        *shared,
+        x.copy(),
+        np.zeros((*cells, 3)),
+        np.zeros(cells[0]),
+        np.zeros_like(x),
         np.zeros(1),
         *(np.zeros((memory, 3 * rows)) for _ in range(2)),
         *(np.zeros(memory) for _ in range(2)),

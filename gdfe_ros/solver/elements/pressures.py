@@ -41,14 +41,13 @@ class Pressures:
     Attributes:
         values: (m,) p_e [Pa].
         table: the body's materials, with the present penalty bulk moduli.
-        stiffened: number of times that these moduli were raised.
     """
 
-    def __init__(self, body: Body, state: ElementState, elements: NDArray[np.int32], ratio: float) -> None:
-        self._body, self.stiffened = body, 0
+    def __init__(self, body: Body, state: ElementState, ratio: float) -> None:
+        self._body = body
         self.values = state.pressures.copy()
         if ratio != 0.0 and state.pressures is not state.pressures_before:
-            self.values[elements] += ratio * (state.pressures - state.pressures_before)[elements]
+            self.values += ratio * (state.pressures - state.pressures_before)
         self.table = with_bulk(body.table, state.bulk)
         self.begin()
 
@@ -89,7 +88,7 @@ class Pressures:
         parameters, most = self.table.parameters, MOST_STIFFENING * self._body.table.parameters[:, PENALTY]
         raised = np.minimum(STIFFENING * parameters[:, PENALTY], np.minimum(most, parameters[:, BULK]))
         parameters[:, PENALTY] = np.where(parameters[:, CARRIED] == 1.0, raised, parameters[:, PENALTY])
-        self._swings, self.stiffened = 0, self.stiffened + 1
+        self._swings = 0
 
 
 def with_bulk(table: MaterialTable, bulk: NDArray[np.float64]) -> MaterialTable:

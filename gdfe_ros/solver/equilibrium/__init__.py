@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Equilibrium solver of the policy ``energy``: prediction, dormancy, minimisation, multiplier updates, stability."""
+"""Equilibrium solver of the policy ``energy``: prediction, minimisation, multiplier updates, stability."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,9 @@ from gdfe_ros.compiled import start_threads
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.minimiser import SHARE, TRUST, Minimiser, Observer, Task
+from gdfe_ros.solver.descent.minimiser import Minimiser, Observer, Task
 from gdfe_ros.solver.elements.pressures import at_rest
-from gdfe_ros.solver.equilibrium.dormancy import Dormancy
 from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.equilibrium.rest import take_rest
@@ -30,7 +29,7 @@ from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.reactions import vertex_forces
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
-from gdfe_ros.solver.state import Known, State, Summary
+from gdfe_ros.solver.state import State, Summary
 from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
@@ -49,8 +48,8 @@ class EquilibriumSolver:
         library: library that factors the constant matrix; None chooses by size.
         skip: kinds of work that are left out where possible.
         threads: largest number of threads among which the elements are divided.
-        predictor: function that returns the predictor of a solve's start for given handle kinematics; None for the
-            predictor of equilibria.
+        predictor: function that returns the predictor of a solve's start for given handle kinematics and constant
+            matrix; None for the predictor of equilibria.
         softening: whether hourglass scales follow the strain.
 
     Attributes:
@@ -69,7 +68,7 @@ class EquilibriumSolver:
         library: Factorisation | None = None,
         skip: Collection[Skip] = tuple(Skip),
         threads: int = 1,
-        predictor: Callable[[HandleMotions], Predictor] | None = None,
+        predictor: Callable[[HandleMotions, ConstantMatrix], Predictor] | None = None,
         softening: bool = True,
     ) -> None:
         self.body, self._threads = body, threads
@@ -86,21 +85,17 @@ class EquilibriumSolver:
         self.matrix = ConstantMatrix(assembled.tocsc(), body.rest, body.unknowns, library=library)
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
-        self._predictor = predictor(self.handles) if predictor else Predictor(body, self.handles)
-        still = not self.actuation.growths
-        self._whole = ActiveSet.whole(body, self.matrix, rigid=still, skip=skip)
-        self._dormancy = Dormancy(body, self._whole, skip if still else (), pushed=bool(self.actuation.terms))
+        self._predictor = (predictor or partial(Predictor, body))(self.handles, self.matrix)
+        self._whole = ActiveSet.whole(body, self.matrix, rigid=not self.actuation.growths, skip=skip)
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving = predictor is not None
         self.minimiser = Minimiser(body, stiffness, level, moving=moving)
         self._model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
         if level.affordable:
-            self._dormancy.forbid()
             with one_blas_thread():
                 take_rest(self._model, self._whole, self.matrix, self.at_rest())
         count = len(body.material)
         self._stored, self._least = np.zeros(count), np.ones(count)
-        self._loaded: Known | None = None
         self._run = 0
         exact = all(term.exact for term in self.actuation.terms)
         self._stability = None if moving or not body.unknowns.rows else Stability(body, self.minimiser, exact=exact)
@@ -134,7 +129,6 @@ class EquilibriumSolver:
             terms=saved,
             elements=at_rest(body),
             operators=ungrown,
-            sleep=self._dormancy.at_rest(),
             balance=self.actuation.balance(body.rest, neutral),
             proved=0.0,
             summary=summary,
@@ -152,7 +146,6 @@ class EquilibriumSolver:
 
     def evaluated(self, solve: Solve) -> Task:
         """Evaluate all terms at the start of a solve; return the minimisation's task at that start."""
-        self._loaded = None
         return solve.evaluate(self._whole, self.matrix.coupling, threads=None)
 
     @property
@@ -173,35 +166,9 @@ class EquilibriumSolver:
         """Find the equilibrium of ``problem`` from ``start``, which is not modified."""
         self._run += 1
         base = self.handles.base(problem.poses, start.poses, start.base)
-        active = self._dormancy.choose(start, base) if start.tangent is None else self._whole
-        prediction = self._predictor.predict(start, base, start.change_to(problem.commands), active)
-        solve = Solve(self._model, problem, start, base, prediction, active.elements)
-        held = self._dormancy.is_part(active)
-        if held:
-            self._load(start.sleep.known)
-        else:
-            self._loaded = None
-        found = self.descend(solve, active)
-        if not held or past(problem.deadline):
-            return self._judged(solve, found, part=held)
-        target = SHARE * TRUST * problem.tolerance * self.body.size
-        if found.converged and not solve.pressures.stiffened:
-            moved, yielding = self._dormancy.disturbance(start.sleep, target)
-            if moved <= target:
-                estimate = max(found.state.summary.error_estimate, moved / target * problem.tolerance)
-                summary, sleep = (
-                    changed(found.state.summary, error_estimate=estimate),
-                    changed(start.sleep, yielding=yielding),
-                )
-                found = changed(found, state=found.state.with_(summary=summary, sleep=sleep))
-                return self._judged(solve, found, part=True)
-        self._loaded = None
-        if found.converged:
-            solve.go_on_from(found.state)
-        else:
-            solve.begin_anew(self._whole.elements)
-        again = self.descend(solve, self._whole, spent=found.iterations)
-        return self._judged(solve, changed(again, iterations=found.iterations + again.iterations), part=False)
+        prediction = self._predictor.predict(start, base, start.change_to(problem.commands))
+        solve = Solve(self._model, problem, start, base, prediction)
+        return self._judged(solve, self.descend(solve))
 
     def accept(self, solution: Solution, previous: State) -> State:
         """Return the complete state of ``solution``, which follows the state ``previous``.
@@ -211,17 +178,10 @@ class EquilibriumSolver:
         """
         if solution.run != self._run:
             raise RuntimeError("only the solution of the last solve can be accepted")
-        found, active = solution.state, solution.active
-        change = previous.change_to(found.commands)
-        sleep = found.sleep if found.tangent is None else None  # frozen parts have no tangent
-        if self._dormancy.touched(previous, found.base):
-            sleep = self._dormancy.woken(sleep)
-        sleep = self._dormancy.accepted(sleep, active, found.positions, solution.tolerance)
-        sleep = self._dormancy.learned(sleep, lambda: self._known(found))
+        found = solution.state
         return found.with_(
-            motion=self._predictor.motion(previous, found, change),
+            motion=self._predictor.motion(previous, found, previous.change_to(found.commands)),
             turns=self.handles.within_a_turn(found.turns),
-            sleep=sleep,
             balance=solution.balance,
         )
 
@@ -231,23 +191,22 @@ class EquilibriumSolver:
         Solve.at(self._model, state).evaluate(
             self._whole, self.matrix.coupling, threads=self._whole.threads(self._threads)
         )
-        self._loaded = None
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def skipped(self, solution: Solution) -> dict[str, int]:
         """Return a dict from kind of work to the count that a solve left out, as in `StepResult`."""
-        counts = dict(solution.active.skipped)
+        counts = dict(self._whole.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
 
     def task_at(self, solve: Solve, found: Solution) -> Task:
         """Return the minimisation's task at a solution, with unchanged multipliers."""
         solve.go_on_from(found.state)
         threads = self._whole.threads(self._threads)
-        return solve.evaluate(self._whole, self._coupling(self._orientation(solve), self._whole), threads=threads)
+        return solve.evaluate(self._whole, self._coupling(self._orientation(solve)), threads=threads)
 
-    def _judged(self, solve: Solve, found: Solution, *, part: bool) -> Solution:
+    def _judged(self, solve: Solve, found: Solution) -> Solution:
         """Return a solution with its stability, and with a new tangent if that lowers the cost of the next solves."""
-        if part or not found.converged:
+        if not found.converged:
             return found
         if self._stability is None:
             if self.minimiser.is_overdue(found.state.tangent):
@@ -256,20 +215,17 @@ class EquilibriumSolver:
             return found
         return self._stability.judged(self, solve, found)
 
-    def _coupling(self, orientation: NDArray[np.float64] | None, active: ActiveSet) -> Coupling:
-        """Return the coupling of the handles' rigid rows in an active set, at a result of `_orientation`."""
-        return active.matrix.coupling if orientation is None else active.matrix.turned(orientation)
+    def _coupling(self, orientation: NDArray[np.float64] | None) -> Coupling:
+        """Return the coupling of the handles' rigid rows at a result of `_orientation`."""
+        return self.matrix.coupling if orientation is None else self.matrix.turned(orientation)
 
-    def descend(self, solve: Solve, active: ActiveSet, *, spent: int = 0) -> Solution:
+    def descend(self, solve: Solve, *, spent: int = 0) -> Solution:
         """Return the solution of minimisations and multiplier updates from the present positions of ``solve``.
 
-        Args:
-            solve: the solve.
-            active: unknowns and elements.
-            spent: number of iterations that the solve has made before.
+        ``spent`` is the number of iterations that the solve has made before.
         """
-        orientation = self._orientation(solve)
-        coupling = self._coupling(orientation, active)
+        orientation, active = self._orientation(solve), self._whole
+        coupling = self._coupling(orientation)
         solve.descend(active, coupling, threads=active.threads(self._threads), limit=solve.problem.limit - spent)
         if self.minimiser.ran_away(active):
             summary = changed(solve.start.summary, converged=False, error_estimate=np.inf, message=RAN_AWAY)
@@ -279,8 +235,6 @@ class EquilibriumSolver:
                 diverged=True,
                 began=solve.start.positions,
                 run=self._run,
-                active=active,
-                tolerance=solve.problem.tolerance,
             )
         solution = solve.solution(active, self._stored, self._least, run=self._run)
         if orientation is None:
@@ -295,24 +249,3 @@ class EquilibriumSolver:
         now = self.handles.rotations(solve.problem.poses, solve.turns)
         cosine = 0.5 * (np.einsum("pij,pij->p", now, kept) - 1.0)
         return kept if (cosine >= np.cos(REORIENT)).all() else now
-
-    def _load(self, known: Known) -> None:
-        """Copy the forces and energies of the frozen elements into the workspace."""
-        if self._loaded is known:
-            return
-        work = self._whole.workspace
-        work.force[...], work.energies[...] = known.force, known.energies
-        self._stored[...], self._least[...] = known.stored, known.least
-        self._loaded = known
-
-    def _known(self, found: State) -> Known:
-        """Evaluate the whole body at a state; return its forces and energies."""
-        work = self._whole.workspace
-        solve = Solve.at(self._model, found)
-        solve.evaluate(self._whole, self.matrix.coupling, threads=self._whole.threads(self._threads))
-        solve.measure(self._whole, self._stored, self._least)
-        known = Known(
-            force=work.force.copy(), energies=work.energies.copy(), stored=self._stored.copy(), least=self._least.copy()
-        )
-        self._loaded = known
-        return known

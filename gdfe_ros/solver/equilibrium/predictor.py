@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.active_set import Movable
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Motion, State
 
 LARGEST_RATIO = 2.0
@@ -50,33 +50,33 @@ class Predictor:
     Args:
         body: the discretised body.
         handles: the kinematics of its handles.
+        matrix: the constant matrix, which spreads motions of handles over the body.
     """
 
-    def __init__(self, body: Body, handles: HandleMotions) -> None:
+    def __init__(self, body: Body, handles: HandleMotions, matrix: ConstantMatrix) -> None:
+        self._free, self._matrix = body.unknowns.free, matrix
         self._held, self._handles, self._size = body.unknowns.prescribed, handles, body.size
         self._shape = body.shape
         self._turning = handles.turning_vertices()
 
-    def predict(
-        self, state: State, base: NDArray[np.float64], change: NDArray[np.float64], movable: Movable
-    ) -> Prediction:
+    def predict(self, state: State, base: NDArray[np.float64], change: NDArray[np.float64]) -> Prediction:
         """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m].
 
-        ``change`` (c,) are the changes of the commands of actuators and loads. Only ``movable`` vertices move. A motion
+        ``change`` (c,) are the changes of the commands of actuators and loads. A motion
         whose extrapolation folds elements is not extrapolated.
         """
         motion = base[self._held] - state.base[self._held]
         ratio = _ratio(state.motion, motion, change)
-        found = self._predicted(state, base, movable, ratio)
+        found = self._predicted(state, base, ratio)
         if ratio != 0.0 and self._is_far(state, ratio) and least_volume_ratio(found.positions, self._shape) < THRESHOLD:
-            return self._predicted(state, base, movable, 0.0)
+            return self._predicted(state, base, 0.0)
         return found
 
     def _is_far(self, state: State, ratio: float) -> bool:
         """Return whether the extrapolated motion is so long that it may fold elements."""
         return ratio * float(np.abs(state.motion.move).max()) > FAR * self._size
 
-    def _predicted(self, state: State, base: NDArray[np.float64], movable: Movable, ratio: float) -> Prediction:
+    def _predicted(self, state: State, base: NDArray[np.float64], ratio: float) -> Prediction:
         """Return the start with the last motion extrapolated by ``ratio``."""
         held, last = self._held, state.motion
         motion = base[held] - state.base[held]
@@ -84,14 +84,13 @@ class Predictor:
         if last is not None and ratio != 0.0:
             rest = motion - ratio * last.base
             slides, turns = slides + ratio * last.slides, turns + ratio * last.turns
-            for rows in (slice(None),) if not len(movable.frozen) else (movable.unknowns.free, held):
-                start[rows] += ratio * last.move[rows]
+            start += ratio * last.move
         if self._handles.turn:
             target = self._handles.placed(base, slides, turns)[held]
             rest = np.where(self._turning[:, None], target - start[held], rest)
         start[held] += rest
         if np.abs(rest).max(initial=0.0) > STILL * self._size:
-            start[movable.unknowns.free] += movable.matrix.extend(rest)
+            start[self._free] += self._matrix.extend(rest)
         return Prediction(start, slides, turns, ratio)
 
     def motion(self, old: State, new: State, change: NDArray[np.float64]) -> Motion:

@@ -51,7 +51,6 @@ class Solve:
         start: state at the beginning.
         base: (n, 3) [m]; rows of handle vertices are their commanded positions.
         prediction: positions at the beginning.
-        elements: (k,) int32 indices of the elements that move.
 
     Attributes:
         problem, start: the arguments.
@@ -68,7 +67,6 @@ class Solve:
         start: State,
         base: NDArray[np.float64],
         prediction: Prediction,
-        elements: NDArray[np.int32],
     ) -> None:
         self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
         self._softening, self._moving = model.softening, model.moving
@@ -79,7 +77,7 @@ class Solve:
         self.iterations, self._watch = 0, Watch.over(len(self._body.material))
         same = start.poses == problem.poses and start.commands == problem.commands
         self._resumed = start.unfinished if same else None
-        self.begin_anew(elements)
+        self._begin_anew()
 
     @property
     def interrupted(self) -> bool:
@@ -91,14 +89,14 @@ class Solve:
         """Return a solve that begins exactly at a state."""
         problem = Increment.at(state, tolerance=1.0, limit=0)
         here = Prediction(state.positions, state.slides, state.turns, 0.0)
-        return cls(model, problem, state, state.base, here, np.zeros(0, np.int32))
+        return cls(model, problem, state, state.base, here)
 
-    def begin_anew(self, elements: NDArray[np.int32]) -> None:
-        """Start from the prediction, with extrapolated multipliers in the moving ``elements``."""
+    def _begin_anew(self) -> None:
+        """Start from the prediction, with extrapolated multipliers."""
         start, here = self.start, self._prediction
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
         self._tangent = start.tangent
-        self.pressures = Pressures(self._body, start.elements, elements, here.ratio)
+        self.pressures = Pressures(self._body, start.elements, here.ratio)
         self._scale = _followed_scale(start.elements, here.ratio)
         self._actuation.stiffen(self._nearly_folded())
         given = here.positions, self.problem.poses, start
@@ -140,7 +138,13 @@ class Solve:
         )
         active.place(self._positions, self._base, self._slides, self.turns)
         self._watch.room[...] = -1.0
-        return Task(active, problem, coupling, self.problem.deadline)
+        gives_up = self._inflates if self.problem.divisible else None
+        return Task(active, problem, coupling, self.problem.deadline, gives_up)
+
+    def _inflates(self, positions: NDArray[np.float64]) -> bool:
+        """Return whether a chamber of given pressure inflated far since the last equilibrium."""
+        last = self.start.anchor or self.start
+        return bool(self._actuation.unstable(positions, last.positions, self.problem.commands))
 
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
         """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
@@ -179,8 +183,9 @@ class Solve:
 
     def _failed(self, active: ActiveSet) -> bool:
         """Return whether the last minimisation ran away or was given up, so that updates are useless."""
-        ended = active.ended
-        return ended is End.RUNAWAY or (ended in (End.STALLED, End.EXHAUSTED) and bool(active.status["blocked"]))
+        if active.ended in (End.STALLED, End.EXHAUSTED):
+            return bool(active.status["blocked"])
+        return active.ended in (End.RUNAWAY, End.GIVEN_UP)
 
     def _balanced(self, active: ActiveSet, *, still: bool) -> bool:
         """Update pressures, multipliers and scales, unless the last update stands; return whether the solve ends.
@@ -264,8 +269,6 @@ class Solve:
             began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,
             run=run,
-            active=active,
-            tolerance=problem.tolerance,
         )
 
     def _update(self, active: ActiveSet, *, still: bool) -> tuple[float, float]:

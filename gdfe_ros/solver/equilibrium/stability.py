@@ -71,7 +71,7 @@ class Descents(Protocol):
     def task_at(self, solve: Solve, found: Solution) -> Task:
         """Return the minimisation's task at a solution, with unchanged multipliers."""
 
-    def descend(self, solve: Solve, active: ActiveSet, *, spent: int = 0) -> Solution:
+    def descend(self, solve: Solve, *, spent: int = 0) -> Solution:
         """Return the solution of minimisations and multiplier updates from the present positions of ``solve``."""
 
 
@@ -127,7 +127,7 @@ class Stability:
                 moved = self._leave(descents, solve, found, task, step if direction is None else direction)
                 if near and not moved:
                     return _told(found, stable=False)
-            again = descents.descend(solve, descents.whole, spent=found.iterations)
+            again = descents.descend(solve, spent=found.iterations)
             more, spent = again.iterations, found.iterations + again.iterations
             if not (again.converged and again.min_det > 0.0):
                 return _told(changed(found, iterations=spent), stable=stable)

@@ -75,7 +75,7 @@ class ConstantMatrix:
         *,
         library: Factorisation | None = None,
     ) -> None:
-        self.assembled, self._rest, self._unknowns, self._library = matrix, rest, unknowns, library
+        self.assembled, self._rest, self._unknowns = matrix, rest, unknowns
         free = unknowns.free
         rows = matrix[free]
         block = rows[:, free].tocsc()
@@ -85,10 +85,6 @@ class ConstantMatrix:
         self._fields = RigidFields(matrix, rest, unknowns, self.solve_exactly)
         self._turned: tuple[NDArray[np.float64], Coupling] | None = None
         self.coupling = self.turned(np.array([np.eye(3)] * len(unknowns.slides)))
-
-    def part(self, unknowns: Unknowns) -> ConstantMatrix:
-        """Return the matrix of fewer ``unknowns``, factored; all other vertices are fixed."""
-        return ConstantMatrix(self.assembled, self._rest, unknowns, library=self._library)
 
     def turned(self, rotations: NDArray[np.float64]) -> Coupling:
         """Return the coupling of handles at the rotation matrices ``rotations`` (p, 3, 3) to the free vertices."""

@@ -57,16 +57,6 @@ class Unknowns(NamedTuple):
         """Number of rows."""
         return len(self.free) + self.rigid_rows
 
-    def restricted(self, free: NDArray[np.int32]) -> Unknowns:
-        """Return the numbering with fewer ``free`` vertices and the same rigid rows."""
-        shift = np.where(self.turn_row >= 0, len(free) - len(self.free), 0).astype(np.int32)
-        return self._replace(free=free, turn_row=self.turn_row + shift)
-
-    def vertices_only(self, free: NDArray[np.int32]) -> Unknowns:
-        """Return a numbering of ``free`` vertices without rigid rows."""
-        none = np.zeros((0, 3))
-        return self._replace(free=free, slides=none, turns=none, turn_row=np.zeros(0, np.int32))
-
 
 class HandlePositions(NamedTuple):
     """Commanded positions of the handles.

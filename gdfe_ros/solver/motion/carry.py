@@ -33,7 +33,6 @@ def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
     state = old.with_(
         elements=new.elements,
         tangent=new.tangent,
-        sleep=new.sleep,
         unfinished=None,
         summary=changed(old.summary, converged=False),
         ledger=changed(old.ledger, failure=None, bound=None),
@@ -68,7 +67,6 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, old: Sequence[Handle], new
         motion=None,
         terms=terms,
         tangent=start.tangent,
-        sleep=start.sleep,
         unfinished=None,
         proved=None,
         anchor=None,

@@ -22,7 +22,7 @@ from gdfe_ros.solver.motion.mass import FreeMass
 from gdfe_ros.solver.motion.predictor import FlightPredictor
 from gdfe_ros.solver.motion.push import Pushes
 from gdfe_ros.solver.motion.viscosity import Viscosity
-from gdfe_ros.solver.settings import Skip, SolverSettings
+from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.actuation import Actuation
@@ -135,9 +135,9 @@ class Integrator:
         self._made[h] = EquilibriumSolver(
             self._body,
             self._acting(own),
-            skip=[item for item in self._settings.skip if item is not Skip.DORMANT],
+            skip=self._settings.skip,
             threads=self._settings.threads,
-            predictor=lambda handles: FlightPredictor(self._body, handles, h, masses),
+            predictor=lambda *given: FlightPredictor(self._body, *given, h, masses),
             softening=self._scheme is not Scheme.NEWMARK,
         )
         return self._made[h]

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.active_set import Movable
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
 from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.motion.inertia import NAME, kinematics_of
 from gdfe_ros.solver.state import State
 
@@ -28,18 +28,19 @@ class FlightPredictor(Predictor):
     Args:
         body: the discretised body.
         handles: the kinematics of its handles.
+        matrix: the constant matrix.
         h: length of the step [s].
         masses: (n,) masses of the vertices [kg].
     """
 
-    def __init__(self, body: Body, handles: HandleMotions, h: float, masses: NDArray[np.float64]) -> None:
-        super().__init__(body, handles)
-        self._free, self._h, self._shape = body.unknowns.free, h, body.shape
+    def __init__(
+        self, body: Body, handles: HandleMotions, matrix: ConstantMatrix, h: float, masses: NDArray[np.float64]
+    ) -> None:
+        super().__init__(body, handles, matrix)
+        self._h = h
         self._shares = np.zeros_like(masses) if body.handles else masses / masses.sum()
 
-    def predict(
-        self, state: State, base: NDArray[np.float64], change: NDArray[np.float64], movable: Movable
-    ) -> Prediction:
+    def predict(self, state: State, base: NDArray[np.float64], change: NDArray[np.float64]) -> Prediction:
         """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m]."""
         now, h, last, held = kinematics_of(state.terms[NAME]), self._h, state.motion, self._held
         slides, turns = state.slides, state.turns

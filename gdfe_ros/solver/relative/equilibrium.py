@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.active_set import Movable
 from gdfe_ros.solver.descent.minimiser import Observer
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.elements.fields import corner_forces, store_energies, strain_states, volume_pressures
@@ -58,8 +57,7 @@ class RelativeEquilibrium:
         self._body, self._actuation = body, actuation or Actuation(body)
         self.matrix = ConstantMatrix(assemble_centring(body.shape), body.rest, body.unknowns)
         self.handles = HandleMotions(body)
-        self._movable = Movable.all_of(body.unknowns, self.matrix)
-        self._predictor = Predictor(body, self.handles)
+        self._predictor = Predictor(body, self.handles, self.matrix)
         given = np.array([np.nan if material.omega is None else material.omega for material in body.materials])
         self._given = given[body.material]
         corners = body.rest[body.cells]
@@ -106,7 +104,7 @@ class RelativeEquilibrium:
         """Find the equilibrium of shapes for ``problem`` from ``start``, which is not modified."""
         base = self.handles.base(problem.poses, start.poses, start.base)
         change = start.change_to(problem.commands)
-        prediction = self._predictor.predict(start, base, change, self._movable)
+        prediction = self._predictor.predict(start, base, change)
         operators = self._actuation.growths.at(problem.commands, start.operators)
         x, slides, omega, strain, iteration, estimate, late = self._iterate(problem, start, base, prediction, operators)
         converged, shapes = estimate <= problem.tolerance, start.shapes
@@ -137,8 +135,6 @@ class RelativeEquilibrium:
             iterations=iteration,
             cut=late and not converged,
             began=prediction.positions,
-            tolerance=problem.tolerance,
-            active=self._movable,
         )
 
     def accept(self, solution: Solution, previous: State) -> State:

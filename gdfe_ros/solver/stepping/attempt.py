@@ -78,7 +78,7 @@ class Attempt:
         avoidable = self.jumps and way.length > SHORTEST_JUMP and not way.leaping
         if ((self.failed and not way.shortest) or avoidable) and not self.spent:
             return AttemptOutcome.HALVE
-        if self.solution.diverged or self.unstable or self.folds:
+        if self.solution.diverged or self.unstable or self.folds or (self.spent and way.unstable and self.failed):
             return AttemptOutcome.LEAP if way.leap and not (way.leaping or self.spent) else AttemptOutcome.WITHDRAW
         return AttemptOutcome.STOP if self.snapped or self.spent or way.next == 1.0 else AttemptOutcome.ACCEPT
 

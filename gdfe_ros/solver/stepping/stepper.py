@@ -193,6 +193,7 @@ class Stepper:
             deadline=deadline,
             begins=way.done,
             ends=way.next,
+            divisible=not way.shortest,
         )
         solution = self.equilibrium.solve(problem, state)
         spent = way.iterations + solution.iterations >= way.budget or past(deadline)

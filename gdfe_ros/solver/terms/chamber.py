@@ -30,7 +30,7 @@ EFFORT, TARGET, STIFFNESS, LIMIT = range(4)
 """
 LARGEST_INFLATION = 8.0
 """A chamber of given pressure counts as unstable if its volume grows by more than this factor in one solve."""
-RUNNING_AWAY = 0.25
+RUNNING_AWAY = 3.0 / 16.0
 """A chamber counts as unstable in a failed solve that ends above this fraction of the volume limit."""
 _PLACES, FACE_SHARES = triangle_rule(3)
 FACE_SHAPES, FACE_SLOPES = face_weights(_PLACES), face_slopes(_PLACES)
