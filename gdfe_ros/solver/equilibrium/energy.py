@@ -98,7 +98,8 @@ class EquilibriumSolver:
         self._stored, self._least = np.zeros(count), np.ones(count)
         self._run = 0
         exact = all(term.exact for term in self.actuation.terms)
-        self._stability = None if moving or not body.unknowns.rows else Stability(body, self.minimiser, exact=exact)
+        kinds = {"exact": exact, "smooth": not self.actuation.contacts}
+        self._stability = None if moving or not body.unknowns.rows else Stability(body, self.minimiser, **kinds)
 
     def at_rest(self) -> State:
         """Return the undeformed state; it is no equilibrium if the body is inside of an obstacle."""

@@ -9,6 +9,10 @@ from gdfe_ros.solver.terms.actuation import Actuation
 
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 """If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
+LINEAR = 1e-4
+"""Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, a step with the tangent does
+not measure the distance: the bending stiffness of a sheet or of a hanging bar changes within a thickness.
+"""
 COARSER = (30.0, 3.0)
 """Tolerances of the first two minimisations, divided by the tolerance that contact forces require
 (`Actuation.resolution`). Later minimisations use the required tolerance.

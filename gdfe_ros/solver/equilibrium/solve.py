@@ -19,7 +19,7 @@ from gdfe_ros.solver.elements.pressures import Pressures
 from gdfe_ros.solver.elements.watch import NEARLY_FOLDED, Watch, nearly_folded
 from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Prediction
-from gdfe_ros.solver.equilibrium.schedule import FIRST_TOLERANCE, DescentSchedule
+from gdfe_ros.solver.equilibrium.schedule import FIRST_TOLERANCE, LINEAR, DescentSchedule
 from gdfe_ros.solver.matrix.coupling import Coupling
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.solution import Increment, Solution
@@ -78,6 +78,11 @@ class Solve:
         same = start.poses == problem.poses and start.commands == problem.commands
         self._resumed = start.unfinished if same else None
         self._begin_anew()
+
+    @property
+    def aim(self) -> float:
+        """Tolerance of the last minimisation."""
+        return self.problem.tolerance if self._moving else min(self.problem.tolerance, LINEAR)
 
     @property
     def interrupted(self) -> bool:
@@ -175,7 +180,7 @@ class Solve:
 
     def _scheduled(self, *, updates: bool) -> DescentSchedule:
         """Return the tolerances of the minimisations; those of an unfinished solve go on where it ended."""
-        tolerance, resumed = self.problem.tolerance, self._resumed
+        tolerance, resumed = self.aim, self._resumed
         first = max(FIRST_TOLERANCE, tolerance) if updates and self.anew else tolerance
         if resumed is not None:
             first = max(resumed.tolerance, tolerance)

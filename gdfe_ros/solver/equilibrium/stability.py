@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.minimiser import SHARE, Minimiser, Task
+from gdfe_ros.solver.descent.loop import UNPROVEN
+from gdfe_ros.solver.descent.minimiser import LEAST_AGE, SHARE, Minimiser, Task
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.distance import largest, largest_distance
 from gdfe_ros.solver.equilibrium.solve import Solve
@@ -25,7 +26,7 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
 from gdfe_ros.solver.value import changed
 
-GROWTH, LONG = 4.0, 1e-2
+GROWTH, LONG = 2.0, 1e-2
 """A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex moves by
 more than this multiple of the body's size in one solve.
 """
@@ -83,10 +84,18 @@ class Stability:
         minimiser: its minimiser.
         exact: whether the kept tangent of every term is the whole second derivative of its energy. If not, a factor
             proves nothing, and the Lanczos method searches for negative curvature also where a factor exists.
+        smooth: whether no term is a contact. After a proof with contact, a further descent would disturb forces that
+            have settled.
     """
 
-    def __init__(self, body: Body, minimiser: Minimiser, *, exact: bool) -> None:
-        self._size, self._product, self._minimiser, self._exact = body.size, TangentProducts(body), minimiser, exact
+    def __init__(self, body: Body, minimiser: Minimiser, *, exact: bool, smooth: bool) -> None:
+        self._smooth, self._size, self._product, self._minimiser, self._exact = (
+            smooth,
+            body.size,
+            TangentProducts(body),
+            minimiser,
+            exact,
+        )
         self._noise = np.random.default_rng(0).standard_normal(3 * body.unknowns.rows)
 
     def judged(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
@@ -103,8 +112,9 @@ class Stability:
         start, energy = solve.start, found.state.summary.energy
         if start.proved is None or energy > GROWTH * start.proved or solve.interrupted:
             return True
+        costly = found.iterations > max(LEAST_AGE, self._minimiser.level.price)
         overdue = self._minimiser.is_overdue(found.state.tangent)
-        return overdue or largest_distance(found.positions, start.positions) > LONG * self._size
+        return costly or overdue or largest_distance(found.positions, start.positions) > LONG * self._size
 
     def _proved(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
         stable, distance = None, np.inf
@@ -112,14 +122,14 @@ class Stability:
             task = descents.task_at(solve, found)
             if count == 0 and (least := self._least_curvature(task)) > SURE:
                 distance, _ = self._minimiser.newton_step(task)
-                if distance <= SHARE * least * solve.problem.tolerance:
+                if distance <= SHARE * least * solve.aim:
                     return _told(_at(found, distance / least), stable=True)
             definite = self._minimiser.renew(task)
             found = _with(found, tangent=self._minimiser.tangent)
             stable, direction = self._verdict(task, definite=definite)
             late = past(solve.problem.deadline) or found.iterations >= solve.problem.limit
             distance, step = self._minimiser.newton_step(task)
-            near = distance <= SHARE * solve.problem.tolerance
+            near = distance <= SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
             if late or (near and stable is not False):
                 return _told(_at(found, distance), stable=stable)
             solve.go_on_from(found.state)
