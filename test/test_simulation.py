@@ -168,15 +168,15 @@ def test_results_are_snapshots(simulate: MakeSimulation) -> None:
 
 
 def test_a_snapshot_is_solved_on_to_a_smaller_tolerance(simulate: MakeSimulation) -> None:
-    """An equilibrium with tolerance 1e-3, restored where 1e-8 is set, is not settled; the next step reaches 1e-8."""
-    rough, fine = simulate(solver__tolerance=1e-3), simulate(settings=SolverSettings(tolerance=1e-8))
+    """An equilibrium with tolerance 1e-3, restored where 1e-11 is set, is not settled; the next step reaches 1e-11."""
+    rough, fine = simulate(solver__tolerance=1e-3), simulate(settings=SolverSettings(tolerance=1e-11))
     rough.step(tip(z=0.02))
     given = replace(rough.snapshot(), scene=fine.snapshot().scene)
     fine.restore(given)
     assert not fine.settled
     result = fine.step()
     assert result.converged
-    assert result.error_estimate <= 1e-8
+    assert result.error_estimate <= 1e-11
 
 
 @pytest.mark.parametrize("other", [{"policy": Policy.RELATIVE}, {"torsion": Torsion.SECTION}], ids=str)

@@ -9,6 +9,8 @@ concave in a load. If more energy is released than these bounds allow, the body 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,9 +74,9 @@ def _displacement(begin: Pose, end: Pose) -> NDArray[np.float64]:
     if not (any(begin.rotation) or any(end.rotation)):
         return np.concatenate([shift, np.zeros(3)])
     change, half = np.subtract(end.rotation, begin.rotation), 0.5 * np.add(end.rotation, begin.rotation)
-    angle = float(np.linalg.norm(half))
-    if angle > 0.0:
-        axis, share = half / angle, np.sin(angle) / angle
-        turn = share * change + (1.0 - share) * (axis @ change) * axis
-        change = turn + (1.0 - np.cos(angle)) / angle * np.cross(axis, change)
+    (x, y, z), angle = half, math.sqrt(half @ half)
+    if angle > 0.0:  # the left Jacobian of the exponential map, see `gdfe_ros.solver.matrix.rotation`
+        cross, share = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), math.sin(angle) / angle
+        turn = share * change + (1.0 - share) * (half @ change / angle**2) * half
+        change = turn + (1.0 - math.cos(angle)) / angle**2 * (cross @ change)
     return np.concatenate([shift, change])
