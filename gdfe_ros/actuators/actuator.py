@@ -76,7 +76,7 @@ class Cable(Actuator):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Chamber(Actuator):
-    """A closed surface inside the body that is filled with a fluid.
+    """A surface of the body that is filled with a fluid, closed by itself or by plates that move with handles.
 
     With a commanded pressure p its energy is -p V. A commanded volume is a constraint, whose pressure is an unknown.
 
@@ -84,10 +84,12 @@ class Chamber(Actuator):
         quads: int32 vertex ids of the faces, (q, 4), or (q, 6) for tetrahedra; normals point into the material. If
             ``points`` are given, indices (q, 4) of these points; a triangle repeats its last corner.
         points: material points as corners of the faces; None if the corners are vertices.
+        least: volume [m^3] for comparison if plates close the surface, because the undeformed volume may be zero.
     """
 
     quads: NDArray[np.int32]
     points: Embedding | None = None
+    least: float = 0.0
 
     @property
     def vertices(self) -> NDArray[np.int32]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,9 @@ LIMITS: Mapping[Mode, tuple[float, float]] = {
 }
 
 
-def build_actuators(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Actuator, ...]:
+def build_actuators(
+    draft: Draft, mesh: HexMesh | None, handles: Sequence[object], report: Defects
+) -> tuple[Actuator, ...]:
     """Return the actuators whose points, faces or cells in the body are valid; report the defects of the others."""
     built = []
     for name, model in draft.actuators.items() if mesh is not None else ():
@@ -56,7 +59,7 @@ def build_actuators(draft: Draft, mesh: HexMesh | None, report: Defects) -> tupl
         path = ("actuators", name, kind)
         low, high = _limits(value, model.mode, path, report)
         common = {"name": name, "mode": model.mode, "low": low, "high": high, "rate": value.rate or math.inf}
-        make = {"cable": _cable, "chamber": chamber, "growth": _growth}[kind]
+        make = {"cable": _cable, "chamber": partial(chamber, handles=handles), "growth": _growth}[kind]
         built.append(make(value, mesh, common, path, report))
     return tuple(actuator for actuator in built if actuator is not None)
 

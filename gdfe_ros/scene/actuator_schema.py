@@ -75,7 +75,9 @@ class CableModel(DriveModel):
 
 
 class ChamberModel(DriveModel):
-    """A closed surface inside the body that is filled with a fluid; with cut cells, a closed shell of the skin."""
+    """A surface of the body that is filled with a fluid, closed or with open edges on handles; with cut cells, a closed
+    shell of the skin.
+    """
 
     cavity: Annotated[int, _CAVITY] | None = None
     near: Point3 | None = Field(None, description="selects the cavity whose centre is nearest to this point [x, y, z]")

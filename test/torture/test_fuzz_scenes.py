@@ -8,6 +8,7 @@ import os
 from typing import Any
 
 import numpy as np
+import pytest
 import yaml
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
@@ -47,10 +48,14 @@ program:
 solver: {policy: energy, tolerance: 1.0e-3, max_iterations: 200}
 """
 DATA = yaml.safe_load(SOUND)
+pytestmark = pytest.mark.usefixtures("limited")
 EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
 """Random examples per test; 0 for a few fixed ones."""
 QUICK = settings(
-    max_examples=EXAMPLES or 120, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=not EXAMPLES
+    max_examples=EXAMPLES or 120,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+    derandomize=not EXAMPLES,
 )
 ODD = st.one_of(
     st.none(),
