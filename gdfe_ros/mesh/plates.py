@@ -38,7 +38,7 @@ def close_on(faces: NDArray[np.int32], holder: NDArray[np.int32]) -> tuple[NDArr
 
 
 def _open_half_edges(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return begin and end of each half edge that has no counterpart, and the middle node of six-node faces (k, 2..3)."""
+    """Return begin, end and, of six-node faces, middle node (k, 2 or 3) of each half edge without a counterpart."""
     corners = corners_of(faces)
     edges = [corners.ravel(), np.roll(corners, -1, axis=1).ravel()]
     if faces.shape[1] == 6:

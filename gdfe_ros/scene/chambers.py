@@ -13,7 +13,7 @@ from gdfe_ros.actuators import Chamber, Embedding
 from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.constraints import Handle
 from gdfe_ros.mesh import HexMesh, select_faces
-from gdfe_ros.mesh.cavities import Cavity, corners_of, find_cavities, inside_volume, skin_cavities
+from gdfe_ros.mesh.cavities import Cavity, find_cavities, inside_volume, skin_cavities
 from gdfe_ros.mesh.faces import turned
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.plates import close_on
@@ -32,7 +32,7 @@ def chamber(
     path: KeyPath,
     report: Defects,
     *,
-    handles: Sequence[object] = (),
+    handles: Sequence[Handle] = (),
 ) -> Chamber | None:
     """Return the chamber of an entry; None if it has a defect, which is reported.
 
@@ -114,11 +114,11 @@ def _chosen(
 
 
 def _named_chamber(
-    mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[object], common: dict, path: KeyPath, report: Defects
+    mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[Handle], common: dict, path: KeyPath, report: Defects
 ) -> Chamber | None:
     """Return the chamber of given faces; edges of which all ends lie on one handle, or on fixed ones, are closed."""
     holder = np.full(len(mesh.vertices), -1, dtype=np.int32)
-    for number, handle in enumerate(each for each in handles if isinstance(each, Handle)):
+    for number, handle in enumerate(each for each in handles if each.section == Handle.section):
         holder[handle.vertices] = 0 if handle.fixed else number + 1
     plates, leaks = close_on(quads, holder)
     if len(leaks):
