@@ -113,13 +113,18 @@ def _chosen(
     return None
 
 
+def _closes(handle: Handle) -> bool:
+    """Return whether plates between vertices of a handle are rigid, or stay in a plane of symmetry."""
+    return handle.section == Handle.section and (handle.slide is None or len(handle.free) == 2)
+
+
 def _named_chamber(
     mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[Handle], common: dict, path: KeyPath, report: Defects
 ) -> Chamber | None:
     """Return the chamber of given faces; edges of which all ends lie on one handle, or on fixed ones, are closed."""
     holder = np.full(len(mesh.vertices), -1, dtype=np.int32)
-    for number, handle in enumerate(each for each in handles if each.section == Handle.section):
-        holder[handle.vertices] = 0 if handle.fixed else number + 1
+    for number, handle in enumerate(filter(_closes, handles)):
+        holder[handle.vertices] = 0 if handle.fixed and handle.slide is None else number + 1
     plates, leaks = close_on(quads, holder)
     if len(leaks):
         x, y, z = mesh.vertices[leaks[0]].mean(axis=0)
