@@ -2,8 +2,8 @@
 """Robots that no package distributes, written in the form in which their makers do.
 
 Lengths are those of the makers' descriptions. Masses and inertias are round numbers: what is compared is how the file
-is read. The files have xacro's namespace, meshes of packages that are not installed, joints without velocity limits, fixed
-joints with and without axes, links without mass, and the elements of Gazebo and ros2_control.
+is read. The files have xacro's namespace, meshes of packages that are not installed, joints without velocity limits,
+fixed joints with and without axes, links without mass, and the elements of Gazebo and ros2_control.
 """
 
 from __future__ import annotations
