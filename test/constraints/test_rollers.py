@@ -107,5 +107,7 @@ def test_rollers_take_no_commands_and_need_a_place_of_their_own() -> None:
         simulation.step(Command({"mx": Pose((0, 0, 0.01))}))
     with pytest.raises(SceneError, match="slide excludes fixed"):
         scene_from_text(EIGHTH.replace("slide: [y, z]", "slide: [y, z], fixed: true"))
+    with pytest.raises(SceneError, match="1058 vertices slide"):
+        scene_from_text(EIGHTH.replace("cells: [4, 2, 2]", "cells: [1, 22, 22]").replace("face: z-", "face: x+"))
     with pytest.raises(SceneError, match="belongs to other handles"):
         scene_from_text(EIGHTH.replace("  my:", "  all: {where: {face: x-}, fixed: true}\n  my:"))

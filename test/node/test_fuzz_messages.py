@@ -154,3 +154,26 @@ def test_random_messages_and_requests(client: Any, start: Callable, interfaces: 
     assert growth < GROWTH
     assert "\x1b" not in process.log
     assert process.stop() == 0
+
+
+def test_huge_messages_delay_no_answer(client: Any, start: Callable, interfaces: Callable) -> None:
+    """Messages of 10 MB are refused without being read; before, one trajectory of 200 000 points took seconds."""
+    interfaces("tf2_msgs")
+    start(scene="tendon_finger", heartbeat=0.2)
+    client.wait(client.records)
+    publishers = [
+        client.node.create_publisher(kind, client.full(topic), 10)
+        for topic, kind in (("trajectory", JointTrajectory), ("commands", Float64MultiArray), ("actuation", JointState))
+    ]
+    client.wait(lambda: all(each.get_subscription_count() for each in publishers))
+    point = serialize_message(JointTrajectory(points=[JointTrajectoryPoint()]))[-36:]
+    head = serialize_message(JointTrajectory())
+    data = head[:-4] + (200_000).to_bytes(4, "little") + 200_000 * point
+    for publisher in publishers:
+        for _ in range(5):
+            publisher.publish(data)
+    client.wait(lambda: int(client.diagnostics()["commands refused"]) >= 15)
+    began = time.monotonic()
+    assert client.state() == "active"
+    assert time.monotonic() - began < PATIENCE
+    assert client.diagnostics()["refused: wrong size"] == "15"
