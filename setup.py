@@ -72,6 +72,7 @@ EXTRAS = {
         "pin>=3.0",
         "pycollada>=0.8",
         "example-robot-data>=6.0",
+        "rtb-data>=2.0",
         "gmsh>=4.13",
         "pytetwild>=0.4.2",
         "pyvista>=0.45",

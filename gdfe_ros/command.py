@@ -14,7 +14,7 @@ from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.errors import CommandError, SceneError
-from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.real_number import is_finite, is_number
 from gdfe_ros.scene.scene import Scene
@@ -210,7 +210,7 @@ class Orders:
         """Raise CommandError for a chamber's volume above `MOST_INFLATED` times its undeformed volume."""
         if actuator.mode is not Mode.VOLUME:
             return
-        rest = enclosed_volume(actuator.at(self._scene.mesh.vertices), actuator.quads)
+        rest = max(inside_volume(actuator.at(self._scene.mesh.vertices), actuator.quads), actuator.least)
         if value > MOST_INFLATED * rest:
             raise CommandError(
                 f"actuator {actuator.name!r}: volume {value!r} m^3 is {value / rest:.3g} times the undeformed one, "

@@ -42,7 +42,10 @@ def make_stepper(
 
     def acting(more: Sequence[Term] = ()) -> Actuation:
         passive = [*(FibreTerm(layer, body) for layer in scene.fibres), *(make(body) for make in makers)]
-        return Actuation(body, scene.actuators, scene.loads, [*passive, *more])
+        return Actuation(body, actuators, scene.loads, [*passive, *more])
+
+    origin = scene.mesh.vertices[0] - body.rest[0]
+    actuators = [each.seen_from(origin) for each in scene.actuators]
 
     if scene.dynamics is None:
         return Stepper(body, settings, acting())

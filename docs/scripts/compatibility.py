@@ -37,6 +37,13 @@ _TABLES, _BAGS = "test/fitting/test_machine_tables.py", "test/recording/test_for
 ROWS = (
     Row("robots (URDF): frames and holding torques", "example-robot-data", "pinocchio's own reader, 1e-9",
         f"{_ARMS}::test_kinematics_and_torques_are_pinocchios"),
+    Row("iiwa (URDF): frames", "rtb-data", "pinocchio's own reader, 1e-9",
+        f"{_ARMS}::test_kinematics_of_an_iiwa_are_pinocchios"),
+    Row("UR3e, UR5e, UR10e, FR3, Gen3, 2F-85 (URDF): frames and holding torques",
+        "this test, with the makers' lengths; no package has their files", "pinocchio's own reader, 1e-9",
+        f"{_ARMS}::test_kinematics_and_torques_of_written_arms_are_pinocchios"),
+    Row("iiwa, UR3e, UR5e, UR10e, FR3, Gen3, 2F-85 in a scene", "rtb-data (iiwa), this test (others)",
+        "number of joints, remarks", f"{_ARMS}::test_a_written_arm_carries_a_body"),
     Row("robots (URDF) in a scene: visual and collision meshes", "example-robot-data", "number and size of the shapes",
         f"{_ARMS}::test_a_distributed_arm_loads_unchanged"),
     Row("`package://` in folders of all layouts", "this test", "the path", f"{_ARMS}::test_packages_are_found"),

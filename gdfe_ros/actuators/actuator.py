@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -51,17 +51,21 @@ class Actuator:
         """Whether the command is a constraint on a length or a volume, whose tension or pressure is an unknown."""
         return self.mode is Mode.VOLUME
 
+    def seen_from(self, origin: NDArray[np.float64]) -> Actuator:
+        """Return the actuator for positions relative to ``origin`` (3,) [m]; only points in the world differ."""
+        return self
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cable(Actuator):
-    """A frictionless cable along a polyline of length L through material points; it pulls and never pushes.
+    """A frictionless cable along a polyline of length L; it pulls and never pushes.
 
     With a commanded tension T its energy is T L. A commanded length l is the constraint L <= l: while L < l, the cable
     is slack. With a finite ``stiffness`` k the cable is elastic instead of constrained: its energy is k/2 (L - l)^2 for
     L > l.
 
     Attributes:
-        points: two or more points of the body, from one end of the cable to the other.
+        points: two or more points of the body or the world, from one end of the cable to the other.
         stiffness: stiffness k of the whole cable [N/m]; infinite for an inextensible cable.
     """
 
@@ -73,10 +77,14 @@ class Cable(Actuator):
         """Whether the command is a constraint on the cable's length; an elastic cable has no constraint."""
         return self.mode is not Mode.TENSION and not math.isfinite(self.stiffness)
 
+    def seen_from(self, origin: NDArray[np.float64]) -> Cable:
+        """Return the cable for positions relative to ``origin`` (3,) [m]."""
+        return replace(self, points=self.points.seen_from(origin))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Chamber(Actuator):
-    """A closed surface inside the body that is filled with a fluid.
+    """A surface of the body that is filled with a fluid, closed by itself or by plates that move with handles.
 
     With a commanded pressure p its energy is -p V. A commanded volume is a constraint, whose pressure is an unknown.
 
@@ -84,10 +92,12 @@ class Chamber(Actuator):
         quads: int32 vertex ids of the faces, (q, 4), or (q, 6) for tetrahedra; normals point into the material. If
             ``points`` are given, indices (q, 4) of these points; a triangle repeats its last corner.
         points: material points as corners of the faces; None if the corners are vertices.
+        least: volume [m^3] for comparison if plates close the surface, because the undeformed volume may be zero.
     """
 
     quads: NDArray[np.int32]
     points: Embedding | None = None
+    least: float = 0.0
 
     @property
     def vertices(self) -> NDArray[np.int32]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,8 @@ SLACK = 1e-5
 """Largest distance outside of a cell at which a point still counts as on the cell's face, in the cell's reference
 coordinates (-1 .. 1) or barycentric coordinates.
 """
+HALF_A_CELL = {8: 1.0, 10: 0.5}
+"""Half the size of a cell with 8 or 10 nodes, in the same coordinates."""
 NEIGHBOURS = 64
 """Number of candidate cells for a point: the cells with the nearest centroids."""
 
@@ -29,11 +31,16 @@ class Embedding:
 
     Attributes:
         corners: (p, c) int32 vertices of the cell around each point; (p, 1) for points that are vertices.
-        weights: (p, c) or (p, 1) float64 weights of these vertices; each row sums to one.
+        weights: (p, c) or (p, 1) float64 weights of these vertices; each row sums to one, or is zero.
+        anchors: (p, 3) places [m] of points in the world, which have zero weights; zero for points of the body. None if
+            all points belong to the body.
+        moved: largest distance [m] by which points beside the body were moved onto it.
     """
 
     corners: NDArray[np.int32]
     weights: NDArray[np.float64]
+    anchors: NDArray[np.float64] | None = None
+    moved: float = 0.0
 
     @classmethod
     def of_vertices(cls, vertices: NDArray[np.int32]) -> Embedding:
@@ -42,16 +49,24 @@ class Embedding:
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the positions (p, 3) [m] of the points for vertices at ``positions`` (n, 3) [m]."""
-        return np.einsum("pa,pai->pi", self.weights, positions[self.corners])
+        places = np.einsum("pa,pai->pi", self.weights, positions[self.corners])
+        return places if self.anchors is None else places + self.anchors
+
+    def seen_from(self, origin: NDArray[np.float64]) -> Embedding:
+        """Return the points for positions relative to ``origin`` (3,) [m]."""
+        if self.anchors is None:
+            return self
+        return replace(self, anchors=self.anchors - (1.0 - self.weights.sum(axis=1))[:, None].round() * origin)
 
 
-def embed(mesh: Mesh, points: ArrayLike, *, what: str) -> Embedding:
+def embed(mesh: Mesh, points: ArrayLike, *, what: str, reach: float = SLACK) -> Embedding:
     """Return the material points at given positions in the undeformed body.
 
     Args:
         mesh: the undeformed body.
         points: positions (p, 3) [m]; a point on the common face of two cells has the same weights in both.
         what: name of the points in an error.
+        reach: largest distance outside of a cell, as `SLACK`, from which a point is moved onto the cell.
 
     Raises:
         MeshError: a point is outside of the body; the error names every such point and a point of the body near it.
@@ -63,18 +78,20 @@ def embed(mesh: Mesh, points: ArrayLike, *, what: str) -> Embedding:
     _, nearest = tree.query(points, k=min(NEIGHBOURS, mesh.n_cells))
     cells = np.zeros(len(points), dtype=np.int64)
     weights = np.zeros((len(points), mesh.nodes))
-    defects = []
+    defects, moved = [], 0.0
     for i, candidates in enumerate(np.atleast_2d(nearest.reshape(len(points), -1))):
         beyond, shares = locate(points[i], corners[candidates])
         best = int(np.argmin(beyond))
         weights[i], cells[i] = shares[best], candidates[best]
-        if not beyond[best] <= SLACK:
+        if SLACK < beyond[best] <= reach:
+            moved = max(moved, float(np.linalg.norm(weights[i] @ corners[cells[i]] - points[i])))
+        elif not beyond[best] <= SLACK:
             found = ", ".join(f"{value:.4g}" for value in weights[i] @ corners[cells[i]])
             given = ", ".join(f"{value:.4g}" for value in points[i])
             defects.append(f"point {i} at ({given}) m lies outside of the body; the body is near ({found}) m")
     if defects:
         raise MeshError(what, defects)
-    return Embedding(np.ascontiguousarray(mesh.cells[cells], dtype=np.int32), weights)
+    return Embedding(np.ascontiguousarray(mesh.cells[cells], dtype=np.int32), weights, moved=moved)
 
 
 def _in_hexahedra(

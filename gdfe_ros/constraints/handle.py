@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A handle: vertices that are fixed, or move together as a rigid body."""
+"""A handle: vertices that are fixed, move together as a rigid body, or each slide along axes of the world."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import ClassVar
 
@@ -31,6 +31,8 @@ class Handle:
         turning: world axes, through the handle's centre, about which it rotates freely. The rotation vector's
             components along these axes are unknowns, for which the energy is minimal. With one or three free axes the
             moment about them is zero.
+        slide: (k, 3) bool, the axes along which each vertex slides by itself, as on rollers; None: the vertices move
+            together.
         carrier: name of the arm that moves the handle; empty if the handle accepts commands.
         noun: name of this kind of item in messages.
         section: section of this kind of item in scene files and topic names.
@@ -43,16 +45,28 @@ class Handle:
     fixed: bool = False
     free: tuple[Axis, ...] = ()
     turning: tuple[Axis, ...] = ()
+    slide: NDArray[np.bool_] | None = None
     carrier: str = ""
 
     def __post_init__(self) -> None:
-        if self.fixed and self.loose:
+        if self.fixed and self.loose and self.slide is None:
             raise ValueError(f"handle {self.name!r} is fixed and has free axes; drop one of the two")
 
     @property
     def loose(self) -> bool:
-        """Whether the handle slides or rotates freely about an axis, so that the solver computes part of its pose."""
+        """Whether the handle or its vertices slide or rotate freely, so that the solver computes part of the pose."""
         return bool(self.free or self.turning)
+
+    @property
+    def pieces(self) -> tuple[Handle, ...]:
+        """The parts that move as rigid bodies: each vertex on rollers by itself, otherwise the whole handle."""
+        if self.slide is None:
+            return (self,)
+        alone = zip(self.vertices[:, None], self.slide[:, None], strict=True)
+        return tuple(
+            replace(self, vertices=vertex, free=tuple(axis for axis in Axis if row[0, axis]), slide=row)
+            for vertex, row in alone
+        )
 
     def seen_from(self, origin: NDArray[np.float64]) -> Handle:
         """Return this handle for positions relative to ``origin`` (3,) [m]: handles do not depend on the origin."""

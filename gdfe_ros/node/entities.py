@@ -51,6 +51,7 @@ class Entities:
     ) -> None:
         self._node, self._find, self._exchange = node, session, exchange
         self._inner: dict[str, Placement] = {}
+        self._adding = 0
         if not installed(services.SPAWN_ENTITY.type):
             return
         offered = {
@@ -64,9 +65,9 @@ class Entities:
             node.offer(interface_class(spec.type), spec.name, partial(self._answer, answer))
 
     @property
-    def spawned(self) -> tuple[str, ...]:
-        """Names of the spawned bodies, including those that are still being added."""
-        return tuple(self._inner)
+    def any_spawned(self) -> bool:
+        """Whether there are spawned bodies, including those that are still being added."""
+        return bool(self._inner or self._adding)
 
     def forget(self) -> None:
         """Forget the spawned bodies, because their scene is gone."""
@@ -74,7 +75,7 @@ class Entities:
 
     def remove_all(self, *, anew: bool) -> Future[Scene]:
         """Remove all spawned bodies; ``anew``: start again at rest at time 0."""
-        return self._remove(self.spawned, anew=anew)
+        return self._remove(None, anew=anew)
 
     def _answer(self, action: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
         try:
@@ -92,27 +93,30 @@ class Entities:
         session, wanted = self._session(), EntityRequest.of(request)
         if session.scene.dynamics is None:
             raise Refused(ResultCode.FAILED, f"scene {session.scene.name!r} has no `dynamics`, which rigid bodies need")
-        entity = wanted.entity()
-        name = wanted.unique_name(entity, _names(session.scene) | set(self._inner))
         outer = placement_of(wanted.pose, session.run.frames)
         _require_near(outer.origin, session)
-        self._inner[name] = Placement()
-        given = {"origin": outer.origin, "turn": outer.turn}
-        work = self._exchange.request(lambda scene: with_body(scene, name, entity, **given))
-        work.add_done_callback(lambda work: self._spawned(name, outer, work))
+        found: dict[str, str] = {}
+
+        def add(scene: Scene) -> Scene:
+            """Read the resource; called in the thread of the exchange, because reading may take long."""
+            entity = wanted.entity()
+            found.update(name=wanted.unique_name(entity, _names(scene)), remark=entity.remark)
+            return with_body(scene, found["name"], entity, origin=outer.origin, turn=outer.turn)
+
+        work = self._exchange.request(add)
+        self._adding += 1
+        work.add_done_callback(lambda work: self._spawned(found, outer, work))
 
         def fill(response: Any, scene: Scene) -> None:
-            response.entity_name = name
-            response.result.error_message = entity.remark
+            response.entity_name, response.result.error_message = found["name"], found["remark"]
 
         return later(work, response, fill)
 
-    def _spawned(self, name: str, outer: Placement, work: Future[Scene]) -> None:
-        """Note the frame of a body that was added, or forget a body that could not be added."""
-        if work.exception() is not None:
-            self._inner.pop(name, None)
-            return
-        self._inner[name] = outer.inverse() @ _rest(self._body(name))
+    def _spawned(self, found: dict[str, str], outer: Placement, work: Future[Scene]) -> None:
+        """Note the frame of a body that was added."""
+        self._adding -= 1
+        if work.exception() is None:
+            self._inner[found["name"]] = outer.inverse() @ _rest(self._body(found["name"]))
 
     def _delete(self, request: Any, response: Any) -> Future[Any]:
         name = request.entity
@@ -124,20 +128,22 @@ class Entities:
             )
         return later(self._remove((name,), anew=False), response)
 
-    def _remove(self, names: tuple[str, ...], *, anew: bool) -> Future[Scene]:
+    def _remove(self, names: tuple[str, ...] | None, *, anew: bool) -> Future[Scene]:
+        """Remove spawned bodies; None: all that are spawned when the change begins."""
         command_set = self._session().run.parameters.entries("command_set")
-        waited = [key for key in command_set if key in {f"bodies/{name}/set" for name in names}]
+        gone: list[str] = []
 
         def without(scene: Scene) -> Scene:
-            if waited:
+            gone[:] = self._inner if names is None else names
+            if waited := [key for key in command_set if key in {f"bodies/{name}/set" for name in gone}]:
                 raise GdfeError(f"command_set has {', '.join(waited)}; remedy: deactivate, and set it without them")
-            return without_bodies(scene, names)
+            return without_bodies(scene, gone)
 
         work = self._exchange.request(without, anew=anew)
 
         def conclude(work: Future[Scene]) -> None:
             if work.exception() is None:
-                for name in names:
+                for name in gone:
                     self._inner.pop(name, None)
 
         work.add_done_callback(conclude)

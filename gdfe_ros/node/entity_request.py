@@ -46,12 +46,15 @@ class EntityRequest:
         """Return the contents of a request of any version of ``simulation_interfaces``.
 
         Raises:
-            Refused: it asks for a namespace.
+            Refused: it asks for a namespace, or its resource is too large.
         """
         resource = getattr(request, "entity_resource", request)  # version 2.1 has a message of its own for it
         if request.entity_namespace:
             text = f"entity_namespace is {request.entity_namespace!r}; allowed: empty, the topics of a body are below "
             raise Refused(ResultCode.NAMESPACE_INVALID, f"{text}this node's name")
+        if (size := len(resource.resource_string)) > LARGEST:
+            text = f"resource_string has {size} characters; allowed: up to {LARGEST}"
+            raise Refused(ResultCode.PARSE_ERROR, text)
         return cls(
             name=request.name,
             renames=request.allow_renaming,

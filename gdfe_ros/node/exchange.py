@@ -14,6 +14,9 @@ from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
+MOST_WAITING = 20
+"""Largest number of changes that wait for those before them; further ones are refused."""
+
 
 @dataclass(eq=False)
 class _Change:
@@ -57,8 +60,13 @@ class SceneExchange:
     def request(self, make: Callable[[Scene], Scene], *, anew: bool = False) -> Future[Scene]:
         """Change the scene by ``make``, and return a ``Future`` of the new scene. Called in the executor's thread."""
         change = _Change(make, anew)
-        self._waiting.append(change)
-        self._begin()
+        if len(self._waiting) < MOST_WAITING:
+            self._waiting.append(change)
+            self._begin()
+        else:
+            change.outcome.set_exception(
+                GdfeError(f"{MOST_WAITING} changes of the scene wait already; ask again later")
+            )
         return change.outcome
 
     def _begin(self) -> None:

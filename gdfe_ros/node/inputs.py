@@ -22,7 +22,7 @@ from gdfe_ros.node.interface import topics
 from gdfe_ros.node.orders import ActuatorOrder, Order, TrajectoryOrder
 from gdfe_ros.node.pursuit import Code, Pursuit
 from gdfe_ros.node.qos import interface_class, qos_profile
-from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.refusals import Reason, Refusal, require_small
 from gdfe_ros.node.run import Run
 from gdfe_ros.node.specification import TopicSpec
 from gdfe_ros.node.step import Step
@@ -191,6 +191,7 @@ class Inputs:
     def _take(self, item: Input, topic: str, kind: type, data: bytes) -> None:
         if self.inbox is None:
             raise Refusal(Reason.INACTIVE, "the node is not active; it takes commands after `activate`")
+        require_small(data)
         try:
             message = deserialize_message(data, kind)
         except Exception as error:  # rclpy does not document the exceptions

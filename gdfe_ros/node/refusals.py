@@ -15,6 +15,10 @@ _LONGEST = 400
 """Largest number of characters of a logged refusal."""
 
 
+LARGEST_MESSAGE = 1_000_000
+"""Largest number of bytes of a message that is read; rclpy needs a second for each megabyte."""
+
+
 class Reason(Enum):
     """Reason of a refusal; the key of its count in /diagnostics."""
 
@@ -94,3 +98,9 @@ def shortened(text: str) -> str:
         half = _LONGEST // 2
         text = f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"
     return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+
+
+def require_small(data: bytes) -> None:
+    """Raise ``Refusal`` for a message of more than `LARGEST_MESSAGE` bytes."""
+    if len(data) > LARGEST_MESSAGE:
+        raise Refusal(Reason.WRONG_SIZE, f"the message has {len(data)} bytes; allowed: up to {LARGEST_MESSAGE}")

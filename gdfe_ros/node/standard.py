@@ -136,14 +136,14 @@ class StandardServices:
         if whole not in (0, _TIME | _STATE):
             return failed(response, ResultCode.UNSUPPORTED, f"scope {scope}: time and state are reset together only")
         if not whole:
-            removes = scope & _SPAWNED and self._entities.spawned
+            removes = scope & _SPAWNED and self._entities.any_spawned
             return later(self._entities.remove_all(anew=False), response) if removes else done(response)
         session.interrupt("reset_simulation ended it")
         return later(self._restarted(session, spawned=bool(scope & _SPAWNED)), response)
 
     def _restarted(self, session: SimulationSession, *, spawned: bool) -> Future[Any]:
         """Go back to rest at time 0; ``spawned``: without the spawned bodies."""
-        if spawned and self._entities.spawned:
+        if spawned and self._entities.any_spawned:
             return self._entities.remove_all(anew=True)
         return session.stepper.post(session.reset, urgent=True)
 

@@ -134,5 +134,5 @@ def handle_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positi
     centre = before.mean(axis=0)
     wanted = Rotation.from_rotvec(target.rotation).apply(before - centre) + centre + target.translation
     error = np.abs((now - wanted).mean(axis=0) if handle.turning else now - wanted)
-    held = [place for place, axis in enumerate(Axis) if axis not in handle.free]
-    return float(error[..., held].max(initial=0.0))
+    free = np.isin(list(Axis), handle.free) if handle.slide is None else handle.slide
+    return float(np.where(free, 0.0, error).max(initial=0.0))

@@ -17,7 +17,7 @@ from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.numbers import require_finite, require_unit
 from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.qos import installed, interface_class, qos_profile
-from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.refusals import Reason, Refusal, require_small
 
 _UNREAD = 2000
 """Largest number of unread messages of /tf; older ones are dropped. A moving frame is published again long before so
@@ -106,10 +106,21 @@ class Transforms:
 
     def _keep(self, data: bytes) -> None:
         """Store a message without reading it: a robot publishes thousands of transforms a second; few are needed."""
-        self._unread.append((data, self._now()))
-        self._heard()
+        if self._is_small(data, topics.TF.name):
+            self._unread.append((data, self._now()))
+            self._heard()
+
+    def _is_small(self, data: bytes, topic: str) -> bool:
+        try:
+            require_small(data)
+        except Refusal as refusal:
+            self._refuse(topic, refusal)
+            return False
+        return True
 
     def _keep_fixed(self, data: bytes) -> None:
+        if not self._is_small(data, topics.TF_STATIC.name):
+            return
         self._fixed_unread.append((data, self._now()))
         if len(self._fixed_unread) > _UNREAD:  # unlike moving frames, these are not published again
             with self._lock:

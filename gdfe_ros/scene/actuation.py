@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +24,15 @@ from gdfe_ros.actuators import (
     SurfaceLoad,
     embed,
 )
+from gdfe_ros.actuators.embedding import HALF_A_CELL, SLACK
 from gdfe_ros.actuators.load import corner_areas
+from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.skin_selection import select_skin
-from gdfe_ros.scene.actuator_schema import CableModel, DriveModel, GrowthModel, LoadModel, PlaceModel
+from gdfe_ros.scene.actuator_schema import AnchorModel, CableModel, DriveModel, GrowthModel, LoadModel, PlaceModel
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.chambers import chamber, on_skin
 from gdfe_ros.scene.document import KeyPath
@@ -48,7 +51,9 @@ LIMITS: Mapping[Mode, tuple[float, float]] = {
 }
 
 
-def build_actuators(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Actuator, ...]:
+def build_actuators(
+    draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Defects
+) -> tuple[Actuator, ...]:
     """Return the actuators whose points, faces or cells in the body are valid; report the defects of the others."""
     built = []
     for name, model in draft.actuators.items() if mesh is not None else ():
@@ -56,7 +61,7 @@ def build_actuators(draft: Draft, mesh: HexMesh | None, report: Defects) -> tupl
         path = ("actuators", name, kind)
         low, high = _limits(value, model.mode, path, report)
         common = {"name": name, "mode": model.mode, "low": low, "high": high, "rate": value.rate or math.inf}
-        make = {"cable": _cable, "chamber": chamber, "growth": _growth}[kind]
+        make = {"cable": _cable, "chamber": partial(chamber, handles=handles), "growth": _growth}[kind]
         built.append(make(value, mesh, common, path, report))
     return tuple(actuator for actuator in built if actuator is not None)
 
@@ -143,8 +148,32 @@ def _limits(value: DriveModel, mode: Mode, path: KeyPath, report: Defects) -> tu
 
 
 def _cable(value: CableModel, mesh: HexMesh, common: dict, path: KeyPath, report: Defects) -> Cable | None:
-    points = _embedded(mesh, value.mesh, value.points, path, report, key="points")
-    return None if points is None else Cable(points=points, stiffness=value.stiffness or math.inf, **common)
+    """Return a cable; points up to half a cell outside of the body are moved onto it."""
+    count = len(value.points)
+    kinds = [type(each) for each in value.points]
+    parts = [each.mesh if isinstance(each, PlaceModel) else value.mesh for each in value.points]
+    corners, weights, anchors = (
+        np.zeros((count, mesh.nodes), np.int32),
+        np.zeros((count, mesh.nodes)),
+        np.zeros((count, 3)),
+    )
+    moved, valid = 0.0, True
+    for part in dict.fromkeys(part for part, kind in zip(parts, kinds, strict=True) if kind is not AnchorModel):
+        own = [i for i in range(count) if kinds[i] is not AnchorModel and parts[i] == part]
+        places = [getattr(value.points[i], "at", value.points[i]) for i in own]
+        found = _embedded(mesh, part, places, path, report, key="points", reach=HALF_A_CELL[mesh.nodes])
+        if found is None:
+            valid = False
+            continue
+        corners[own], weights[own], moved = found.corners, found.weights, max(moved, found.moved)
+    world = [i for i in range(count) if kinds[i] is AnchorModel]
+    if not valid:
+        return None
+    if world:
+        anchors[world] = [value.points[i].world for i in world]
+        corners[world] = next(corners[i] for i in range(count) if i not in world)  # their weights are zero
+    points = Embedding(corners, weights, anchors if world else None, moved)
+    return Cable(points=points, stiffness=value.stiffness or math.inf, **common)
 
 
 def _growth(value: GrowthModel, mesh: HexMesh, common: dict, path: KeyPath, report: Defects) -> Growth | None:
@@ -207,22 +236,30 @@ def _gravity(
 
 
 def _embedded(
-    mesh: HexMesh, part: str | None, points: object, path: KeyPath, report: Defects, *, key: str | None = None
+    mesh: HexMesh,
+    part: str | None,
+    points: object,
+    path: KeyPath,
+    report: Defects,
+    *,
+    key: str | None = None,
+    reach: float = SLACK,
 ) -> Embedding | None:
     """Return the material points at given positions (p, 3) [m]; None if a point is outside, which is reported.
 
     If ``part`` names one of several meshes, the points are in this mesh, and the positions are in its frame. ``path``
-    is the key path of the entry with the key `mesh`. ``key`` is the key of the points in this entry.
+    is the key path of the entry with the key `mesh`. ``key`` is the key of the points in this entry, and ``reach`` the
+    argument of `embed`.
     """
     if not known_part(mesh, part, path, report):
         return None
     within, first = (mesh, 0) if part is None else (mesh.parts[part].mesh, mesh.parts[part].first_vertex)
     path = path if key is None else (*path, key)
     try:
-        found = embed(within, points, what=".".join(map(str, path)))
+        found = embed(within, points, what=".".join(map(str, path)), reach=reach)
     except MeshError as error:
         for defect in error.defects:
             frame = "" if part is None else f", in the frame of mesh {part!r}"
             report.add(path, f"{defect}{frame}", value=NO_VALUE)
         return None
-    return Embedding(found.corners + np.int32(first), found.weights)
+    return replace(found, corners=found.corners + np.int32(first))

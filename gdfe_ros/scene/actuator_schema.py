@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from gdfe_ros.actuators import Mode
@@ -43,6 +42,25 @@ Place = Annotated[
 ]
 
 
+class AnchorModel(Entry):
+    """A point in the world."""
+
+    world: Point3
+
+
+def _kind_of_end(value: Any) -> str:
+    given = value if isinstance(value, dict) else {"world": 0} if isinstance(value, AnchorModel) else {}
+    return TAG + "anchor" if "world" in given else _kind_of_place(value)
+
+
+CablePoint = Annotated[
+    Annotated[Point3, Tag(TAG + "point")]
+    | Annotated[PlaceModel, Tag(TAG + "place")]
+    | Annotated[AnchorModel, Tag(TAG + "anchor")],
+    Discriminator(_kind_of_end),
+]
+
+
 class DriveModel(Entry):
     """Keys of every actuator."""
 
@@ -51,10 +69,12 @@ class DriveModel(Entry):
 
 
 class CableModel(DriveModel):
-    """A frictionless cable through points of the body."""
+    """A frictionless cable through points of the body, of several bodies, and of the world."""
 
-    points: tuple[Point3, ...] = Field(
-        description="two or more points of the body, e.g. [[0, 0, 0.01], [0.1, 0, 0.01]]", min_length=2
+    points: tuple[CablePoint, ...] = Field(
+        description="two or more points, e.g. [[0, 0, 0.01], [0.1, 0, 0.01]]; a point with a mesh belongs to one of "
+        "the `meshes`, and {world: [0, 0, 0.3]} is a pulley or a motor that stays where it is in the world",
+        min_length=2,
     )
     mesh: str | None = Field(None, description=_MESH)
     command: Literal["tension", "length", "shortening"] = Field(
@@ -64,9 +84,10 @@ class CableModel(DriveModel):
 
     @model_validator(mode="after")
     def _points_apart(self) -> CableModel:
-        gaps = np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1)
-        if len(self.points) < 2 or gaps.min() == 0.0:
+        if len(self.points) < 2 or any(a == b for a, b in zip(self.points, self.points[1:], strict=False)):
             raise ValueError("points: give two or more; consecutive points must differ")
+        if all(isinstance(point, AnchorModel) for point in self.points):
+            raise ValueError("points: all are in the world; give at least one point of a body")
         if self.stiffness is not None and self.command == "tension":
             raise ValueError(
                 "stiffness belongs to command: length or shortening; remove it if the command is a tension"
@@ -75,7 +96,7 @@ class CableModel(DriveModel):
 
 
 class ChamberModel(DriveModel):
-    """A closed surface inside the body that is filled with a fluid; with cut cells, a closed shell of the skin."""
+    """A surface filled with a fluid, closed or with open edges on handles; with cut cells, a shell of the skin."""
 
     cavity: Annotated[int, _CAVITY] | None = None
     near: Point3 | None = Field(None, description="selects the cavity whose centre is nearest to this point [x, y, z]")

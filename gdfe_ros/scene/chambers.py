@@ -10,10 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Chamber, Embedding
+from gdfe_ros.actuators.load import corner_areas
+from gdfe_ros.constraints import Handle
 from gdfe_ros.mesh import HexMesh, select_faces
-from gdfe_ros.mesh.cavities import Cavity, corners_of, find_cavities, inside_volume, open_edges, skin_cavities
+from gdfe_ros.mesh.cavities import Cavity, find_cavities, inside_volume, skin_cavities
 from gdfe_ros.mesh.faces import turned
 from gdfe_ros.mesh.outside import Outside
+from gdfe_ros.mesh.plates import close_on
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.actuator_schema import ChamberModel
 from gdfe_ros.scene.builder import select
@@ -22,7 +25,15 @@ from gdfe_ros.scene.meshes import known_part
 from gdfe_ros.scene.report import NO_VALUE, Defects
 
 
-def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, report: Defects) -> Chamber | None:
+def chamber(
+    value: ChamberModel,
+    mesh: HexMesh,
+    common: dict,
+    path: KeyPath,
+    report: Defects,
+    *,
+    handles: Sequence[Handle] = (),
+) -> Chamber | None:
     """Return the chamber of an entry; None if it has a defect, which is reported.
 
     Args:
@@ -31,6 +42,7 @@ def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, rep
         common: name, mode, range and rate of the actuator.
         path: key path of the entry in the file.
         report: collects the defects.
+        handles: handles of the scene; open edges of named faces may lie on them.
     """
     if not known_part(mesh, value.mesh, path, report):
         return None
@@ -42,8 +54,7 @@ def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, rep
         faces = select(select_faces, mesh, value.where, (*path, "where"), "boundary face", report)
         if faces is None:
             return None
-        quads = turned(faces)
-        return Chamber(quads=quads, **common) if _tight(mesh, quads, (*path, "where"), report) else None
+        return _named_chamber(mesh, turned(faces), handles, common, (*path, "where"), report)
     body = "the body" if part is None else f"mesh {value.mesh!r}"
     lack = f"{body} has no closed cavity; remedy: name its faces by `where`; `gdfe inspect` shows leaks"
     cavity = _chosen(value, find_cavities(within), body, lack, path, report)
@@ -102,17 +113,32 @@ def _chosen(
     return None
 
 
-def _tight(mesh: HexMesh, quads: NDArray[np.int32], path: KeyPath, report: Defects) -> bool:
-    leaks = open_edges(corners_of(quads))
+def _closes(handle: Handle) -> bool:
+    """Return whether plates between vertices of a handle are rigid, or stay in a plane of symmetry."""
+    return handle.section == Handle.section and (handle.slide is None or len(handle.free) == 2)
+
+
+def _named_chamber(
+    mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[Handle], common: dict, path: KeyPath, report: Defects
+) -> Chamber | None:
+    """Return the chamber of given faces; edges of which all ends lie on one handle, or on fixed ones, are closed."""
+    holder = np.full(len(mesh.vertices), -1, dtype=np.int32)
+    for number, handle in enumerate(filter(_closes, handles)):
+        holder[handle.vertices] = 0 if handle.fixed and handle.slide is None else number + 1
+    plates, leaks = close_on(quads, holder)
     if len(leaks):
         x, y, z = mesh.vertices[leaks[0]].mean(axis=0)
         text = (
             f"these {len(quads)} faces leak at {len(leaks)} edges, the first at ({x:.4g}, {y:.4g}, {z:.4g}) m between "
-            f"vertices {list_ids(np.unique(leaks))}; remedy: select every face of the chamber, close its ends"
+            f"vertices {list_ids(np.unique(leaks))}; remedy: select every face of the chamber, close its ends, or hold "
+            "each open end by one handle"
         )
         report.add(path, text, value=NO_VALUE)
-        return False
+        return None
+    if len(plates):
+        least = float(corner_areas(mesh.vertices, quads).sum()) ** 1.5
+        return Chamber(quads=np.concatenate([quads, plates]), least=least, **common)
     if inside_volume(mesh.vertices, quads) <= 0.0:
         report.add(path, "these faces enclose the body itself, not a chamber in it; select inner faces", value=NO_VALUE)
-        return False
-    return True
+        return None
+    return Chamber(quads=quads, **common)

@@ -25,7 +25,7 @@ from gdfe_ros.scene.scene import Scene
 PLACED = ("at", "rotation_deg")
 """Keys of a body's entry that state its place."""
 LARGEST = 100_000
-"""Largest number of characters of a body's description, which is read while other requests wait."""
+"""Largest number of characters of a body's description."""
 _MOST_VALUES = 1000
 """Largest number of values in it."""
 ODD = 0.05

@@ -233,10 +233,13 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "chamber: {near: [0.1, 0.0, 0.0]}",
         "growth: {stretch: [0.92, 1.0, 1.0]}",
     ),
+    actuator_schema.AnchorModel: ("{world: [-0.1, 0.0, 0.05]}",),
     actuator_schema.CableModel: (
         "{points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]], command: shortening, stiffness: 2.0e3, range: [0.0, 0.05], "
         "rate: 0.1}",
         "{mesh: left, points: [[0.0, 0.0, 0.01], [0.08, 0.0, 0.01]]}",
+        "{points: [{world: [-0.1, 0.0, 0.05]}, [0.0, 0.0, 0.02], [0.2, 0.0, 0.02]]}",
+        "{points: [{mesh: left, at: [0.08, 0.0, 0.0]}, {mesh: right, at: [0.08, 0.0, 0.0]}]}",
     ),
     actuator_schema.ChamberModel: (
         "{near: [0.1, 0.0, 0.0], command: pressure, range: [-10.0e3, 40.0e3], rate: 20.0e3}",

@@ -124,7 +124,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     arms, robots = build_arms(draft, mesh, handles, report)
     carried |= robots
     handles = _on_arms(handles, arms)
-    actuators = build_actuators(draft, mesh, report)
+    actuators = build_actuators(draft, mesh, handles, report)
     probes = build_probes(draft, mesh, report)
     attached = build_masses(draft, mesh, probes, _names(document, "probes"), report)
     masses = (*attached, *(item.attached for item in rigid))

@@ -59,7 +59,7 @@ class RegionModel(Entry):
 
 
 class HandleModel(Entry):
-    """Vertices that are fixed, or move together as a rigid body."""
+    """Vertices that are fixed, move together as a rigid body, or slide each by itself."""
 
     where: WhereModel = Field(description="the vertices, e.g. {face: x-}")
     fixed: bool = Field(False, description="true: the handle stays at its rest pose and takes no commands")
@@ -70,8 +70,16 @@ class HandleModel(Entry):
         "about them; with two, the rotation vector in their plane has the least energy",
     )
 
+    slide: tuple[Literal["x", "y", "z"], ...] = Field(
+        (),
+        description="world axes along which each vertex slides by itself, as on rollers; [y, z] is a plane of symmetry "
+        "perpendicular to x. Such a handle takes no commands. It may share vertices with others: there, both hold",
+    )
+
     @model_validator(mode="after")
     def _one_kind(self) -> HandleModel:
+        if self.slide and (self.fixed or self.free):
+            raise ValueError("slide excludes fixed: true and free axes; leave one of them out")
         if self.fixed and self.free:
             raise ValueError("fixed: true and free axes exclude each other; leave one of the two out")
         return self

@@ -70,6 +70,10 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     if len(rigid) > 1 and scene.dynamics is not None and scene.dynamics.scheme is not Scheme.BDF2:
         text = f"{', '.join(rigid)} may not come to rest on each other with {scene.dynamics.scheme.value}"
         notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
+    for item in scene.actuators:
+        if isinstance(item, Cable) and item.points.moved:
+            text = f"points beside the body were moved onto it, by up to {item.points.moved:.3g} m"
+            notes.append(f"actuator {item.name!r}: {text}")
     kept = [item.name for item in scene.actuators if item.constrains]
     if kept and scene.dynamics is not None and scene.dynamics.scheme is Scheme.NEWMARK:
         text = (

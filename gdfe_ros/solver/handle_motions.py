@@ -37,7 +37,7 @@ class HandleMotions:
 
     def __init__(self, body: Body) -> None:
         self._body = body
-        self._loose = [handle for handle in body.handles if handle.loose]
+        self._loose = [piece for handle in body.handles for piece in handle.pieces if piece.loose]
         self._row = {handle.name: p for p, handle in enumerate(self._loose)}
         self._centres = {handle.name: handle.centre(body.rest) for handle in body.handles}
         self.turn = bool((body.unknowns.turn_row >= 0).any())

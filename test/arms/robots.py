@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robots as they are distributed, from the package example-robot-data, and scenes with one of them."""
+"""Robots as they are distributed, from the packages example-robot-data and rtb-data, and scenes with one of them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import sysconfig
 from pathlib import Path
 
 ROBOTS = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
+IIWA = Path(sysconfig.get_paths()["purelib"]) / (
+    "rtbdata/xacro/kuka_description/kuka_lbr_iiwa/urdf/lbr_iiwa_14_r820.urdf"
+)
 
 SCENE = """
 name: carried

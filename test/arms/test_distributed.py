@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.solvable import remarks
 from gdfe_ros.solver.settings import Policy
 from test.arms.conftest import TWO_LINKS
-from test.arms.robots import ROBOTS, write_scene
+from test.arms.robots import IIWA, ROBOTS, write_scene
+from test.arms.written import ARMS, write_arm
 
 pin = pytest.importorskip("pinocchio")
 
@@ -47,9 +49,41 @@ MADE = [
 @pytest.mark.parametrize("robot", MADE)
 def test_kinematics_and_torques_are_pinocchios(robot: str) -> None:
     """Frames of all links and the torques that hold the arm are those of the unchanged file, to 1e-9."""
-    path = ROBOTS / robot
+    _compare(ROBOTS / robot)
+
+
+def test_kinematics_of_an_iiwa_are_pinocchios() -> None:
+    """The same for the iiwa of ROS-Industrial, whose links have no masses."""
+    _compare(IIWA)
+
+
+@pytest.mark.parametrize("robot", [*ARMS, "2f85"])
+def test_kinematics_and_torques_of_written_arms_are_pinocchios(robot: str, tmp_path: Path) -> None:
+    """The same for arms that no package has, with the lengths and in the form of their makers' files."""
+    _compare(write_arm(robot, tmp_path))
+
+
+@pytest.mark.parametrize("robot", ["iiwa", *ARMS, "2f85"])
+def test_a_written_arm_carries_a_body(robot: str, tmp_path: Path) -> None:
+    """Each carries a soft body; missing velocity limits are asked for once, missing meshes are left out."""
+    path, flange = (
+        (IIWA, "tool0") if robot == "iiwa" else (write_arm(robot, tmp_path), f"link_{len(ARMS.get(robot, ()))}")
+    )
+    more = ", velocity: 1.0"
+    if robot in ARMS and robot != "gen3":
+        with pytest.raises(SceneError, match="velocity") as caught:
+            load_scene(write_scene(tmp_path, path, flange))
+        assert str(caught.value).count("remedy") == 1
+    arm = load_scene(write_scene(tmp_path, path, flange if robot != "2f85" else "left_finger_tip", more)).arms[0]
+    assert len(arm.joints) == (1 if robot == "2f85" else 7 if robot in ("fr3", "gen3", "iiwa") else 6)
+    assert any("left out of pictures" in text for text in arm.remarks) is (robot != "iiwa")
+
+
+def _compare(path: Path) -> None:
+    """Compare the frames of all links, and the torques that hold the arm, with those of pinocchio."""
     own = LinkDynamics(parse_urdf(path.read_text(), velocity=1.0), LinkFrame(np.zeros(3), np.eye(3)))
-    model = pin.buildModelFromUrdf(str(path))
+    # pinocchio refuses joints without a velocity limit.
+    model = pin.buildModelFromXML(re.sub(r"<limit (?![^>]*velocity)", '<limit velocity="1.0" ', path.read_text()))
     data, gravity = model.createData(), np.array([0.0, 0.0, -9.81])
     rng, commanded = np.random.default_rng(4), {joint.name: k for k, joint in enumerate(own.joints)}
     for _ in range(3):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import random
 import socket
 import time
@@ -15,6 +16,8 @@ from urllib.request import Request, urlopen
 import msgspec
 import pytest
 import viser
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
@@ -23,7 +26,8 @@ from benchmarks.live.viewer import Viewer
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live import gate
 
-_MESSAGES = 10_000
+_BURSTS, _BURST = 500, 20
+"""Number of bursts of random messages, and of the messages in each."""
 
 
 def _handshake(page: Any, path: str, **headers: str) -> int:
@@ -126,10 +130,9 @@ def test_a_fault_in_drawing_ends_nothing(live: Callable[..., Any], monkeypatch: 
     viewer.wait(lambda: viewer.frames > frames and page.session.simulation.commands["lower"] == 1.5, "a frame")
 
 
-def _random_messages(viewer: Viewer, dice: random.Random) -> Iterator[dict[str, Any]]:
+def _random_messages(uuids: list[str], dice: random.Random) -> Iterator[dict[str, Any]]:
     """Yield messages of viser's kinds, with random contents."""
     values = (None, True, -1, 1e308, float("nan"), "", "x" * 1000, [], [1, 2, 3], {"a": 1}, b"\0")
-    uuids = [control["uuid"] for control in viewer.controls.values()]
     keys = ("value", "removed", "max", "_impl", "label", "update_cb", "sync_cb")
     names = ("/handles/tip", "/probes/goals/middle", "/body/0", "", "/nothing")
     while True:
@@ -154,15 +157,29 @@ def test_random_messages_change_nothing_bad(live: Callable[..., Any]) -> None:
     """After ten thousand random messages of a viewer, the page draws, the simulation obeys, no answer takes long."""
     page = live()
     viewer = page.look()
-    dice, left = random.Random(1), _MESSAGES
-    while left:  # viser ends a connection after some of the messages
-        with contextlib.suppress(ConnectionClosed), Viewer(page.page.address()) as hostile:
-            hostile.wait(lambda hostile=hostile: hostile.controls, "the page")
-            for message in _random_messages(hostile, dice):
-                left -= 1
-                hostile._socket.send(msgspec.msgpack.encode(message))
-                if not left:
-                    break
+
+    @settings(
+        max_examples=_BURSTS,
+        deadline=None,
+        database=None,
+        derandomize=True,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(st.randoms(use_true_random=False))
+    def attack(dice: random.Random) -> None:
+        messages = list(itertools.islice(_random_messages(uuids, dice), _BURST))
+        if not hostile or hostile[0]._socket.close_code is not None:  # viser ends a connection after some messages
+            hostile[:] = [opened.enter_context(Viewer(page.page.address()))]
+            hostile[0].wait(lambda: hostile[0].controls, "the page")
+        with contextlib.suppress(ConnectionClosed):
+            for message in messages:
+                hostile[0]._socket.send(msgspec.msgpack.encode(message))
+
+    hostile: list[Viewer] = []
+    uuids = [control["uuid"] for control in viewer.controls.values()]
+    with contextlib.ExitStack() as opened:
+        attack()
     began = time.monotonic()
     viewer.move("lower, tension [N]", 0.5)
     viewer.wait(lambda: page.session.simulation.commands["lower"] == 0.5, "the next command", patience=60.0)

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,8 +14,11 @@ import rclpy
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
 
+from gdfe_ros.node import entity_request
+from gdfe_ros.node.exchange import MOST_WAITING
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.sim_node import SimNode
+from gdfe_ros.scene.entity import read_entity
 
 COARSE = ["mesh.bar.cells=[8, 2, 2]"]
 
@@ -77,3 +82,43 @@ def test_a_destroyed_node_leaves_the_graph(ros: Any) -> None:
         pass
     rclpy.shutdown(context=context)
     assert node.lifecycle_state == "finalized"
+
+
+def test_a_spawned_body_is_read_in_a_thread_of_its_own(
+    ros: Any, interfaces: Callable, slab: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While the description of a body is read, the node answers; too many requests are refused meanwhile."""
+    interfaces("simulation_interfaces")
+    from simulation_interfaces.srv import SpawnEntity
+
+    go_on = threading.Event()
+
+    def read(text: str, **options: str) -> object:
+        assert go_on.wait(60.0)
+        return read_entity(text, **options)
+
+    monkeypatch.setattr(entity_request, "read_entity", read)
+    parameters = [Parameter("scene", value=str(slab)), Parameter("clock", value="lockstep")]
+    node, end = ros.node(SimNode, parameter_overrides=parameters), time.monotonic() + 120.0
+    service = ros.node("client").create_client(SpawnEntity, "/gdfe_sim/spawn_entity")
+
+    def wait(done: Callable[[], Any]) -> None:
+        while not done():
+            assert time.monotonic() < end
+            ros.executor.spin_once(timeout_sec=0.1)
+
+    wait(lambda: node.lifecycle_state == "active" and service.service_is_ready())
+    request = SpawnEntity.Request(name="part", allow_renaming=False)
+    request.entity_resource.resource_string = "{box: {size: [1, 1, 1]}, mass: 1}"
+    request.initial_pose.pose.position.x = 0.3
+    answers = []
+    while not any(answer.done() for answer in answers):
+        answers.append(service.call_async(request))
+        wait(lambda: len(node._entities._exchange._waiting) == min(len(answers) - 1, MOST_WAITING))
+        ros.executor.spin_once(timeout_sec=0.1)
+    go_on.set()
+    wait(lambda: all(answer.done() for answer in answers))
+    texts = [answer.result().result.error_message for answer in answers]
+    node.close()
+    assert sum("is taken" in text for text in texts) == MOST_WAITING + 1
+    assert all("is taken" in text or "ask again later" in text for text in texts), texts

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.serialization import serialize_message
@@ -117,24 +119,61 @@ def test_random_messages_and_requests(client: Any, start: Callable, interfaces: 
         interfaces(package)
     process = start(scene="tendon_finger", heartbeat=0.2)
     client.wait(client.records)
-    dice, slowest, before = random.Random(1), 0.0, 0.0
+    slowest, before, count = 0.0, 0.0, 0
     publishers = {
         topic: client.node.create_publisher(kind, client.full(topic), 100)
         for topic, kind in KINDS.items()
         if not topic.startswith("handles") or client.node.count_subscribers(client.full(topic))
     }
-    for number in range(MESSAGES):
-        topic = dice.choice(list(publishers))
-        publishers[topic].publish(_bytes(KINDS[topic], dice))
-        client.spin(0.001)
-        if number % 10 == 0:
-            slowest = max(slowest, _ask(client, dice))
-        if number == MESSAGES // 4:
+
+    # A node keeps its state: an example that fails cannot be played again, or made smaller.
+    @settings(
+        max_examples=MESSAGES // 10,
+        deadline=None,
+        database=None,
+        derandomize=MESSAGES == 1000,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(st.randoms(use_true_random=False))
+    def attack(dice: random.Random) -> None:
+        nonlocal slowest, before, count
+        for _ in range(10):
+            topic = dice.choice(list(publishers))
+            publishers[topic].publish(_bytes(KINDS[topic], dice))
+            client.spin(0.001)
+        slowest, count = max(slowest, _ask(client, dice)), count + 10
+        if count == MESSAGES // 40 * 10:
             before = _memory(process.pid)
+
+    attack()
     assert client.state() == "active"
     assert slowest < PATIENCE
     growth = _memory(process.pid) - before
-    print(f"{MESSAGES} messages; slowest answer {slowest:.2f} s, growth {growth:.1f} MB")
+    print(f"{count} messages; slowest answer {slowest:.2f} s, growth {growth:.1f} MB")
     assert growth < GROWTH
     assert "\x1b" not in process.log
     assert process.stop() == 0
+
+
+def test_huge_messages_delay_no_answer(client: Any, start: Callable, interfaces: Callable) -> None:
+    """Messages of 10 MB are refused without being read; before, one trajectory of 200 000 points took seconds."""
+    interfaces("tf2_msgs")
+    start(scene="tendon_finger", heartbeat=0.2)
+    client.wait(client.records)
+    publishers = [
+        client.node.create_publisher(kind, client.full(topic), 10)
+        for topic, kind in (("trajectory", JointTrajectory), ("commands", Float64MultiArray), ("actuation", JointState))
+    ]
+    client.wait(lambda: all(each.get_subscription_count() for each in publishers))
+    point = serialize_message(JointTrajectory(points=[JointTrajectoryPoint()]))[-36:]
+    head = serialize_message(JointTrajectory())
+    data = head[:-4] + (200_000).to_bytes(4, "little") + 200_000 * point
+    for publisher in publishers:
+        for _ in range(5):
+            publisher.publish(data)
+    client.wait(lambda: int(client.diagnostics()["commands refused"]) >= 15)
+    began = time.monotonic()
+    assert client.state() == "active"
+    assert time.monotonic() - began < PATIENCE
+    assert client.diagnostics()["refused: wrong size"] == "15"

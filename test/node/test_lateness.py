@@ -3,10 +3,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import TwistStamped
 
 from gdfe_ros.cli import main
 from gdfe_ros.node.lateness import Lateness
@@ -52,3 +59,29 @@ def test_a_node_that_is_too_slow_warns_and_its_report_shows_it(
     assert "of real time, late by up to" in text
     assert "Lateness" in text
     assert "faster than real time" not in text
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_time_in_which_a_node_was_stopped_is_skipped(client: Any, start: Callable, coarse: dict, moving: bool) -> None:
+    """After a SIGSTOP of 4 s, no step on the wall clock is longer than before, and overruns count the lost time.
+
+    Before, the simulation gained up to 6 s in a few long steps.
+    """
+    process = start(**coarse, rate=50.0, dt=0.02, heartbeat=0.5, velocity_timeout=1000.0)
+    client.wait(client.records)
+    twist = TwistStamped()
+    twist.twist.linear.z = 0.002 if moving else 0.0
+    client.publish("handles/tip/velocity", twist)
+    client.wait(lambda: len(client.records()) >= 4)
+    before, count = client.diagnostics(), len(client.records())
+    began = time.monotonic()
+    os.kill(process.pid, signal.SIGSTOP)
+    time.sleep(4.0)
+    os.kill(process.pid, signal.SIGCONT)
+    client.wait(lambda: len(client.records()) >= count + 4)
+    after = client.diagnostics()
+    simulated = float(after["simulation time [s]"]) - float(before["simulation time [s]"])
+    assert simulated < time.monotonic() - began - 3.0 + (0.0 if moving else 0.5)
+    steps = np.diff([record.time for record in client.records()[count - 1 :]])
+    assert steps.max() < (0.03 if moving else 1.6), steps
+    assert int(after["overruns"]) - int(before["overruns"]) > 100

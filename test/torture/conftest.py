@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +17,29 @@ from benchmarks.torture.score import Score, rich_table, write_scores
 
 OUTPUT = Path(os.environ.get("TORTURE_OUTPUT", "runs/torture"))
 """Folder of torture.json and torture.png."""
+
+EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
+"""Random examples of each fuzzing test; 0 for a few fixed ones."""
+MEMORY, SECONDS = 4 << 30, 300 + EXAMPLES
+"""Address space [bytes] that a fuzzing test may use in addition, and its longest time [s]."""
+
+
+@pytest.fixture
+def limited() -> Iterator[None]:
+    """Limit memory and time of a test: beyond the limits, its process raises MemoryError or TimeoutError."""
+
+    def end(*_: object) -> None:
+        raise TimeoutError(f"the examples took more than {SECONDS} s")
+
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    before, most = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, most))
+    handler = signal.signal(signal.SIGALRM, end)
+    signal.alarm(SECONDS)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, handler)
+    resource.setrlimit(resource.RLIMIT_AS, (before, most))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

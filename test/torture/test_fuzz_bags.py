@@ -18,6 +18,7 @@ from gdfe_ros.recording.recovery import recover
 from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 
+pytestmark = pytest.mark.usefixtures("limited")
 EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
 """Random examples per test; 0 for a few fixed ones."""
 QUICK = settings(

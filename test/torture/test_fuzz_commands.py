@@ -28,10 +28,14 @@ actuators:
 loads: {weight: {gravity: [0, 0, -9.81]}}
 solver: {tolerance: 1.0e-3, max_iterations: 300}
 """
+pytestmark = pytest.mark.usefixtures("limited")
 EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
 """Random examples per test; 0 for a few fixed ones."""
 QUICK = settings(
-    max_examples=EXAMPLES or 60, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=not EXAMPLES
+    max_examples=EXAMPLES or 60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+    derandomize=not EXAMPLES,
 )
 NUMBER = st.one_of(st.floats(-0.3, 0.3), st.floats(), st.sampled_from([0.0, 1e-300, 1e300, 1e3, -1e3]))
 VECTOR = st.tuples(NUMBER, NUMBER, NUMBER)

@@ -8,6 +8,7 @@ import os
 from typing import Any
 
 import numpy as np
+import pytest
 import yaml
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
@@ -31,8 +32,9 @@ regions:
 handles:
   base: {where: {face: x-}, fixed: true}
   tip: {where: {face: x+}, free: [x]}
+  rail: {where: {box: {x: [0.04, 0.16], z: [-0.03, -0.02]}}, slide: [x, y]}
 actuators:
-  tendon: {cable: {points: [[0.0, 0.0, 0.02], [0.1, 0.0, 0.02]], command: tension, range: [0.0, 10.0]}}
+  tendon: {cable: {points: [{world: [0.0, 0.0, 0.2]}, [0.0, 0.0, 0.02], [0.1, 0.0, 0.02]], command: tension, range: [0.0, 10.0]}}
 loads:
   weight: {gravity: [0, 0, -9.81]}
 probes: {middle: [0.1, 0.0, 0.0]}
@@ -47,10 +49,14 @@ program:
 solver: {policy: energy, tolerance: 1.0e-3, max_iterations: 200}
 """
 DATA = yaml.safe_load(SOUND)
+pytestmark = pytest.mark.usefixtures("limited")
 EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
 """Random examples per test; 0 for a few fixed ones."""
 QUICK = settings(
-    max_examples=EXAMPLES or 120, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=not EXAMPLES
+    max_examples=EXAMPLES or 120,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+    derandomize=not EXAMPLES,
 )
 ODD = st.one_of(
     st.none(),

@@ -134,7 +134,7 @@ class ActiveSet:
 def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
     """Return whether each element (m,) has all its vertices in one handle; such elements move rigidly."""
     inside = np.zeros(len(body.material), dtype=bool)
-    for handle in body.handles:
+    for handle in (each for each in body.handles if each.slide is None):
         held = np.zeros(len(body.rest), dtype=bool)
         held[handle.vertices] = True
         inside |= held[body.cells].all(axis=1)

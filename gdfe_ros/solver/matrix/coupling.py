@@ -23,6 +23,8 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns
 
 CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None])
 """The numbers e_jki of the cross product (a x b)_i = e_jki a_j b_k."""
+MANY = 48
+"""Largest number of rigid unknowns whose coupling is summed directly; the time grows with its fourth power."""
 SINGULAR = 1e-10
 """A rigid motion counts as having no stiffness if its eigenvalue of the Schur complement is below this fraction of the
 largest eigenvalue.
@@ -82,7 +84,8 @@ class RigidFields:
     def coupling(self, turned: Sequence[NDArray[np.float64]], inverse: Inverse) -> Coupling:
         """Return the coupling of handles at the rotation matrices ``turned`` (3, 3), linearised about theta = 0."""
         motion = self._motion(turned)
-        schur = np.einsum("ika,kl,ilb->ab", motion, self._gram, motion)
+        many = motion.shape[2] > MANY  # products of matrices, whose sums depend on the machine
+        schur = np.einsum("ika,kl,ilb->ab", motion, self._gram, motion, optimize=many)
         return Coupling(self.columns, self.harmonic, motion, _pseudo_inverse(schur), inverse)
 
     def _motion(self, turned: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -74,7 +74,7 @@ def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles
     """Return the numbering for vertices ``rest`` (n, 3) [m] and ``cells`` (m, c), with the given ``handles``."""
     prescribed = np.concatenate([np.zeros(0, np.int32), *(handle.vertices for handle in handles)])
     free = np.setdiff1d(np.arange(len(rest)), prescribed)
-    loose = [handle for handle in handles if handle.loose]
+    loose = [piece for handle in handles for piece in handle.pieces if piece.loose]
     slides, turns = np.zeros((len(loose), 3)), np.zeros((len(loose), 3))
     turn_row, row = np.full(len(loose), -1, dtype=np.int32), len(free) + len(loose)
     for p, handle in enumerate(loose):

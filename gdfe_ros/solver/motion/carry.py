@@ -54,7 +54,7 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, old: Sequence[Handle], new
     """
     before, start = moving.state, fresh.state
     rows = _rows(old, new, len(start.positions))
-    loose = _matches([each.name for each in _loose(old)], [each.name for each in _loose(new)])
+    loose = _matches(_loose(old), _loose(new))
     terms = _known(before.terms, start.terms)
     terms[inertia.NAME] = _moved_rows(before.terms[inertia.NAME], start.terms[inertia.NAME], rows, len(start.positions))
     state = before.with_(
@@ -87,11 +87,13 @@ def _rows(old: Sequence[Handle], new: Sequence[Handle], count: int) -> NDArray[n
     return rows
 
 
-def _loose(handles: Sequence[Handle]) -> list[Handle]:
-    return [handle for handle in handles if handle.loose]
+def _loose(handles: Sequence[Handle]) -> list[tuple[str, int]]:
+    """Return the name of each freely moving part of the handles, with its number within the handle."""
+    pieces = [(handle.name, k, piece) for handle in handles for k, piece in enumerate(handle.pieces)]
+    return [(name, k) for name, k, piece in pieces if piece.loose]
 
 
-def _matches(old: Sequence[str], new: Sequence[str]) -> NDArray[np.intp]:
+def _matches(old: Sequence[tuple[str, int]], new: Sequence[tuple[str, int]]) -> NDArray[np.intp]:
     return np.array([old.index(name) if name in old else -1 for name in new], dtype=np.intp)
 
 

@@ -30,7 +30,7 @@ from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 EFFORT, TARGET, STIFFNESS, EYELET, EXCESS, CARRIERS, WEIGHTS = range(7)
 """Offsets in ``reals`` of T [N], l [m], k [N/m], e [m], c [m], the number of vertices that carry each point, and the
-weights of these vertices."""
+weights of these vertices; the places of points in the world [m] follow them."""
 ROUND = 3e-4
 """The length e, divided by the mean length of a cable's segments at rest. With e = 0, the line search would cut every
 Newton step onto the kink.
@@ -52,7 +52,8 @@ ROUNDING = 1e-9
 @inlined
 def point(x, reals, integers, i):
     """Return the position [m] of cable point ``i``."""
-    p0, p1, p2, count = 0.0, 0.0, 0.0, int(reals[CARRIERS])
+    count, anchor = int(reals[CARRIERS]), WEIGHTS + len(integers) + 3 * i
+    p0, p1, p2 = reals[anchor], reals[anchor + 1], reals[anchor + 2]
     for a in range(count):
         v, w = integers[count * i + a], reals[WEIGHTS + count * i + a]
         p0 += w * x[v, 0]
@@ -140,7 +141,10 @@ class CableTerm(Term):
     def __init__(self, cable: Cable, body: Body) -> None:
         self.actuator, self._elastic = cable, math.isfinite(cable.stiffness)
         self._carriers = cable.points.corners.shape[1]
-        numbers = np.concatenate([np.zeros(WEIGHTS), cable.points.weights.ravel()])
+        self._anchors = np.zeros((len(cable.points.corners), 3))
+        if cable.points.anchors is not None:
+            self._anchors[:] = cable.points.anchors
+        numbers = np.concatenate([np.zeros(WEIGHTS), cable.points.weights.ravel(), self._anchors.ravel()])
         numbers[CARRIERS] = self._carriers
         super().__init__(cable.name, numbers, cable.points.corners.ravel().astype(np.int32))
         self._carrying = np.unique(self.integers)[None]
@@ -176,13 +180,15 @@ class CableTerm(Term):
     def _pull(self, points: slice) -> NDArray[np.float64]:
         """Return dL/dx (n, 3) of the undeformed segments between ``points``."""
         weights, corners = (values[points] for values in self._points())
-        force, reals = np.zeros_like(self._body.rest), np.concatenate([self.reals[:WEIGHTS], weights.ravel()])
+        force, anchors = np.zeros_like(self._body.rest), self._anchors[points]
+        reals = np.concatenate([self.reals[:WEIGHTS], weights.ravel(), anchors.ravel()])
         pull(self._body.rest, reals, corners.ravel(), 1.0, force)
         return force
 
     def _points(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """Return the weights (p, c) and vertices (p, c) that carry the cable points."""
-        return self.reals[WEIGHTS:].reshape(-1, self._carriers), self.integers.reshape(-1, self._carriers)
+        corners = self.integers.reshape(-1, self._carriers)
+        return self.reals[WEIGHTS : WEIGHTS + corners.size].reshape(corners.shape), corners
 
     def couplings(self) -> NDArray[np.int32]:
         """Return the vertices that carry the two ends of each segment (k, 2 c)."""
@@ -195,7 +201,7 @@ class CableTerm(Term):
         t is the tension, l the segment's length and d its direction.
         """
         weights, corners = self._points()
-        points = np.einsum("ia,iak->ik", weights, positions[corners])
+        points = np.einsum("ia,iak->ik", weights, positions[corners]) + self._anchors
         stretch = np.diff(points, axis=0)
         length = np.sqrt(np.square(stretch).sum(axis=1) + self.reals[EYELET] ** 2)
         along = stretch / np.where(length > 0.0, length, 1.0)[:, None]

@@ -287,7 +287,9 @@ class ChamberTerm(Term):
         """Update the pressure that keeps the volume; return the error of the volume as a length [m]."""
         volume = self._volume(positions)
         self.reals[EFFORT] = chamber_pressure(volume, self.reals)
-        return abs(volume - self.reals[TARGET]) / max(abs(self.reals[TARGET]), 1e-30) ** (2.0 / 3.0)
+        return abs(volume - self.reals[TARGET]) / max(abs(self.reals[TARGET]), self.actuator.least, 1e-30) ** (
+            2.0 / 3.0
+        )
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: the pressure."""
@@ -309,7 +311,7 @@ class ChamberTerm(Term):
         """The penalty [Pa/m^3] times a surface of the chamber's size [m^2] (1,); empty without a constraint."""
         if not self.updates:
             return np.zeros(0)
-        return self.reals[STIFFNESS : STIFFNESS + 1] * abs(self._rest_volume) ** (2.0 / 3.0)
+        return self.reals[STIFFNESS : STIFFNESS + 1] * max(abs(self._rest_volume), self.actuator.least) ** (2.0 / 3.0)
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
         """Set the pressure [Pa] that keeps the volume."""
@@ -322,7 +324,7 @@ class ChamberTerm(Term):
 
     def _limit(self, volume: float) -> float:
         """Return the volume [m^3] beyond which the chamber counts as unstable in a solve from ``volume`` [m^3]."""
-        return LARGEST_INFLATION * max(abs(volume), self._rest_volume)
+        return LARGEST_INFLATION * max(abs(volume), self._rest_volume, self.actuator.least)
 
     def ran_away(self, positions: NDArray[np.float64], since: NDArray[np.float64]) -> bool:
         """Return whether a chamber of given pressure inflated beyond `RUNNING_AWAY` from ``since`` to ``positions``."""

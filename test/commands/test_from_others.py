@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pages "Coming from SOFA" and "Coming from MuJoCo": their files, commands and code work as printed."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from gdfe_ros import Command, Simulation, load_scene
+from gdfe_ros.cli import main
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def _blocks(page: str, language: str) -> list[str]:
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.S | re.M)
+
+
+def _run(block: str) -> None:
+    for line in block.splitlines():
+        assert main(shlex.split(line)[1:]) == 0, line
+
+
+DRAW = """
+import gmsh
+gmsh.initialize()
+gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, 80.0, 8.0)
+gmsh.model.occ.synchronize()
+gmsh.write("stalk.step")
+"""
+
+
+def test_a_robot_of_sofa_from_its_drawing_to_a_fitted_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stalk bends towards the cable that is pulled, and the fit finds the modulus of the recording."""
+    monkeypatch.chdir(tmp_path)
+    subprocess.run([sys.executable, "-c", DRAW], check=True, capture_output=True)
+    make, solve, fit = _blocks("from_sofa.md", "sh")
+    entries, match = _blocks("from_sofa.md", "yaml")
+    _run(make)
+    scene = yaml.safe_load(Path("stalk.yaml").read_text()) | yaml.safe_load(entries)
+    Path("stalk.yaml").write_text(yaml.safe_dump(scene))
+    _run(solve)
+    assert Path("stalk.png").stat().st_size > 10_000
+    Path("match.yaml").write_text(match)
+    truth = Simulation(load_scene("stalk.yaml", overrides={"materials.body.young": 2.2e5}))
+    rows = ["time,pull_0,pull_1,x,y,z"]
+    for time, pulls in enumerate([(0.0, 0.0), (0.15, 0.0), (0.3, 0.0), (0.3, 0.2)]):
+        assert truth.step(Command(actuators=dict(zip(("pull_0", "pull_1"), pulls, strict=True)))).converged
+        rows.append(",".join(map(str, (time, *pulls, *truth.probe_positions()["tip"]))))
+    assert float(rows[3].split(",")[3]) > 0.005
+    Path("pull.csv").write_text("\n".join(rows) + "\n")
+    _run(fit)
+    assert load_scene("fitted/scene.yaml").materials["body"].young == pytest.approx(2.2e5, rel=5e-3)
+
+
+def test_a_flex_of_mujoco(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scene of the page plays, its code runs, and the state that was restored is the one that was kept."""
+    monkeypatch.chdir(tmp_path)
+    (scene,), (solve,), (code,) = (_blocks("from_mujoco.md", kind) for kind in ("yaml", "sh", "py"))
+    Path("flex.yaml").write_text(scene)
+    _run(solve)
+    found: dict[str, Any] = {}
+    exec(code, found)
+    assert found["result"].converged
+    assert found["simulation"].time == pytest.approx(0.1)

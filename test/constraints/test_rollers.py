@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rollers and planes of symmetry: each vertex of a handle with `slide` slides by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import fsolve
+
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.errors import CommandError, SceneError
+from gdfe_ros.scene import scene_from_text
+
+MATERIAL = """
+name: rollers
+materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: m}]
+solver: {tolerance: 1.0e-7}
+"""
+EIGHTH = (
+    MATERIAL
+    + """
+mesh: {bar: {size: [0.04, 0.02, 0.02], cells: [4, 2, 2]}}
+handles:
+  mx: {where: {face: x-}, slide: [y, z]}
+  my: {where: {face: y-}, slide: [x, z]}
+  mz: {where: {face: z-}, slide: [x, y]}
+loads: {pull: {surface: {where: {face: x+}, traction: [3.0e4, 0, 0]}}}
+"""
+)
+
+
+def test_a_block_between_symmetry_planes_is_stretched_evenly() -> None:
+    """Under a traction, an eighth of a block has the closed form's stretches; its planes bear what symmetry asks."""
+    simulation = Simulation(scene_from_text(EIGHTH))
+    result = simulation.step()
+    mu, lame = 1e5 / 2.8, 1e5 * 0.4 / (1.4 * 0.2)
+
+    def balance(stretches: np.ndarray) -> list[float]:
+        along, across = stretches
+        bulk = lame * np.log(along * across**2)
+        return [mu * (along - 1 / along) + bulk / along - 3e4, mu * (across - 1 / across) + bulk / across]
+
+    along, across = fsolve(balance, [1.2, 0.9])
+    corner = np.array([0.0, -0.01, -0.01])
+    assert result.converged
+    expected = corner + (simulation.mesh.vertices - corner) * [along, across, across]
+    np.testing.assert_allclose(result.positions, expected, atol=1e-7)
+    np.testing.assert_allclose(result.reactions["mx"][:3], [-3e4 * 4e-4, 0, 0], atol=1e-4)
+    np.testing.assert_allclose([result.reactions[name][:3] for name in ("my", "mz")], 0.0, atol=1e-4)
+
+
+HALVES = {
+    "half": ("{size: [0.03, 0.02, 0.02], cells: [6, 4, 4]}", "mirror: {where: {face: x-}, slide: [y, z]}"),
+    "whole": ("{size: [0.06, 0.02, 0.02], cells: [12, 4, 4]}", "other: {where: {face: x-}}"),
+}
+
+
+def _bent(kind: str, more: str = "") -> tuple[Simulation, object]:
+    """Return a bar that is moved down at its ends, or its right half beside a plane of symmetry."""
+    size, handle = HALVES[kind]
+    text = f"{MATERIAL}mesh: {{bar: {size}}}\nhandles: {{{handle}, tip: {{where: {{face: x+}}}}}}\n{more}"
+    simulation = Simulation(scene_from_text(text))
+    poses = {"tip": Pose((0.001, 0, -0.006), (0, 0.3, 0))}
+    if kind == "whole":
+        poses["other"] = Pose((-0.001, 0, -0.006), (0, -0.3, 0))
+    return simulation, poses
+
+
+@pytest.mark.parametrize("more", ["loads: {w: {gravity: [0, 0, -9.81]}}", "dynamics: {step: 0.002}"])
+def test_half_a_bar_moves_as_the_whole(more: str) -> None:
+    """A half beside a plane of symmetry, which slides vertically, has the whole bar's positions and reaction."""
+    found = []
+    for kind in HALVES:
+        simulation, poses = _bent(kind, more)
+        for _ in range(3):
+            result = simulation.step(Command(poses), dt=0.002)
+        assert result.converged
+        right = simulation.mesh.vertices[:, 0] > (0.0299 if kind == "whole" else -1.0)
+        rest = simulation.mesh.vertices[right] - [0.03 if kind == "whole" else 0.0, 0, 0]
+        order = np.lexsort(rest.round(6).T)
+        found.append(((result.positions[right] - simulation.mesh.vertices[right])[order], result.reactions["tip"]))
+    (half, of_half), (whole, of_whole) = found
+    np.testing.assert_allclose(half, whole, atol=3e-6)
+    np.testing.assert_allclose(of_half[:3], of_whole[:3], atol=1e-3)
+
+
+def test_derivatives_agree_with_differences() -> None:
+    """The derivative of a probe on the plane by the commanded height agrees with central differences."""
+    simulation, poses = _bent("half", "probes: {middle: [0, 0, 0]}\nloads: {w: {gravity: [0, 0, -9.81]}}\n")
+
+    def middle(height: float) -> np.ndarray:
+        simulation.step(Command({"tip": Pose((0.001, 0, -0.006 + height), poses["tip"].rotation)}))
+        return simulation.probe_positions()["middle"].copy()
+
+    expected = (middle(1e-4) - middle(-1e-4)) / 2e-4
+    middle(0.0)
+    found = simulation.sensitivities(["probes.middle"], ["handles.tip.z"]).of("probes.middle", "handles.tip.z")
+    np.testing.assert_allclose(found, expected, atol=2e-3)
+    assert abs(expected[2]) > 0.1
+
+
+def test_rollers_take_no_commands_and_need_a_place_of_their_own() -> None:
+    """A command of rollers, rollers that are fixed, and rollers wholly inside of a handle are refused."""
+    simulation = Simulation(scene_from_text(EIGHTH))
+    with pytest.raises(CommandError, match="mx"):
+        simulation.step(Command({"mx": Pose((0, 0, 0.01))}))
+    with pytest.raises(SceneError, match="slide excludes fixed"):
+        scene_from_text(EIGHTH.replace("slide: [y, z]", "slide: [y, z], fixed: true"))
+    with pytest.raises(SceneError, match="1058 vertices slide"):
+        scene_from_text(EIGHTH.replace("cells: [4, 2, 2]", "cells: [1, 22, 22]").replace("face: z-", "face: x+"))
+    with pytest.raises(SceneError, match="belongs to other handles"):
+        scene_from_text(EIGHTH.replace("  my:", "  all: {where: {face: x-}, fixed: true}\n  my:"))
