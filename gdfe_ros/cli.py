@@ -29,7 +29,7 @@ COMMANDS = {
     "sweep": "run a scene with many values of its keys, in parallel",
     "fit": "fit parameters of a scene to recordings of a robot, or a material to a tensile test",
     "workspace": "find the points that a probe reaches over the ranges of the actuators",
-    "compile": "compile the kernels of all shipped scenes once, so that later starts are fast",
+    "compile": "compile the kernels of some scenes, or of all shipped ones, so that the first start is fast",
 }
 BAD_INPUT = 2
 _REMEDY = "install the package's extras: pip install 'gdfe_ros[mcap,fast,mesh,plot,sweep]' (and ros, if ROS is absent)"
