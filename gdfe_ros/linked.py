@@ -37,7 +37,7 @@ PREFIX = "gdfe."
 """Beginning of the symbols of kernels."""
 
 
-class Link(NamedTuple):
+class CalledKernel(NamedTuple):
     """A kernel that another one calls by its address: module, name, types of the arguments, and the symbol."""
 
     module: str
@@ -46,18 +46,20 @@ class Link(NamedTuple):
     symbol: str
 
 
+FORMAT = "gdfe 2"
+"""Mark of cache files with links."""
 _compiling: list[object] = []
 """The functions of this module's caches that are being compiled; numba compiles one at a time."""
-_links: dict[str, Link] = {}
+_links: dict[str, CalledKernel] = {}
 """The kernels of this process that have an address, by their symbols."""
 
 
-def link_of(result: CompileResult) -> Link:
+def link_of(result: CompileResult) -> CalledKernel:
     """Return the link of a compiled kernel; its symbol is made of name, types of the arguments, and the result's."""
     given = result.signature.args, result.signature.return_type
     digest = hashlib.sha256(repr(given).encode()).hexdigest()[:16]
     module, name = result.fndesc.modname, result.fndesc.qualname
-    return Link(module, name, tuple(result.signature.args), f"{PREFIX}{module}.{name}.{digest}")
+    return CalledKernel(module, name, tuple(result.signature.args), f"{PREFIX}{module}.{name}.{digest}")
 
 
 def is_large(result: CompileResult) -> bool:
@@ -109,13 +111,13 @@ def call_of(symbol: str, address: int, called: FunctionDescriptor) -> Callable[.
     return write
 
 
-def links_in(result: CompileResult) -> list[Link]:
+def links_in(result: CompileResult) -> list[CalledKernel]:
     """Return the kernels that a compiled kernel calls by their addresses."""
     functions = result.library._final_module.functions
     return [_links[each.name] for each in functions if each.is_declaration and each.name.startswith(PREFIX)]
 
 
-def resolve(link: Link) -> bool:
+def resolve(link: CalledKernel) -> bool:
     """Load or compile a kernel; return whether it still has the symbol."""
     found = getattr(import_module(link.module), link.name, None)
     if not isinstance(found, LinkedDispatcher):
@@ -129,13 +131,13 @@ class LinkedCacheImpl(CompileResultCacheImpl):
 
     def reduce(self, result: CompileResult) -> tuple[Any, ...]:
         """Return the contents of a cache file."""
-        links, large = links_in(result), is_large(result)
+        links, large = [tuple(link) for link in links_in(result)], is_large(result)
         return links, large, super().reduce(result)
 
     def rebuild(self, context: Any, stored: tuple[Any, ...]) -> CompileResult | None:
         """Return the kernel from the contents of a cache file; None if what it calls has changed."""
         links, large, contents = stored
-        if not all(resolve(link) for link in links):
+        if not all(resolve(CalledKernel(*link)) for link in links):
             return None
         result = super().rebuild(context, contents)
         result.library.large = large
@@ -149,7 +151,7 @@ class LinkedCache(FunctionCache):
 
     def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
         """Return numba's key with a mark, so that files of a plain `FunctionCache` are not read."""
-        return *super()._index_key(signature, codegen), PREFIX
+        return *super()._index_key(signature, codegen), FORMAT
 
 
 @contextmanager
