@@ -1,6 +1,7 @@
 # make run [SCENE=bend5]  install, simulate, record, draw        make test  lint, format, tests
 # make live [SCENE=pneunet] the running scene in the browser
-# make install            .venv with the commands gdfe, sim_node
+# make install            .venv with the commands gdfe, sim_node, and all that make run does not need
+# make first-run          the first minute on a new machine, in a scratch clone: times, and sizes of the extras
 # make test-loaded        the tests five times beside two busy loops
 # make test-elsewhere     what computes with the rounding of other processors, and with vertices shifted by 1e-13
 # make torture            the numerical torture test             make bench run time against error
@@ -25,22 +26,24 @@ PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 ifdef ROS_DISTRO
 FLAVOUR   := ros-$(ROS_DISTRO)
 VENVFLAGS := --system-site-packages
-EXTRAS    := mcap,fast,mesh,plot,sweep,arm
+EXTRAS    := mcap,fast,plot
 else
 FLAVOUR   := wheels
 VENVFLAGS :=
-EXTRAS    := ros,mcap,fast,mesh,plot,sweep,arm
+EXTRAS    := ros,mcap,fast,plot
 endif
 SOURCES := setup.py setup.cfg pyproject.toml package.xml Makefile
 STAMP   := $(VENV)/.installed-$(FLAVOUR)
+# What only some commands need: mesh and CAD files, sweeps in parallel, arms
+ALL     := $(VENV)/.extra-mesh,sweep,arm
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run live test test-loaded test-elsewhere browser torture manners measure bench bench-node \
+.PHONY: install run first-run live test test-loaded test-elsewhere browser torture manners measure bench bench-node \
         bench-node-since bench-since bench-loop bench-motion bench-contact bench-coarse bench-skip bench-streams bench-batches \
         bench-sweep profile bags docs clean
 
-install: $(STAMP)
+install: $(ALL)
 
 define CHECK_MACHINE
 if ! $(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null; then
@@ -67,8 +70,9 @@ $(STAMP): $(SOURCES)
 	@sh -c "$$CHECK_MACHINE"
 	@echo "installing into $(VENV) ($(FLAVOUR)) ..."
 	@$(PYTHON) -m venv $(VENVFLAGS) $(VENV)
-	@$(PIP) --editable '.[$(EXTRAS)]'
-	@$(BIN)/gdfe compile
+	@$(PIP) --editable .
+	@$(BIN)/gdfe compile $(FIRST) & \
+	$(PIP) --editable '.[$(EXTRAS)]' && wait $$!
 	@touch $@
 
 # Tools for tests, benchmarks and docs: $(VENV)/.extra-test, .extra-bench, .extra-docs
@@ -77,10 +81,13 @@ $(VENV)/.extra-%: $(STAMP)
 	@$(PIP) --editable '.[$*]'
 	@touch $@
 
-run: install
+# What make run plays; its kernels are compiled while pip fetches the extras. Hands on arms need an extra.
+FIRST := $(if $(filter run,$(MAKECMDGOALS)),$(if $(filter arm_%,$(SCENE)),,$(SCENE)),bend5)
+run: $(STAMP) $(if $(filter arm_%,$(SCENE)),$(VENV)/.extra-arm)
+	@$(BIN)/gdfe compile $(SCENE)
 	@$(BIN)/gdfe demo $(SCENE)
 
-live: $(VENV)/.extra-live
+live: $(STAMP) $(VENV)/.extra-live
 	@$(BIN)/gdfe live $(if $(filter command line environment,$(origin SCENE)),$(SCENE),pneunet)
 
 # The report's test drives a real Chromium. Where it is missing and cannot be installed, that test fails and says so.
@@ -91,23 +98,23 @@ browser:
 	  apt-get -qq install -y --no-install-recommends chromium chromium-driver >/dev/null || true; \
 	fi
 
-test: $(VENV)/.extra-test $(VENV)/.extra-docs browser
+test: $(ALL) $(VENV)/.extra-test $(VENV)/.extra-docs browser
 	@status=0; \
 	$(BIN)/ruff check . || status=1; \
 	$(BIN)/ruff format --check . || status=1; \
 	$(BIN)/python -m pytest $(PARALLEL) || status=1; \
 	exit $$status
 
-test-loaded: $(VENV)/.extra-test $(VENV)/.extra-docs browser
+test-loaded: $(ALL) $(VENV)/.extra-test $(VENV)/.extra-docs browser
 	@$(BIN)/python test/loaded.py $(PARALLEL)
 
 # One rounding alone, or each twice: make test-elsewhere ELSEWHERE='--only zen3'
-test-elsewhere: $(VENV)/.extra-test browser
+test-elsewhere: $(ALL) $(VENV)/.extra-test browser
 	@$(BIN)/python test/elsewhere.py $(ELSEWHERE) -n 2 --dist loadfile --no-loadscope-reorder
 
 # Half an hour, most of it three walks of 100 000 steps; TORTURE_WALK_STEPS=1000 shortens them.
 # TORTURE_EXAMPLES=2500 makes the fuzzing of test/torture long: pytest test/torture/test_fuzz_scenes.py
-torture: $(VENV)/.extra-test
+torture: $(ALL) $(VENV)/.extra-test
 	@$(BIN)/python -m pytest -n $(JOBS) -m torture test/torture test/node
 
 # A node driven from outside: every transition, wrong commands, late joiners, remaps, bad starts. ROS_DOMAIN_ID=... apart.
@@ -115,7 +122,7 @@ torture: $(VENV)/.extra-test
 HOSTILE := test/torture/test_fuzz_scenes.py test/torture/test_fuzz_bags.py test/torture/test_fuzz_commands.py \
   test/torture/test_fuzz_files.py test/node/test_fuzz_messages.py test/node/test_rebuilds.py test/live/test_gate.py \
   test/analysis/test_hostile_bags.py
-manners: $(VENV)/.extra-test
+manners: $(ALL) $(VENV)/.extra-test
 	@ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST $(BIN)/python test/manners
 	@TORTURE_EXAMPLES=500 $(BIN)/python -m pytest -n $(JOBS) -m 'not torture and not bench' $(HOSTILE)
 
@@ -156,7 +163,7 @@ profile: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.profile
 
 # Steps a second beside MuJoCo at equal error; many simulations at once.
-bench-streams: $(VENV)/.extra-bench
+bench-streams: $(ALL) $(VENV)/.extra-bench
 	@$(BIN)/python -m benchmarks.streams
 
 bench-batches: install
@@ -166,14 +173,18 @@ bench-sweep: install
 	@$(BIN)/python -m benchmarks.sweep
 
 # First the tests of what takes how long, which ask for a quiet machine.
-bench: $(VENV)/.extra-test $(VENV)/.extra-bench
+bench: $(ALL) $(VENV)/.extra-test $(VENV)/.extra-bench
 	@$(BIN)/python -m pytest -q -m bench
 	@$(BIN)/python -m benchmarks
 
 # 60 to 90 minutes on two quiet cores, table by table into test/data; what is interrupted goes on where it stopped.
 # CalculiX is measured where it is installed: apt-get install calculix-ccx
-measure: $(VENV)/.extra-test $(VENV)/.extra-bench
+measure: $(ALL) $(VENV)/.extra-test $(VENV)/.extra-bench
 	@$(BIN)/python -m benchmarks.measure $(if $(ONLY),--only $(ONLY)) $(if $(AGAIN),--again)
+
+# The first minute on a new machine, in a scratch clone: what is committed, not what is edited. Needs the registry.
+first-run:
+	@$(PYTHON) benchmarks/first_run.py
 
 bags: install
 	@$(BIN)/python bags/record.py

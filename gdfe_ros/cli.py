@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from gdfe_ros import __version__
 from gdfe_ros.entry import INTERRUPTED, imported, quiet_imports
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.extras import remedy
 
 COMMANDS = {
     "solve": "solve a scene's program, print the result and write it to files",
@@ -29,10 +30,9 @@ COMMANDS = {
     "sweep": "run a scene with many values of its keys, in parallel",
     "fit": "fit parameters of a scene to recordings of a robot, or a material to a tensile test",
     "workspace": "find the points that a probe reaches over the ranges of the actuators",
-    "compile": "compile the kernels of all shipped scenes once, so that later starts are fast",
+    "compile": "compile the kernels of some scenes, or of all shipped ones, so that the first start is fast",
 }
 BAD_INPUT = 2
-_REMEDY = "install the package's extras: pip install 'gdfe_ros[mcap,fast,mesh,plot,sweep]' (and ros, if ROS is absent)"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,9 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"gdfe {parsed.command}: {error}", file=sys.stderr)
         return BAD_INPUT
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] == "gdfe_ros":
+        if (text := remedy(error)) is None:
             raise
-        print(f"gdfe {parsed.command}: {error}; {_REMEDY}", file=sys.stderr)
+        print(f"gdfe {parsed.command}: {text}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print(f"gdfe {parsed.command}: interrupted", file=sys.stderr)

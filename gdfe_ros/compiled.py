@@ -12,27 +12,32 @@ from typing import Any
 import numba
 from numba import njit
 
+from gdfe_ros.linked import linked
+
 _COMMON: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 # Flags are explicit, because a kernel inherits unset ones from its first caller and its results would depend on that.
 _EXACT: dict[str, Any] = {**_COMMON, "fastmath": False}
 
-kernel = njit(**_EXACT, cache=True, forceinline=False)
+kernel = linked(cache=True, **_EXACT, forceinline=False)
 """Decorator of compiled functions without reassociation of sums."""
 
-internal = njit(**_EXACT, cache=True, forceinline=False, no_cpython_wrapper=True)
+internal = linked(cache=True, **_EXACT, forceinline=False, no_cpython_wrapper=True)
 """Decorator of functions that only other kernels call. Without an entry for Python they compile and load faster."""
 
-inlined = njit(**_EXACT, forceinline=True, no_cpython_wrapper=True)
+inlined = linked(cache=False, **_EXACT, forceinline=True, no_cpython_wrapper=True)
 """Decorator of the parts of an element kernel. They are always inlined; this keeps structs and tuples in registers."""
 
 merged = njit(nogil=True, error_model="numpy", inline="always")
 """Decorator of a function that is compiled as part of its only caller: it has no code of its own and compiles
 faster."""
 
-vector_kernel = njit(**_COMMON, cache=True, fastmath={"reassoc", "contract"})
+vector_kernel = linked(cache=True, **_COMMON, fastmath={"reassoc", "contract"})
 """Decorator of reductions that may be vectorised; the order of summation is fixed by the binary."""
 
-parallel_kernel = njit(**_EXACT, cache=True, forceinline=False, parallel=True)
+vector_internal = linked(cache=True, **_COMMON, fastmath={"reassoc", "contract"}, no_cpython_wrapper=True)
+"""Decorator of `vector_kernel` for functions that only other kernels call."""
+
+parallel_kernel = linked(cache=True, **_EXACT, forceinline=False, parallel=True)
 """Decorator of a loop whose iterations run in several threads."""
 
 

@@ -14,13 +14,14 @@ from types import FrameType, ModuleType
 from typing import Any
 
 from gdfe_ros.errors import DependencyError
+from gdfe_ros.extras import remedy
 
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that ask a process to end: from a terminal, from a manager of processes, and if the terminal is closed."""
 INTERRUPTED = 130
 """Exit status of an interrupted command, as in shells; the exit status of an interrupted node is 0."""
 BAD_MACHINE = 2
-"""Exit status if a required dependency is too old."""
+"""Exit status if a required dependency is too old or missing."""
 
 
 def gdfe() -> int:
@@ -84,8 +85,8 @@ def quiet_imports(name: str, status: int) -> Iterator[None]:
     """End the process at once if SIGINT, SIGTERM or SIGHUP arrives inside the ``with`` block, without open resources.
 
     A signal that is ignored at the start, as SIGHUP is by ``nohup``, stays ignored. KeyboardInterrupt is not
-    sufficient, because libraries that look for optional packages catch it and continue. A dependency that is too old
-    also ends the process, with a message of one line.
+    sufficient, because libraries that look for optional packages catch it and continue. A dependency that is too old,
+    and an extra that is not installed, also end the process, with a message of one line.
     """
 
     def end(number: int, frame: FrameType | None) -> None:
@@ -97,6 +98,11 @@ def quiet_imports(name: str, status: int) -> Iterator[None]:
         yield
     except DependencyError as error:
         print(f"{name}: {error}", file=sys.stderr)
+        raise SystemExit(BAD_MACHINE) from error
+    except ModuleNotFoundError as error:
+        if (text := remedy(error)) is None:
+            raise
+        print(f"{name}: {text}", file=sys.stderr)
         raise SystemExit(BAD_MACHINE) from error
     finally:
         for number, handler in before.items():

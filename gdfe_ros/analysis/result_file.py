@@ -13,13 +13,16 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.result import StepResult
 
 
-def write_result(path: Path, simulation: Simulation, result: StepResult, *, steps: int, wall_time: float) -> None:
+def write_result(
+    path: Path, simulation: Simulation, result: StepResult, *, steps: int, wall_time: float, whole: bool = True
+) -> None:
     """Write positions, element fields, reactions and metadata, SI units.
 
     Keys: ``X, x`` (n, 3) undeformed and current vertices [m]; ``cells`` (m, 8 or 4); ``eps_eq, J, omega`` (m,);
     ``energy`` [J]; ``reaction_<handle>`` (6,) force [N] and moment [N m] of the handle on the body, the moment about
     the handle's deformed centre; ``actuator_<name>`` (3,) command, length [m] or volume [m^3], tension [N] or pressure
-    [Pa]; ``probe_<name>`` (3,) position [m]; ``meta``: JSON text.
+    [Pa]; ``probe_<name>`` (3,) position [m]; ``meta``: JSON text, with ``converged``, and ``whole``: whether
+    the program was not interrupted.
 
     Raises:
         OSError: the file cannot be written.
@@ -32,6 +35,7 @@ def write_result(path: Path, simulation: Simulation, result: StepResult, *, step
         "converged": result.converged,
         "error_estimate": result.error_estimate,
         "steps": steps,
+        "whole": whole,
         "wall_time": wall_time,
         "min_det": result.min_det,
         "factorisation": result.factorisation,

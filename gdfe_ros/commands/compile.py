@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe compile``: compile the kernels of the shipped scenes in advance."""
+"""``gdfe compile``: compile the kernels of scenes in advance, e.g. for an image or a test server."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from multiprocessing import get_context
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.scene import load_scene, scene_names
 
 FIRST = "bend5"
@@ -26,12 +27,20 @@ VARIANTS: tuple[tuple[str, dict[str, object]], ...] = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
+        "scenes", nargs="*", metavar="SCENE", help="name in config/scenes or path of a YAML file (default: all shipped)"
+    )
+    parser.add_argument(
         "--jobs", type=int, default=os.cpu_count() or 1, help="number of processes (default: one per core)"
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Compile with a progress bar; return 0."""
+    if arguments.scenes:
+        for name in arguments.scenes:
+            with waiting(f"loading {name}"):
+                _compile(name, {})
+        return 0
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("compiling", total=len(work()) + 1)

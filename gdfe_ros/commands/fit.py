@@ -159,7 +159,7 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
 
 def _print(console: Console, fit: object, elapsed: float) -> None:
     """Print values, misfits and warnings."""
-    from gdfe_ros.fitting.fit_tables import match_rows, own_rows, parameter_rows
+    from gdfe_ros.fitting.fit_tables import NOT_INCLUDED, match_rows, own_rows, parameter_rows
 
     table = Table(title="parameters", title_justify="left")
     for head in ("key", "value", "95 % interval", "correlations with those above"):
@@ -167,6 +167,7 @@ def _print(console: Console, fit: object, elapsed: float) -> None:
     for row in parameter_rows(fit):
         table.add_row(*map(escape, row))
     console.print(table)
+    console.print(NOT_INCLUDED, highlight=False)
     table = Table(title="measured and simulated", title_justify="left")
     for head in ("recording", "series", "", "values", escape("misfit, rms [SI]"), "of the motion"):
         table.add_column(head, overflow="fold")

@@ -5,18 +5,21 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import sys
 import time
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
+from gdfe_ros.actuators.actuator import Mode
 from gdfe_ros.analysis.result_file import write_result
 from gdfe_ros.commands.convergence import convergence, print_failures
 from gdfe_ros.commands.output_file import require_folder, require_picture
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.commands.play_progress import PlayProgress
 from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.entry import INTERRUPTED
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.result import StepResult
@@ -38,12 +41,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="KEY=VALUE",
         help="override a key of the scene, e.g. mesh.bar.cells=[25,2,2]; may be given several times",
     )
+    parser.add_argument(
+        "--keep-going", action="store_true", help="go on after a step that did not converge (default: stop there)"
+    )
     parser.add_argument("--out", type=Path, metavar="FILE.npz", help="write the last step to this file")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the deformed body of the last step")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Solve a scene; return 0, or 3 if a step did not converge."""
+    """Solve a scene; return 0, 3 if a step did not converge, or 130 after an interrupt.
+
+    Table, file and picture show the last step that was solved, also after an interrupt.
+    """
     require_folder("--out", arguments.out)
     require_picture(arguments.picture)
     with waiting(f"loading {arguments.scene}"):
@@ -54,16 +63,34 @@ def run(arguments: argparse.Namespace) -> int:
     with waiting(f"preparing {scene.name}"):
         simulation.warm_up()
     started = time.perf_counter()
-    results = _play(simulation)
+    results, interrupted = _play(simulation, keep_going=arguments.keep_going)
     wall_time = time.perf_counter() - started
     last = results[-1]
     Console().print(_table(simulation, results, wall_time))
     if arguments.out:
-        write_result(arguments.out, simulation, last, steps=len(results), wall_time=wall_time)
+        write_result(arguments.out, simulation, last, steps=len(results), wall_time=wall_time, whole=not interrupted)
     if arguments.picture:
         _draw(arguments.picture, simulation, last)
     print_failures(results)
+    if not last.converged and not arguments.keep_going:
+        Console(stderr=True, soft_wrap=True).print(stopped(results), style="red", markup=False, highlight=False)
+    if interrupted:
+        print(f"gdfe solve: interrupted after t = {last.time:.4g} s", file=sys.stderr)
+        return INTERRUPTED
     return 0 if all(result.converged for result in results) else NOT_CONVERGED
+
+
+def stopped(results: list[StepResult]) -> str:
+    """Return a line about a run that a failed step ended: the last equilibrium and its commands, and a remedy."""
+    found = [result for result in results if result.converged]
+    if not found:
+        return "no equilibrium was found; remedy: smaller commands, or --keep-going"
+    states = found[-1].actuators.items()
+    commands = [f"{name} = {state.command:.4g} {state.unit}".strip() for name, state in states]
+    text = f"no equilibrium found beyond t = {found[-1].time:.4g} s" + "".join(f", {each}" for each in commands)
+    if any(state.mode is Mode.PRESSURE for _, state in states):
+        text += "; if the pressure falls with the volume there, command the volume"
+    return f"{text}; --keep-going plays the rest of the program"
 
 
 def _settings(scene: Scene, arguments: argparse.Namespace) -> SolverSettings:
@@ -71,19 +98,30 @@ def _settings(scene: Scene, arguments: argparse.Namespace) -> SolverSettings:
     return dataclasses.replace(scene.solver, **{key: value for key, value in chosen.items() if value is not None})
 
 
-def _play(simulation: Simulation) -> list[StepResult]:
-    results = []
+def _play(simulation: Simulation, *, keep_going: bool) -> tuple[list[StepResult], bool]:
+    """Return the results of the program's steps, up to a failed one or an interrupt, and whether it was interrupted."""
+    results: list[StepResult] = []
     program = simulation.scene.program
     with PlayProgress(simulation.scene.name, duration=program.duration if program else 0.0) as progress:
-        for result in simulation.play():
-            progress.add(result)
-            results.append(result)
-    return results
+        try:
+            for result in simulation.play():
+                progress.add(result)
+                results.append(result)
+                if not (result.converged or keep_going):
+                    break
+        except KeyboardInterrupt:
+            if not results:
+                raise
+            return results, True
+    return results, False
 
 
 def _table(simulation: Simulation, results: list[StepResult], wall_time: float) -> Table:
     last, mesh = results[-1], simulation.mesh
-    table = Table(title=f"{simulation.scene.name}, policy {last.policy.value}", title_justify="left", min_width=64)
+    failed = "" if last.converged else ": the last step did not converge, its values are no equilibrium"
+    table = Table(
+        title=f"{simulation.scene.name}, policy {last.policy.value}{failed}", title_justify="left", min_width=64
+    )
     table.add_column("quantity")
     table.add_column("value", justify="right")
     table.add_column("unit")
@@ -122,6 +160,6 @@ def _draw(path: Path, simulation: Simulation, result: StepResult) -> None:
     from gdfe_ros.analysis.picture import draw_body  # matplotlib takes a second to import
     from gdfe_ros.analysis.scenery import Scenery
 
-    title = f"{simulation.scene.name} at t = {result.time:g} s"
+    title = f"{simulation.scene.name} at t = {result.time:g} s" + ("" if result.converged else ", not converged")
     words = {"title": title, "label": "equivalent strain", "scenery": Scenery.of(simulation)}
     draw_body(path, simulation.mesh, result.positions, simulation.fields().eps_eq, **words)

@@ -8,7 +8,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Event, Thread, Timer
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from gdfe_ros.compilations import compilations
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,7 +27,8 @@ def waiting(
 ) -> Iterator[None]:
     """Show a text and the elapsed time while the body of the `with` statement runs.
 
-    A terminal shows one line, which is removed at the end. A file or pipe receives a line every ten seconds.
+    A terminal shows one line, which is removed at the end. A file or pipe receives a line every ten seconds. While
+    kernels are compiled, the line says so instead.
 
     Args:
         text: what is being done, e.g. "loading gripper".
@@ -42,8 +45,15 @@ def waiting(
 def _at_a_terminal(text: str, console: Console | None, silent: float) -> Iterator[None]:
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.text import Text
 
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    class Task(TextColumn):
+        """The text, or a line about kernels while they are compiled."""
+
+        def render(self, task: Any) -> Any:
+            return Text(compilations.text() or task.description)
+
+    columns = SpinnerColumn(), Task(""), TimeElapsedColumn()
     progress = Progress(*columns, console=console or Console(stderr=True), transient=True)
     progress.add_task(text, total=None)
     timer = Timer(silent, progress.start)
@@ -63,7 +73,7 @@ def _in_a_file(text: str, console: Console | None, interval: float) -> Iterator[
 
     def write() -> None:
         while not ended.wait(interval):
-            print(f"{text} ({time.monotonic() - started:.0f} s)", file=file, flush=True)
+            print(f"{compilations.text() or text} ({time.monotonic() - started:.0f} s)", file=file, flush=True)
 
     thread = Thread(target=write, name="waiting", daemon=True)
     thread.start()

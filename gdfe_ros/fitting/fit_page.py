@@ -14,7 +14,7 @@ from plotly.offline import get_plotlyjs
 from gdfe_ros.analysis.report.template import fill, read_file, to_json
 from gdfe_ros.fitting.curves import ComparedColumn
 from gdfe_ros.fitting.fit import Fit
-from gdfe_ros.fitting.fit_tables import match_rows, parameter_rows
+from gdfe_ros.fitting.fit_tables import NOT_INCLUDED, match_rows, parameter_rows
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
@@ -42,6 +42,7 @@ def fit_page(fit: Fit, shown: Sequence[ComparedColumn]) -> str:
     """Return the HTML text of a fit's page; ``shown`` are the columns that have charts."""
     tables = [
         _table("Parameters", ("key", "value", "95 % interval", "correlations"), parameter_rows(fit)),
+        f"<section><p>{escape(NOT_INCLUDED)}</p></section>",
         _table("Recordings", ("recording", "series", "", "values", "misfit", "of the motion"), match_rows(fit)),
     ]
     if fit.warnings:

@@ -7,6 +7,9 @@ import numpy as np
 
 from gdfe_ros.fitting.fit import Fit
 
+NOT_INCLUDED = "The intervals do not include the error of the mesh; repeat the fit with twice as many cells to see it."
+"""What a reader of the intervals has to know."""
+
 
 def parameter_rows(fit: Fit) -> list[tuple[str, str, str, str]]:
     """Return a row for each parameter: key, value, 95 % interval, correlations with the parameters above it."""

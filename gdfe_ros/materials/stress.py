@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.compiled import inlined, internal
 from gdfe_ros.materials.table import (
     END,
     GENT,
@@ -184,7 +184,7 @@ def ogden_terms(l0, l1, l2, table, k):
     return w, (t0 / l0, t1 / l1, t2 / l2)
 
 
-@kernel
+@internal
 def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
     """Return the product of the Hessian of W with respect to the stretches and a change (d0, d1, d2) of them."""
     m0, m1, m2 = 0.0, 0.0, 0.0

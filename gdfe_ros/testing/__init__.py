@@ -31,6 +31,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from gdfe_ros.extras import remedy
+
 if TYPE_CHECKING:
     from gdfe_ros.testing.environment import make_env
     from gdfe_ros.testing.process import NodeProcess
@@ -67,8 +69,8 @@ def __getattr__(name: str) -> Any:
     try:
         value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
     except ModuleNotFoundError as error:
-        if error.name != "gymnasium":
+        if (text := remedy(error)) is None:
             raise
-        raise ModuleNotFoundError(f"{name} needs gymnasium; install it: pip install 'gdfe_ros[gym]'") from error
+        raise ModuleNotFoundError(f"{name} {text}", name=error.name) from error
     globals()[name] = value
     return value

@@ -6,6 +6,9 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
+from gdfe_ros.cli import main
 from gdfe_ros.commands import compile as command
 
 _WATCH = """
@@ -29,6 +32,13 @@ def test_nothing_is_left_to_compile() -> None:
     """After a scene with contact, motion and a tangent is compiled, another process plays it from the cache."""
     command._compile("finger_press", {})
     assert _compiled_to_play("finger_press") == 0
+
+
+def test_named_scenes_alone_are_compiled(capsys: pytest.CaptureFixture[str]) -> None:
+    """``gdfe compile SCENE`` compiles the kernels of this scene, and names a scene that does not exist."""
+    assert main(["compile", "bend5"]) == 0
+    assert main(["compile", "nothing"]) == 2
+    assert "nothing" in capsys.readouterr().err
 
 
 def test_the_first_scene_comes_before_all_others() -> None:

@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.compilations import compilations
 
 
 class Screen(StringIO):
@@ -19,7 +20,7 @@ class Screen(StringIO):
 
     def write(self, text: str) -> int:
         """Write a text."""
-        if "loading hand" in text:
+        if "loading hand" in text or "compiling" in text:
             self.seen.set()
         return super().write(text)
 
@@ -37,6 +38,17 @@ def test_a_file_receives_a_line_while_the_work_lasts() -> None:
     with waiting("loading hand", console=Console(file=screen), interval=0.01):
         assert screen.seen.wait(60.0)
     assert "loading hand (0 s)" in screen.getvalue()
+
+
+def test_the_line_says_that_kernels_are_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """During a compilation, the line names it and counts the kernels, instead of the text."""
+    screen = Screen()
+    monkeypatch.setattr(compilations, "running", 2)
+    monkeypatch.setattr(compilations, "compiled", 7)
+    with waiting("loading hand", console=Console(file=screen), interval=0.01):
+        assert screen.seen.wait(60.0)
+    assert "compiling kernels, once for this machine: 7 of at least 9" in screen.getvalue()
+    assert "loading" not in screen.getvalue()
 
 
 def test_a_short_wait_shows_nothing() -> None:

@@ -39,7 +39,9 @@ def test_a_modulus_comes_back_from_a_table(
     assert found["low"] < 2e5 < found["high"]
     assert load_scene(out / "scene.yaml").materials["rubber"].young == pytest.approx(found["value"])
     assert (out / "fit.png").stat().st_size > 20_000
-    assert "Plotly.newPlot" in (out / "fit.html").read_text(encoding="utf-8")
+    page = (out / "fit.html").read_text(encoding="utf-8")
+    assert "Plotly.newPlot" in page
+    assert "do not include the error of the mesh" in page
     assert len((out / "residuals.csv").read_text().splitlines()) == 1 + 3 * 30
     assert "warning" not in capsys.readouterr().out
 

@@ -51,7 +51,7 @@ def stretched(x, end, shape, e):
     return g, (p, q, s), turn
 
 
-@kernel
+@internal
 def pull_to_arc(x, end, shape, weight, force):
     """Write the right-hand side of A c to ``force`` (m, c, 3) [N], for a step from ``x`` to ``end`` (n, 3) [m].
 
@@ -88,7 +88,9 @@ def follow_arc(problem, work, metric):
     Slope and length of the step in ``work.status`` are updated. ``metric`` has the constant matrix and scratch.
     """
     x, status, free = metric.x, work.status[0], 3 * len(problem.unknowns.free)
-    x[:] = work.x
+    for i in range(len(x)):
+        for axis in range(3):
+            x[i, axis] = work.x[i, axis]
     turn = place_and_pull(problem, work, metric)
     if turn > MOST_TURN:
         share = MOST_TURN / turn

@@ -34,7 +34,8 @@ def inner(a, b):
 def begin_recursion(work):
     """Write q of the first loop to ``work.step``."""
     status, q = work.status[0], work.step
-    q[:] = work.gradient
+    for n in range(len(q)):
+        q[n] = work.gradient[n]
     for k in range(status.count):
         i = (status.head - 1 - k) % len(work.curvature)
         share = inner(work.steps[i], q) / work.curvature[i]

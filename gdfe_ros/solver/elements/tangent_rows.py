@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy import uint64
 
-from gdfe_ros.compiled import inlined, kernel, vector_kernel
+from gdfe_ros.compiled import inlined, kernel, vector_internal
 from gdfe_ros.solver.elements.blocks import LANES
 from gdfe_ros.solver.elements.corners import gather
 from gdfe_ros.solver.elements.hex_response import hourglass_rows, load_parameters
@@ -67,7 +67,7 @@ def hourglass_columns(b, reduced):
                 reduced[lane, 9 + column, i] = reduced[lane, i, 9 + column]
 
 
-@vector_kernel
+@vector_internal
 def congruence(reduced, operator, half, out):
     """Write G^T H G (24 x 24) of H (21 x 24) and G (7 x 8) to ``out``; ``half`` (21 x 24) and (24,) is scratch.
 

@@ -14,6 +14,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.vectors import copy_part
 
 SLACK = 0.05
 """Largest fraction of zeros in a supernode. Fewer and broader supernodes are faster if the matrix is factored often."""
@@ -186,7 +187,8 @@ def merge(parent, height, slack, narrow):
             last[low], rows[low], full[low] = last[high], tall, full[low] + full[high]
             found -= 1
     starts = np.empty(found + 1, np.int64)
-    starts[:found], starts[found] = first[:found], count
+    copy_part(starts, 0, first, 0, found)
+    starts[found] = count
     return starts, rows[:found].copy()
 
 

@@ -19,7 +19,7 @@ from numba import prange
 from numpy import uint64
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import kernel, parallel_kernel, vector_kernel
+from gdfe_ros.compiled import internal, parallel_kernel, vector_internal, vector_kernel
 
 TAKEN, LINE = 4, 8
 """Number of rows that are processed at a time, and divisor of each row's length."""
@@ -79,7 +79,7 @@ def apply_free(inverse, right, out, threads):
         apply_factor(inverse, inverse.values, np.empty(3 * len(inverse.order)), right, out, threads)
 
 
-@vector_kernel
+@vector_internal
 def apply_factor(inverse, values, x, right, out, threads):
     """Do `apply_free` with the factor's ``values``, in the precision of the scratch ``x`` (f, 3), flat."""
     for i in range(len(inverse.order)):
@@ -91,7 +91,7 @@ def apply_factor(inverse, values, x, right, out, threads):
             out[3 * inverse.order[i] + axis] = x[3 * i + axis]
 
 
-@vector_kernel
+@vector_internal
 def apply_explicit(explicit, right, out):
     """Write the product of an explicit inverse and ``right`` (f, 3), flat, to ``out``."""
     for i in range(len(explicit)):
@@ -104,7 +104,7 @@ def apply_explicit(explicit, right, out):
             out[3 * i + 2] += weight * right[3 * j + 2]
 
 
-@vector_kernel
+@vector_internal
 def solve_rows(inverse, values, x, threads):
     """Replace ``x`` (f, 3), flat and in the order of elimination, by (U^T U)^-1 x.
 
@@ -129,7 +129,7 @@ def solve_rows(inverse, values, x, threads):
         expand_in_threads(threads, inverse, values, x)
 
 
-@kernel
+@internal
 def reduce_groups(inverse, values, x, taken, first, last):
     """Replace ``x`` by U^-T x in some groups; add contributions to later supernodes to ``taken`` (g, 3 k)."""
     for group in range(first, last):
@@ -153,7 +153,7 @@ def expand_in_threads(threads, inverse, values, x):
         expand_nodes(inverse, values, x, inverse.group_start[first], inverse.group_start[last])
 
 
-@vector_kernel
+@vector_internal
 def reduce_nodes(inverse, values, x, above, begin, end):
     """Replace ``x`` by U^-T x in supernodes ``begin`` to ``end``; ``above`` are the rows after those of all groups."""
     longest = inverse.length.max()
@@ -178,7 +178,7 @@ def reduce_nodes(inverse, values, x, above, begin, end):
             target[row + 2] += w[k]
 
 
-@vector_kernel
+@vector_internal
 def expand_nodes(inverse, values, x, begin, end):
     """Replace ``x`` by U^-1 x in the supernodes ``begin`` to ``end``, the last supernode first."""
     longest = inverse.length.max()
@@ -197,39 +197,39 @@ def expand_nodes(inverse, values, x, begin, end):
             x[3 * (start + k)], x[3 * (start + k) + 1], x[3 * (start + k) + 2] = u[k], v[k], w[k]
 
 
-@vector_kernel
+@vector_internal
 def row_of(values, at, blank, length, number, own):
     """Return row ``number`` of a supernode with ``own`` rows; a row of zeros if there is no such row."""
     begin = at + number * length if number < own else blank
     return values[begin : begin + length]
 
 
-@vector_kernel
+@vector_internal
 def four_of(u, first):
     """Return four successive numbers of ``u``."""
     return u[first], u[first + 1], u[first + 2], u[first + 3]
 
 
-@vector_kernel
+@vector_internal
 def number_as(u, numbers, at):
     """Return number ``at``, in the precision of ``u``; 0 if there is no such number."""
     return u.dtype.type(numbers[at] if at < len(numbers) else 0.0)
 
 
-@vector_kernel
+@vector_internal
 def four_as(u, numbers, first):
     """Return `number_as` of four successive numbers."""
     one, two = number_as(u, numbers, first), number_as(u, numbers, first + 1)
     return one, two, number_as(u, numbers, first + 2), number_as(u, numbers, first + 3)
 
 
-@vector_kernel
+@vector_internal
 def product(p, q):
     """Return the products of four and four numbers."""
     return p[0] * q[0], p[1] * q[1], p[2] * q[2], p[3] * q[3]
 
 
-@vector_kernel
+@vector_internal
 def forward(u, first, a, b, c, d, pivot, scale):
     """Solve four rows of U^T for one axis; return the four values."""
     p = u[first] * pivot[0]
@@ -242,7 +242,7 @@ def forward(u, first, a, b, c, d, pivot, scale):
     return p, q, r, s
 
 
-@vector_kernel
+@vector_internal
 def backward(right, taken, first, a, b, c, pivot, scale):
     """Solve four rows of U for one axis; ``taken`` are the products of their entries and the values after them."""
     s = (right[3] - scale[3] * taken[3]) * pivot[3]
@@ -252,7 +252,7 @@ def backward(right, taken, first, a, b, c, pivot, scale):
     return p, q, r, s
 
 
-@vector_kernel
+@vector_internal
 def put(found, u, first, own):
     """Write four successive numbers to ``u``, except numbers after the supernode's ``own`` rows."""
     p, q, r, s = found
@@ -265,7 +265,7 @@ def put(found, u, first, own):
         u[first + 3] = s
 
 
-@vector_kernel
+@vector_internal
 def reduce_rows(values, at, blank, pivots, scales, u, v, w, own):
     """Solve the ``own`` rows of U^T of a supernode, and subtract the products from the supernode's other rows."""
     length = len(u)
@@ -288,7 +288,7 @@ def reduce_rows(values, at, blank, pivots, scales, u, v, w, own):
         put(z, w, first, own)
 
 
-@vector_kernel
+@vector_internal
 def expand_rows(values, at, blank, pivots, scales, u, v, w, own):
     """Solve the ``own`` rows of U of a supernode; the values of its other rows are known."""
     length, zero = len(u), u.dtype.type(0.0)

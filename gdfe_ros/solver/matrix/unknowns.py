@@ -10,7 +10,7 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import inlined, kernel, parallel_kernel
+from gdfe_ros.compiled import inlined, internal, kernel, parallel_kernel
 from gdfe_ros.constraints import Handle
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed, rotated, rotation_matrix
 
@@ -163,7 +163,7 @@ def gather_rows(force, unknowns, gradient):
     gather_part(force, unknowns, gradient, 0, len(unknowns.free))
 
 
-@kernel
+@internal
 def gather_part(force, unknowns, gradient, first, last):
     """Do `gather_rows` for the rows from ``first`` up to ``last``."""
     for row in range(first, last):
@@ -179,7 +179,7 @@ def gather_in_threads(threads, force, unknowns, gradient):
         gather_part(force, unknowns, gradient, part * count // threads, (part + 1) * count // threads)
 
 
-@kernel
+@internal
 def add_rows(outside, unknowns, gradient):
     """Add vertex forces (n, 3) to the rows of free vertices."""
     for row in range(len(unknowns.free)):

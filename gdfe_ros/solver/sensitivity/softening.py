@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import kernel
+from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.stress import curve_state
 from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
@@ -16,7 +16,7 @@ SPACING = 1e-6
 """Change of an entry of the deformation gradient in a central difference."""
 
 
-@kernel
+@internal
 def scale_at(f, table, k):
     """Return the hourglass scale of an element of material ``k`` with the mean gradient ``f`` (9,)."""
     g = (f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8])

@@ -13,6 +13,7 @@ import numpy as np
 from gdfe_ros.compiled import kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
+from gdfe_ros.solver.vectors import clear_part
 
 UNIQUE = 0.05
 """A vertex counts as not rotated if the measure of its rotation's uniqueness is below this (see
@@ -32,7 +33,8 @@ def vertex_rotations(x, before, shape, free, held, sums, out):
     A body that no handle holds (``held`` is False) has one rotation for all vertices. Otherwise R K0 R^T would not
     conserve its momentum. ``sums`` (n, 9) is scratch.
     """
-    sums[...] = 0.0
+    for i in range(len(sums)):
+        clear_part(sums[i], 0, 9)
     for e in range(len(shape.cells)):
         f0 = mean_gradient(before, shape, e)
         f, c = mean_gradient(x, shape, e), cofactor(f0)
@@ -50,7 +52,11 @@ def vertex_rotations(x, before, shape, free, held, sums, out):
     most = 0.0
     if not held:
         for i in range(9):
-            sums[:, i] = sums[:, i].sum()
+            total = 0.0
+            for k in range(len(sums)):
+                total += sums[k, i]
+            for k in range(len(sums)):
+                sums[k, i] = total
     for i in range(len(free)):
         m = sums[free[i]]
         r, margin, _ = rotation((m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]))

@@ -14,11 +14,12 @@ import scipy.sparse as sparse
 from numpy import uint64
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import inlined, internal, kernel, vector_kernel
+from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
 from gdfe_ros.solver.matrix.elimination import eliminated
 from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order
 from gdfe_ros.solver.tangent.frames import unrotated
 from gdfe_ros.solver.tangent.substitution import Kept, Plan, solve_columns, solve_unturned
+from gdfe_ros.solver.vectors import clear_part, copy_part
 
 PANEL = 6
 """Columns that are eliminated together: two vertices. The rest of the front is updated once for all of them."""
@@ -36,7 +37,7 @@ def gather(blocks, parts, begin, end, front, width):
                 front[at + i * width + j] = block[i, j]
 
 
-@vector_kernel
+@vector_internal
 def extend(update, start, stride, places, ends, front, width):
     """Add a child's update matrix, upper triangle, to the vertices ``places`` (p,) of the front.
 
@@ -59,7 +60,7 @@ def extend(update, start, stride, places, ends, front, width):
             first = ends[first]
 
 
-@vector_kernel
+@vector_internal
 def eliminate(front, width, own, panel):
     """Eliminate the first ``own`` columns of a front, upper triangle; return whether they are positive definite.
 
@@ -93,7 +94,7 @@ def column(front, at, width, full):
     return a, b, c, front[at + 3 * width], front[at + 4 * width], front[at + 5 * width]
 
 
-@vector_kernel
+@vector_internal
 def subtract(front, width, first, last, panel):
     """Subtract the products of the factor's rows from ``first`` up to ``last`` from the rows below, tile by tile.
 
@@ -105,11 +106,9 @@ def subtract(front, width, first, last, panel):
         end = min(begin + TILE, width)
         for k in range(PANEL):
             if first + k < last:
-                panel[k * TILE : k * TILE + end - begin] = front[
-                    (first + k) * width + begin : (first + k) * width + end
-                ]
+                copy_part(panel, k * TILE, front, (first + k) * width + begin, end - begin)
             else:
-                panel[k * TILE : k * TILE + end - begin] = 0.0
+                clear_part(panel, k * TILE, end - begin)
         for i in range(last, end, 2):
             at, pair = first * width + i, i + 1 < end
             a, b, c, d, e, f = column(front, at, width, full)
@@ -151,7 +150,7 @@ def factor_fronts(blocks, parts, plan, fronts, panel, ends, stack, values):
         )
         front = fronts[node % 2]
         for i in range(width):
-            front[i * width + i : (i + 1) * width] = 0.0
+            clear_part(front, i * width + i, width - i)
         gather(blocks, parts, plan.part_start[node], plan.part_start[node + 1], front, width)
         for k in range(plan.child_start[node + 1] - 1, plan.child_start[node] - 1, -1):
             child = plan.children[k]
@@ -165,12 +164,11 @@ def factor_fronts(blocks, parts, plan, fronts, panel, ends, stack, values):
         if not eliminate(front, width, own, panel):
             return False
         at, left = plan.value_start[node], width - own
-        values[at : at + own * width] = front[: own * width]
+        copy_part(values, at, front, 0, own * width)
         before, wide, done = front, width, own
         if plan.parent[node] != node + 1:
             for i in range(left):
-                begin = (own + i) * width + own
-                stack[top + i * left + i : top + (i + 1) * left] = front[begin + i : begin + left]
+                copy_part(stack, top + i * left + i, front, (own + i) * width + own + i, left - i)
             top += left * left
     return True
 

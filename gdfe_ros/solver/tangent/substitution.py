@@ -18,7 +18,8 @@ import numpy as np
 from numpy import uint64
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import vector_kernel
+from gdfe_ros.compiled import vector_internal, vector_kernel
+from gdfe_ros.solver.vectors import clear_part, copy_part
 
 ROWS = 6
 """Rows of the factor that are processed together: two vertices."""
@@ -118,7 +119,7 @@ def solve_columns(kept, right, out):
         solve_unturned(kept, right[k], out[k])
 
 
-@vector_kernel
+@vector_internal
 def solve_rigid(harmonic, schur, right, out):
     """Solve for the rigid rows, and correct the solution ``out`` of the free rows."""
     count, rows = harmonic.shape
@@ -136,7 +137,7 @@ def solve_rigid(harmonic, schur, right, out):
             out[i] -= harmonic[i, j] * out[count + j]
 
 
-@vector_kernel
+@vector_internal
 def connect(springs, reach, inner, out):
     """Correct ``out``, a solution without springs between touching parts, for the effect of the springs."""
     count = len(springs)
@@ -154,7 +155,7 @@ def connect(springs, reach, inner, out):
             out[i] -= force * reach[k, i]
 
 
-@vector_kernel
+@vector_internal
 def solve_free(kept, right, out):
     """Write K^-1 ``right`` (3 f,) of the free vertices to ``out`` (3 f,)."""
     plan, values, x, local = kept.plan, kept.values, kept.x, kept.local
@@ -168,40 +169,40 @@ def solve_free(kept, right, out):
             out[3 * kept.order[i] + axis] = x[3 * i + axis]
 
 
-@vector_kernel
+@vector_internal
 def reduce_all(values, plan, x, local):
     """Replace ``x`` by the solution y of U^T y = x, first row first; ``local`` is scratch for any supernode's rows."""
     for node in range(len(plan.first) - 1):
         begin, end = plan.row_start[node], plan.row_start[node + 1]
         width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
         start = 3 * plan.first[node]
-        local[:own] = x[start : start + own]
-        local[own:width] = 0.0
+        copy_part(local, 0, x, start, own)
+        clear_part(local, own, width - own)
         reduce_rows(values, plan.value_start[node], local, width, own)
-        x[start : start + own] = local[:own]
+        copy_part(x, start, local, 0, own)
         for k in range(own // 3, end - begin):
             row = 3 * plan.rows[begin + k]
             for i in range(3):
                 x[row + i] += local[3 * k + i]
 
 
-@vector_kernel
+@vector_internal
 def expand_all(values, plan, x, local):
     """Replace ``x`` by the solution y of U y = x, last row first; ``local`` is scratch for any supernode's rows."""
     for node in range(len(plan.first) - 2, -1, -1):
         begin, end = plan.row_start[node], plan.row_start[node + 1]
         width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
         start = 3 * plan.first[node]
-        local[:own] = x[start : start + own]
+        copy_part(local, 0, x, start, own)
         for k in range(own // 3, end - begin):
             row = 3 * plan.rows[begin + k]
             for i in range(3):
                 local[3 * k + i] = x[row + i]
         expand_rows(values, plan.value_start[node], local, width, own)
-        x[start : start + own] = local[:own]
+        copy_part(x, start, local, 0, own)
 
 
-@vector_kernel
+@vector_internal
 def reduce_rows(values, at, local, width, own):
     """Solve the first ``own`` rows of a supernode with U^T, and subtract their products from its other rows."""
     for first in range(0, own, ROWS):
@@ -230,7 +231,7 @@ def reduce_rows(values, at, local, width, own):
                 local[j] -= p * rows[j] + q * rows[j + n] + r * rows[j + n + n]
 
 
-@vector_kernel
+@vector_internal
 def expand_rows(values, at, local, width, own):
     """Solve the first ``own`` rows of a supernode with U; the solution in its other rows is known."""
     for first in range((own - 1) // ROWS * ROWS, -1, -ROWS):

@@ -15,13 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import carray, cfunc, types
+from numba import carray, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.constraints import Pose
+from gdfe_ros.linked import linked_entry
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.tangent.springs import Springs
@@ -44,9 +45,9 @@ class TermKernel:
     def address(self) -> int:
         """Address of the machine code."""
         try:
-            self._compiled = cfunc(_ENTRY, cache=True)(self._entry)
+            self._compiled = linked_entry(_ENTRY, self._entry, cache=True)
         except RuntimeError:  # defined at a prompt: there is no file next to which a cache could be stored
-            self._compiled = cfunc(_ENTRY)(self._entry)
+            self._compiled = linked_entry(_ENTRY, self._entry, cache=False)
         return self._compiled.address
 
 

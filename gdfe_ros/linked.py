@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kernels that call each other by their addresses, so that each kernel is compiled once.
+
+Numba compiles all kernels that a kernel calls, and what these call, again as a part of it. A chain of ten kernels costs
+ten times its own code, in time and in the cache. Here a kernel above `LARGE` instructions gets a symbol, and its
+callers contain nothing but this symbol. LLVM would not inline such a kernel anyway. Smaller kernels are still inlined.
+
+The cache of a kernel lists the symbols that it calls. They are loaded, or compiled, before the kernel is loaded. If a
+called kernel now returns another type, the caller is compiled anew.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from copy import copy
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+from numba.core import cgutils, compiler, config, sigutils, types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
+from numba.core.ccallback import CFunc
+from numba.core.compiler import CompileResult
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.funcdesc import FunctionDescriptor
+from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
+from numba.core.registry import CPUDispatcher
+
+from gdfe_ros.compilations import compilations
+
+LARGE = 200
+"""Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines below about 50."""
+PREFIX = "gdfe."
+"""Beginning of the symbols of kernels."""
+
+
+class CalledKernel(NamedTuple):
+    """A kernel that another one calls by its address: module, name, types of the arguments, and the symbol."""
+
+    module: str
+    name: str
+    arguments: tuple
+    symbol: str
+
+
+FORMAT = "gdfe 2"
+"""Mark of cache files with links."""
+_compiling: list[object] = []
+"""The functions of this module's caches that are being compiled; numba compiles one at a time."""
+_links: dict[str, CalledKernel] = {}
+"""The kernels of this process that have an address, by their symbols."""
+
+
+def link_of(result: CompileResult) -> CalledKernel:
+    """Return the link of a compiled kernel; its symbol is made of name, types of the arguments, and the result's."""
+    given = result.signature.args, result.signature.return_type
+    digest = hashlib.sha256(repr(given).encode()).hexdigest()[:16]
+    module, name = result.fndesc.modname, result.fndesc.qualname
+    return CalledKernel(module, name, tuple(result.signature.args), f"{PREFIX}{module}.{name}.{digest}")
+
+
+def is_large(result: CompileResult) -> bool:
+    """Return whether a compiled kernel has more than `LARGE` instructions."""
+    function, count = result.library.get_function(result.fndesc.llvm_func_name), 0
+    for block in function.blocks:
+        for _ in block.instructions:
+            count += 1
+        if count > LARGE:
+            return True
+    return False
+
+
+def publish(result: CompileResult) -> None:
+    """Let further callers of a large kernel call its address."""
+    link, context = link_of(result), result.target_context
+    address = result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
+    if not address:
+        raise RuntimeError(f"kernel {link.module}.{link.name} has no address")
+    llvm.add_symbol(link.symbol, address)
+    _links[link.symbol] = link
+    context.remove_user_function(result.entry_point)
+    call = call_of(link.symbol, address, result.fndesc)
+    context._defns[result.entry_point].append(call, call.signature)
+
+
+def call_of(symbol: str, address: int, called: FunctionDescriptor) -> Callable[..., Any]:
+    """Return the function that writes a call into the code of a caller: by symbol, or by address if numba stores it.
+
+    Numba's own cache does not know symbols. It stores no function that contains an address, and warns of it.
+    """
+
+    def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        if _compiling:
+            named = copy(called)
+            named.mangled_name = symbol
+            function = context.declare_function(builder.module, named)
+        else:
+            kind = context.call_conv.get_function_type(called.restype, called.argtypes).as_pointer()
+            function = builder.bitcast(context.add_dynamic_addr(builder, address, info=symbol), kind)
+        given = function, called.restype, called.argtypes, arguments
+        status, value = context.call_conv.call_function(builder, *given)
+        with cgutils.if_unlikely(builder, status.is_error):
+            context.call_conv.return_status_propagate(builder, status)
+        value = fix_returning_optional(context, builder, signature, status, value)
+        return impl_ret_new_ref(context, builder, called.restype, value)
+
+    write.signature, write.libs = called.argtypes, ()
+    return write
+
+
+def links_in(result: CompileResult) -> list[CalledKernel]:
+    """Return the kernels that a compiled kernel calls by their addresses."""
+    functions = result.library._final_module.functions
+    return [_links[each.name] for each in functions if each.is_declaration and each.name.startswith(PREFIX)]
+
+
+def resolve(link: CalledKernel) -> bool:
+    """Load or compile a kernel; return whether it still has the symbol."""
+    found = getattr(import_module(link.module), link.name, None)
+    if not isinstance(found, LinkedDispatcher):
+        return False
+    found.compile(link.arguments)
+    return link_of(found.overloads[link.arguments]).symbol == link.symbol
+
+
+class LinkedCacheImpl(CompileResultCacheImpl):
+    """Stores a compiled kernel together with the kernels that it calls."""
+
+    def reduce(self, result: CompileResult) -> tuple[Any, ...]:
+        """Return the contents of a cache file."""
+        links, large = [tuple(link) for link in links_in(result)], is_large(result)
+        return links, large, super().reduce(result)
+
+    def rebuild(self, context: Any, stored: tuple[Any, ...]) -> CompileResult | None:
+        """Return the kernel from the contents of a cache file; None if what it calls has changed."""
+        links, large, contents = stored
+        if not all(resolve(CalledKernel(*link)) for link in links):
+            return None
+        result = super().rebuild(context, contents)
+        result.library.large = large
+        return result
+
+
+class LinkedCache(FunctionCache):
+    """Cache of one kernel."""
+
+    _impl_class = LinkedCacheImpl
+
+    def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
+        """Return numba's key with a mark, so that files of a plain `FunctionCache` are not read."""
+        return *super()._index_key(signature, codegen), FORMAT
+
+
+@contextmanager
+def without_collection() -> Iterator[None]:
+    """Disable the search for cyclic garbage, which takes a fifth of a compilation's time and finds little."""
+    before = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if before:
+            gc.enable()
+
+
+@contextmanager
+def linking(compiled: object) -> Iterator[None]:
+    """Let calls in a function that is compiled inside the ``with`` block have symbols."""
+    with global_compiler_lock:
+        _compiling.append(compiled)
+        try:
+            yield
+        finally:
+            _compiling.pop()
+
+
+class CountedCompiler(compiler.Compiler):
+    """Numba's compiler, which counts the kernels."""
+
+    def compile_extra(self, function: Any) -> CompileResult:
+        """Compile a function."""
+        compilations.running += 1
+        try:
+            return super().compile_extra(function)
+        finally:
+            compilations.running -= 1
+            compilations.compiled += 1
+
+
+class LinkedDispatcher(CPUDispatcher):
+    """A compiled function that other ones call by its address, if it is large."""
+
+    def enable_caching(self) -> None:
+        """Store what is compiled on disk."""
+        self._cache = LinkedCache(self.py_func)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return the function for types of arguments; constants count as variables, so that they add no versions."""
+        if isinstance(self._cache, NullCache):
+            return super().get_call_template(args, kws)
+        named = {name: types.unliteral(each) for name, each in kws.items()}
+        return super().get_call_template(tuple(types.unliteral(each) for each in args), named)
+
+    def compile(self, signature: Any) -> Any:
+        """Compile for a signature, or load from the cache; return the entry point."""
+        before = len(self.overloads)
+        with without_collection(), linking(self):
+            entry = super().compile(signature)
+        if len(self.overloads) > before:
+            result = next(reversed(self.overloads.values()))
+            large = getattr(result.library, "large", None)
+            if not result.fndesc.inline and (is_large(result) if large is None else large):
+                publish(result)
+        return entry
+
+
+class LinkedEntry(CFunc):
+    """A compiled function for C that calls linked kernels, with a cache."""
+
+    def enable_caching(self) -> None:
+        """Store what is compiled on disk."""
+        self._cache = LinkedCache(self._pyfunc)
+
+    def compile(self) -> None:
+        """Compile, or load from the cache."""
+        with without_collection(), linking(self):
+            super().compile()
+
+
+def linked_entry(signature: Any, function: Callable[..., Any], *, cache: bool) -> LinkedEntry:
+    """Return numba's ``cfunc(signature, cache=cache)(function)`` for a `LinkedEntry`."""
+    entry = LinkedEntry(function, sigutils.normalize_signature(signature), locals={}, options={})
+    if cache:
+        entry.enable_caching()
+    entry.compile()
+    return entry
+
+
+def linked(*, cache: bool, **options: Any) -> Any:
+    """Return a decorator that is numba's ``njit(cache=cache, **options)`` for a `LinkedDispatcher`."""
+
+    def decorate(function: Any) -> Any:
+        if config.DISABLE_JIT:
+            return function
+        given = {"nopython": True, "boundscheck": None, **options}
+        counted = CountedCompiler if cache else compiler.Compiler
+        dispatcher = LinkedDispatcher(function, targetoptions=given, pipeline_class=counted)
+        if cache:
+            dispatcher.enable_caching()
+        return dispatcher
+
+    return decorate

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe solve`` at the end of what can be solved, and interrupted."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gdfe_ros.cli import main
+from gdfe_ros.simulation import Simulation
+
+BAR = """
+name: pulled
+mesh: {bar: {size: [0.08, 0.02, 0.02], cells: [4, 1, 1]}}
+materials: {rubber: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
+regions: [{material: rubber}]
+handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
+solver: {steps: 4, max_iterations: ITERATIONS}
+program:
+  duration: 1.0
+  handles: {tip: [{time: 0.0}, {time: 1.0, translation: [0.0, 0.0, 0.04]}]}
+"""
+
+
+def _scene(folder: Path, iterations: int) -> str:
+    path = folder / "pulled.yaml"
+    path.write_text(BAR.replace("ITERATIONS", str(iterations)), encoding="utf-8")
+    return str(path)
+
+
+def _meta(path: Path) -> dict[str, object]:
+    with np.load(path) as stored:
+        return json.loads(str(stored["meta"]))
+
+
+@pytest.mark.parametrize(("going", "steps"), [([], 1), (["--keep-going"], 4)])
+def test_a_failed_step_ends_the_run(
+    going: list[str], steps: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The run stops at the first step that fails, or goes on if asked; table and file mark the failed state."""
+    out = tmp_path / "last.npz"
+    assert main(["solve", _scene(tmp_path, 1), "--out", str(out), *going]) == 3
+    printed = capsys.readouterr()
+    assert (_meta(out)["steps"], _meta(out)["converged"]) == (steps, False)
+    assert "its values are no equilibrium" in " ".join(printed.out.split())
+    assert ("--keep-going" in printed.err) is (not going)
+
+
+def test_an_interrupt_leaves_what_was_solved(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After Ctrl-C in the third step, table, picture and file show the second one."""
+    out, picture, step, calls = tmp_path / "last.npz", tmp_path / "last.png", Simulation.step, []
+
+    def interrupted(*given: object, **named: object) -> object:
+        calls.append(1)
+        if len(calls) == 4:  # the first one warms up
+            os.kill(os.getpid(), signal.SIGINT)
+        return step(*given, **named)
+
+    monkeypatch.setattr(Simulation, "step", interrupted)
+    assert main(["solve", _scene(tmp_path, 2000), "--out", str(out), "--picture", str(picture)]) == 130
+    printed = capsys.readouterr()
+    assert (_meta(out)["steps"], _meta(out)["converged"], _meta(out)["whole"]) == (2, True, False)
+    assert picture.stat().st_size > 0
+    assert "interrupted after t = 0.5 s" in printed.err
+    assert "converged" in printed.out
