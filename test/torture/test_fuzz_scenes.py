@@ -34,7 +34,11 @@ handles:
   tip: {where: {face: x+}, free: [x]}
   rail: {where: {box: {x: [0.04, 0.16], z: [-0.03, -0.02]}}, slide: [x, y]}
 actuators:
-  tendon: {cable: {points: [{world: [0.0, 0.0, 0.2]}, [0.0, 0.0, 0.02], [0.1, 0.0, 0.02]], command: tension, range: [0.0, 10.0]}}
+  tendon:
+    cable:
+      points: [{world: [0.0, 0.0, 0.2]}, [0.0, 0.0, 0.02], [0.1, 0.0, 0.02]]
+      command: tension
+      range: [0.0, 10.0]
 loads:
   weight: {gravity: [0, 0, -9.81]}
 probes: {middle: [0.1, 0.0, 0.0]}
