@@ -202,6 +202,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     schema.HandleModel: (
         "{where: {face: x-}, fixed: true}",
         "{where: {face: x+}, free: [x, ry]}   # slides along x, turns about y",
+        "{where: {face: y-}, slide: [x, z]}   # a plane of symmetry",
     ),
     obstacle_schema.ObstacleModel: (
         "{plane: [0, 0, 1], at: [0, 0, -0.05], friction: 0.5, fixed: true}",
