@@ -75,7 +75,12 @@ class NodeProcess:
         return self.status
 
     def stop(self, number: signal.Signals = signal.SIGINT) -> int:
-        """End the process with a signal, or kill it if it does not end; return its exit status, -n after signal n."""
+        """End the process with a signal, or kill it if it does not end; return its exit status, -n after signal n.
+
+        If this process ignores SIGINT, as a shell's background job does, so does the node, and SIGTERM ends it.
+        """
+        if number is signal.SIGINT and signal.getsignal(number) is signal.SIG_IGN:
+            number = signal.SIGTERM
         if self.status is None:
             self._process.send_signal(number)
             try:
