@@ -7,6 +7,9 @@ callers contain nothing but this symbol. LLVM would not inline such a kernel any
 
 The cache of a kernel lists the symbols that it calls. They are loaded, or compiled, before the kernel is loaded. If a
 called kernel now returns another type, the caller is compiled anew.
+
+This uses private parts of numba. With a version of numba that this was not tested with, kernels are plain functions of
+numba, which compile for longer.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
+import numba
 from numba.core import cgutils, compiler, config, sigutils, types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
 from numba.core.ccallback import CFunc
@@ -33,6 +37,8 @@ from gdfe_ros.compilations import compilations
 
 LARGE = 200
 """Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines below about 50."""
+TESTED = numba.version_info.short == (0, 68)
+"""Whether this version of numba was tested."""
 PREFIX = "gdfe."
 """Beginning of the symbols of kernels."""
 
@@ -231,7 +237,9 @@ class LinkedEntry(CFunc):
 
 
 def linked_entry(signature: Any, function: Callable[..., Any], *, cache: bool) -> LinkedEntry:
-    """Return numba's ``cfunc(signature, cache=cache)(function)`` for a `LinkedEntry`."""
+    """Return numba's ``cfunc(signature, cache=cache)(function)``, as a `LinkedEntry` with a tested numba."""
+    if not TESTED:
+        return numba.cfunc(signature, cache=cache)(function)
     entry = LinkedEntry(function, sigutils.normalize_signature(signature), locals={}, options={})
     if cache:
         entry.enable_caching()
@@ -240,7 +248,9 @@ def linked_entry(signature: Any, function: Callable[..., Any], *, cache: bool) -
 
 
 def linked(*, cache: bool, **options: Any) -> Any:
-    """Return a decorator that is numba's ``njit(cache=cache, **options)`` for a `LinkedDispatcher`."""
+    """Return a decorator that is numba's ``njit(cache=cache, **options)``, with a tested numba for linked kernels."""
+    if not TESTED:
+        return numba.njit(cache=cache, **options)
 
     def decorate(function: Any) -> Any:
         if config.DISABLE_JIT:
