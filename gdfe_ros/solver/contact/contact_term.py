@@ -54,6 +54,10 @@ class ContactTerm(Term):
         self._body, self.resolution, self.share = body, np.inf, 1.0
         self.missed, self.gives_up, self.hopeless, self.buried = 0.0, False, False, False
 
+    def ends(self) -> NDArray[np.int32]:
+        """Return the vertices (k, c) on which each point's force acts; empty for self-contact."""
+        return np.zeros((0, 1), np.int32)
+
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return 0: contact stores no energy."""
         return 0.0

@@ -41,11 +41,11 @@ class RigidContact(Contact):
         super().__init__(f"{rigid.name} on {touched.name}", touched, body, points, friction)
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set the penalties from the constant matrix' diagonal; the penalties of two rigid bodies act in series."""
+        """Set the stiffnesses as `Contact` does; those of two rigid bodies act in series."""
         super().fit(matrix)
         if isinstance(self._touched, RigidBody):
             other = matrix.assembled.diagonal()[self._touched.vertices].sum()
-            self._usual = self._penalty = self._usual * other / (self._usual + other)
+            self._scale = self._scale * other / (self._scale + other)
 
     def add_impacts(
         self,
@@ -65,10 +65,10 @@ class RigidContact(Contact):
                 alone causes.
             forces: (n, 3) [N], is added to.
         """
-        if not self.updates:
+        if not self.near:
             return
         pushes, presses, shears, _ = self._forces(positions)
-        ends, ways = self.couplings()[self._chosen], self._ways(positions)
+        ends, ways = self.ends()[self._chosen], self._ways(positions)
         normals = self._rows()[:, NORMAL : NORMAL + 3]
         came, stopped, alone = (np.einsum("ka,kai,ki->k", ways, each[ends], normals) for each in (approach, *moved))
         if not isinstance(self._touched, RigidBody):
@@ -88,7 +88,7 @@ class RigidContact(Contact):
 
         ``shears`` (k, 3) [N] is the friction part of these forces.
         """
-        np.add.at(forces, self.couplings()[self._chosen], ways[:, :, None] * pushes[:, None, :])
+        np.add.at(forces, self.ends()[self._chosen], ways[:, :, None] * pushes[:, None, :])
 
     def _carried(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the obstacle's displacement (k, 3) [m] since the state ``before`` at the chosen points."""

@@ -13,6 +13,8 @@ from gdfe_ros.compiled import start_threads
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.impulses import Impulses
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import SHARE, TRUST, Minimiser, Observer, Task
@@ -92,7 +94,9 @@ class EquilibriumSolver:
         self._dormancy = Dormancy(body, self._whole, skip if still else (), pushed=bool(self.actuation.terms))
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving = predictor is not None
-        self.minimiser = Minimiser(body, stiffness, level, moving=moving)
+        touching = [contact for contact in self.actuation.contacts if isinstance(contact, Contact)]
+        impulses = Impulses(touching, len(body.rest), body.unknowns) if touching else None
+        self.minimiser = Minimiser(body, stiffness, level, moving=moving, impulses=impulses)
         self._model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
         if level.affordable:
             self._dormancy.forbid()

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compliance W = J H J^T of contact points, with H the inverse Hessian of the quasi-Newton method.
+
+H is the inverse M^-1 of the initial matrix, changed by the pairs (s, y) of L-BFGS. With rho = 1 / s . y, each pair turns
+the operator H into H - rho (s z^T + z s^T) + rho (1 + rho y . z) s s^T, where z = H y.
+
+M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kept. The blocks of C between vertices that
+touch are therefore solved for once, when a vertex first touches, and kept with M.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.solver.descent.pairs import inner
+from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
+from gdfe_ros.solver.matrix.unknowns import rigid_part
+
+Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
+
+
+class KeptBlocks:
+    """The blocks of C = M^-1, without rotations, between the rows of unknowns that contacts have needed so far.
+
+    Args:
+        solve: function that writes M^-1 times its first argument (3 r,) to its second one.
+        rows: number r of rows.
+
+    Attributes:
+        slot: (r,) place of each row in ``values``; -1 for a row that no contact has needed yet.
+        values: (3 s, 3 s) [m/N] the blocks.
+    """
+
+    def __init__(self, solve: Solve, rows: int) -> None:
+        self._solve, self._order = solve, np.zeros(0, dtype=np.int64)
+        self.slot, self._room = np.full(rows, -1, dtype=np.int64), np.zeros((0, 0))
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The blocks (3 s, 3 s) [m/N]."""
+        return self._room
+
+    def include(self, rows: NDArray[np.int64]) -> None:
+        """Solve for the blocks of ``rows`` that are not known yet."""
+        new = np.unique(rows[self.slot[rows] < 0])
+        if not len(new):
+            return
+        before, total = len(self._order), len(self._order) + len(new)
+        self.slot[new] = np.arange(before, total)
+        self._order = np.concatenate([self._order, new])
+        if 3 * total > len(self._room):
+            room = np.zeros((6 * total, 6 * total))
+            room[: len(self._room), : len(self._room)] = self._room
+            self._room = room
+        unit, column = np.zeros(3 * len(self.slot)), np.empty(3 * len(self.slot))
+        places = (3 * self._order[:, None] + np.arange(3)).ravel()
+        for k, row in enumerate(new, start=before):
+            for axis in range(3):
+                unit[3 * row + axis] = 1.0
+                self._solve(unit, column)
+                unit[3 * row + axis] = 0.0
+                values = column[places]
+                self._room[: 3 * total, 3 * k + axis] = values
+                self._room[3 * k + axis, : 3 * total] = values
+
+
+@kernel
+def differentiate(x, u, frame, unknowns, row_of, handle_of, axes, ends, pressing, rubbing, rows, blocks, counts):
+    """Write the derivative of each point's gap and slip with respect to the rows of unknowns.
+
+    Args:
+        x, u: positions (n, 3) [m] and unknowns (3 r,).
+        frame, unknowns: commanded positions of the handles, and the numbering.
+        row_of, handle_of: (n,) row of each free vertex, and number of each vertex' handle with a free axis; or -1.
+        axes, ends, pressing, rubbing: as in `law.stencils`.
+        rows: (k, e) rows on which each point depends.
+        blocks: (k, e, 3, 3) the derivatives.
+        counts: (k,) number of rows.
+    """
+    count = len(unknowns.free)
+    for i in range(len(ends)):
+        counts[i] = 0
+        for a in range(ends.shape[1]):
+            v = ends[i, a]
+            row = row_of[v]
+            if row >= 0:
+                e = entry_of(row, i, rows, blocks, counts)
+                for k in range(3):
+                    w = pressing[i, a] if k == 0 else rubbing[i, a]
+                    for j in range(3):
+                        blocks[i, e, k, j] += w * axes[i, k, j]
+            elif handle_of[v] >= 0:
+                p = handle_of[v]
+                e = entry_of(count + p, i, rows, blocks, counts)
+                for k in range(3):
+                    w = pressing[i, a] if k == 0 else rubbing[i, a]
+                    for j in range(3):
+                        blocks[i, e, k, j] += w * axes[i, k, j] * unknowns.slides[p, j]
+                if unknowns.turn_row[p] < 0:
+                    continue
+                e = entry_of(unknowns.turn_row[p], i, rows, blocks, counts)
+                shift = rigid_part(u, count + p, unknowns.slides, p, 1.0)
+                turn = rigid_part(u, unknowns.turn_row[p], unknowns.turns, p, 1.0 / unknowns.radius[p])
+                r0 = x[v, 0] - frame.centre[p, 0] - shift[0]
+                r1 = x[v, 1] - frame.centre[p, 1] - shift[1]
+                r2 = x[v, 2] - frame.centre[p, 2] - shift[2]
+                for k in range(3):
+                    w = pressing[i, a] if k == 0 else rubbing[i, a]
+                    d0, d1, d2 = w * axes[i, k, 0], w * axes[i, k, 1], w * axes[i, k, 2]
+                    moment = r1 * d2 - r2 * d1, r2 * d0 - r0 * d2, r0 * d1 - r1 * d0
+                    moment = left_jacobian_transposed(turn, moment)
+                    for j in range(3):
+                        blocks[i, e, k, j] += moment[j] * unknowns.turns[p, j] / unknowns.radius[p]
+
+
+@internal
+def entry_of(row, i, rows, blocks, counts):
+    """Return the place of a row among those of point ``i``; append it if it is new."""
+    for e in range(counts[i]):
+        if rows[i, e] == row:
+            return e
+    e = counts[i]
+    rows[i, e] = row
+    blocks[i, e] = 0.0
+    counts[i] += 1
+    return e
+
+
+@kernel
+def project(direction, rows, blocks, counts, out):
+    """Write J d (k, 3) [m], the change of gap and slip of each point in a step ``direction`` (3 r,)."""
+    for i in range(len(rows)):
+        for k in range(3):
+            total = 0.0
+            for e in range(counts[i]):
+                for j in range(3):
+                    total += blocks[i, e, k, j] * direction[3 * rows[i, e] + j]
+            out[i, k] = total
+
+
+@kernel
+def join(chosen, rows, blocks, counts, slot, values, frames, scale, out):
+    """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) are the vertices' rotations."""
+    count, most = len(chosen), rows.shape[1]
+    turned = np.empty((count, most, 3, 3))
+    for c in range(count):
+        i = chosen[c]
+        for e in range(counts[i]):
+            row = rows[i, e]
+            for k in range(3):
+                for j in range(3):
+                    if row < len(frames):
+                        total = 0.0
+                        for m in range(3):
+                            total += blocks[i, e, k, m] * frames[row, 3 * m + j]
+                        turned[c, e, k, j] = total
+                    else:
+                        turned[c, e, k, j] = blocks[i, e, k, j]
+    half = np.empty((3, 3))
+    for c in range(count):
+        for d in range(c, count):
+            block = out[3 * c : 3 * c + 3, 3 * d : 3 * d + 3]
+            block[...] = 0.0
+            for e in range(counts[chosen[c]]):
+                for f in range(counts[chosen[d]]):
+                    a, b = 3 * slot[rows[chosen[c], e]], 3 * slot[rows[chosen[d], f]]
+                    for k in range(3):
+                        for j in range(3):
+                            total = 0.0
+                            for m in range(3):
+                                total += turned[c, e, k, m] * values[a + m, b + j]
+                            half[k, j] = total
+                    for k in range(3):
+                        for j in range(3):
+                            total = 0.0
+                            for m in range(3):
+                                total += half[k, m] * turned[d, f, j, m]
+                            block[k, j] += scale * total
+            for k in range(3):
+                for j in range(3):
+                    out[3 * d + j, 3 * c + k] = block[k, j]
+
+
+@internal
+def project_one(vector, i, rows, blocks, counts, k):
+    """Return one component [m] of J ``vector`` for point ``i``."""
+    total = 0.0
+    for e in range(counts[i]):
+        for j in range(3):
+            total += blocks[i, e, k, j] * vector[3 * rows[i, e] + j]
+    return total
+
+
+@kernel
+def add_pairs(work, images, chosen, rows, blocks, counts, out):
+    """Add the change by the pairs of L-BFGS to W; ``images`` (memory, 3 r) are the products M^-1 y."""
+    status, size = work.status[0], 3 * len(chosen)
+    z = np.empty((status.count, len(work.u)))
+    js, jz = np.empty(size), np.empty(size)
+    for k in range(status.count):
+        at = (status.head - status.count + k) % len(work.curvature)
+        s, y, rho = work.steps[at], work.changes[at], 1.0 / work.curvature[at]
+        z[k] = images[at]
+        for i in range(k):
+            older = (status.head - status.count + i) % len(work.curvature)
+            first, rate = work.steps[older], 1.0 / work.curvature[older]
+            sy, zy = inner(first, y), inner(z[i], y)
+            own = rate * (1.0 + rate * inner(work.changes[older], z[i]))
+            for n in range(len(y)):
+                z[k, n] += own * sy * first[n] - rate * (zy * first[n] + sy * z[i, n])
+        for c in range(len(chosen)):
+            for axis in range(3):
+                js[3 * c + axis] = project_one(s, chosen[c], rows, blocks, counts, axis)
+                jz[3 * c + axis] = project_one(z[k], chosen[c], rows, blocks, counts, axis)
+        own = rho * (1.0 + rho * inner(y, z[k]))
+        for a in range(size):
+            for b in range(size):
+                out[a, b] += own * js[a] * js[b] - rho * (js[a] * jz[b] + jz[a] * js[b])
