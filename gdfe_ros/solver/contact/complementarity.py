@@ -28,7 +28,7 @@ SWEEPS, MOST_NEWTON, ROUNDS = 12, 12, 30
 """Numbers of Gauss-Seidel sweeps before Newton iterations, of Newton iterations in a row, and of rounds of both."""
 LARGEST = 900
 """Largest number of unknown forces for which Newton's linear systems are solved."""
-RIDGE = 1e-11
+RIDGE = 1e-9
 """Compliance, divided by each force's own, that is added to Newton's matrix: the forces of redundant points, such as the
 four corners of a rigid box, are not unique.
 """
@@ -117,6 +117,15 @@ def classify(w, q, mu, l, p, on):
 
 
 @internal
+def solve_dense(matrix, right):
+    """Return the solution of a dense system; zero if the matrix is singular."""
+    try:
+        return np.linalg.solve(matrix, right)
+    except Exception:
+        return np.zeros(len(right))
+
+
+@internal
 def newton_step(w, mu, l, p, on):
     """Return the change [N] of the forces with the indices ``on`` in one semismooth Newton iteration."""
     count, k = len(on), 0
@@ -155,7 +164,7 @@ def newton_step(w, mu, l, p, on):
                 matrix[k + axis, k + axis] += 1.0
                 right[k + axis] = limit * along - l[n + axis]
         k += 3
-    return np.linalg.solve(matrix, right)
+    return solve_dense(matrix, right)
 
 
 @internal

@@ -143,6 +143,16 @@ def project(direction, rows, blocks, counts, out):
 
 
 @kernel
+def pull(forces, rows, blocks, counts, out):
+    """Add J^T f (3 r,) [N] to ``out``, for forces f (k, 3) [N] along the axes of each point."""
+    for i in range(len(rows)):
+        for e in range(counts[i]):
+            for j in range(3):
+                for k in range(3):
+                    out[3 * rows[i, e] + j] += blocks[i, e, k, j] * forces[i, k]
+
+
+@kernel
 def join(chosen, rows, blocks, counts, slot, values, frames, scale, out):
     """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) are the vertices' rotations."""
     count, most = len(chosen), rows.shape[1]

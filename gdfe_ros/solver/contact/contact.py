@@ -104,6 +104,11 @@ class Contact(ContactTerm):
         """Whether friction acts on a point near the obstacle."""
         return self.near and self.reals[gap.FRICTION] > 0.0
 
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """Stiffnesses (k,) [N/m] of the body at the chosen points."""
+        return self._scale[self._chosen]
+
     def fit(self, matrix: ConstantMatrix) -> None:
         """Take the stiffnesses that scale `law.project_forces` from the constant matrix' diagonal."""
         self._scale = self._points.stiffness(matrix.assembled.diagonal())

@@ -7,20 +7,23 @@ and slips at its end are p = p0 + J d. The forces l + dl keep the laws between p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.complementarity import solve_laws
-from gdfe_ros.solver.contact.compliance import KeptBlocks, add_pairs, differentiate, join, project
+from gdfe_ros.solver.contact.compliance import KeptBlocks, add_pairs, differentiate, join, project, pull
 from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.law import ROUNDING
 from gdfe_ros.solver.descent.loop import Metric, choose, precondition
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.unknowns import Unknowns, add_rows, gather_rigid_rows
 from gdfe_ros.solver.tangent.substitution import solve_unturned
+
+Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 MARGIN = 1e-3
 """Points take part in a step's complementarity problem if their gap after the step without new forces, divided by the
@@ -28,7 +31,7 @@ body's size, is below this. Others that would enter join in further rounds.
 """
 ROUNDS = 8
 """Largest number of such rounds in one step; what is left enters the next step."""
-EXACT = 1e-4
+EXACT = 1e-2
 """Allowed violation of the laws, divided by the target of the minimisation."""
 LEAST_SLOPE = 0.1
 """A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
@@ -126,6 +129,28 @@ class Impulses:
             joins |= enters
         return found
 
+    def supported(self, problem: Problem, work: Workspace, product: Product) -> Product:
+        """Return ``product``, the product with the body's tangent, plus springs where points press or stick.
+
+        The body is stable if its tangent is positive definite for the motions that the contacts leave. Springs as stiff
+        as the body stand for the other motions.
+        """
+        if not self.near:
+            return product
+        points, scale = self._points(problem, work), np.concatenate([contact.scale for contact in self._acting])
+        press, shear = points.held[:, 0], np.linalg.norm(points.held[:, 1:], axis=1)
+        sticks = (press > 0.0) & (shear < (1.0 - ROUNDING) * points.friction * press)
+        springs = scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
+        given = points.rows, points.blocks, points.counts
+
+        def multiply(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+            image, way = product(direction), np.empty_like(points.places)
+            project(direction, *given, way)
+            pull(springs * way, *given, image)
+            return image
+
+        return multiply
+
     def _points(self, problem: Problem, work: Workspace) -> Points:
         """Return the contact points of all terms at the present positions."""
         unknowns = problem.unknowns
@@ -144,11 +169,13 @@ class Impulses:
             parts.append((places, axes, held, rows, blocks, counts, np.full(count, contact.friction)))
         if len(parts) == 1:
             return Points(*parts[0])
-        width = max(part[3].shape[1] for part in parts)
-        joined = [np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 5, 6)]
-        rows = np.concatenate([np.pad(part[3], ((0, 0), (0, width - part[3].shape[1]))) for part in parts])
-        wide = [np.pad(part[4], ((0, 0), (0, width - part[4].shape[1]), (0, 0), (0, 0))) for part in parts]
-        return Points(*joined[:3], rows, np.concatenate(wide), *joined[3:])
+        width, total = max(part[3].shape[1] for part in parts), sum(len(part[5]) for part in parts)
+        rows, blocks, first = np.zeros((total, width), np.int64), np.zeros((total, width, 3, 3)), 0
+        for part in parts:
+            last, own = first + len(part[5]), part[3].shape[1]
+            rows[first:last, :own], blocks[first:last, :own], first = part[3], part[4], last
+        places, axes, held, counts, friction = (np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 5, 6))
+        return Points(places, axes, held, rows, blocks, counts, friction)
 
     def _hold(self, points: Points, forces: NDArray[np.float64], problem: Problem, work: Workspace) -> None:
         """Set the forces (k, 3) [N] of all points, and correct energy and gradient for them."""
