@@ -362,7 +362,7 @@ class Contact(ContactTerm):
         rows, press = self._rows(), saved["press"][chosen]
         rows[:, gap.SCALE], rows[:, PRESS] = self._scale[chosen], press
         rows[:, WEIGHTS : WEIGHTS + points.weights.shape[1]] = points.weights[chosen]
-        rows[:, PLANE:] = planes[chosen]
+        rows[:, PLANE : PLANE + 4], rows[:, gap.FIXED] = planes[chosen], 0.0
         rows[:, SHEAR : SHEAR + 3] = saved["shear"][chosen] @ self._axes.T
         rows[:, ANCHOR : ANCHOR + 3] = self._anchored(saved, starts)
         came = entered[chosen][:, None]
