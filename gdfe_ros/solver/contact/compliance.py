@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compliance W = J H J^T of contact points, with H the inverse Hessian of the quasi-Newton method.
 
-H is the inverse M^-1 of the initial matrix, changed by the pairs (s, y) of L-BFGS. With rho = 1 / s . y, each pair turns
-the operator H into H - rho (s z^T + z s^T) + rho (1 + rho y . z) s s^T, where z = H y.
+H is the inverse M^-1 of the initial matrix, changed by the pairs (s, y) of L-BFGS. With rho = 1 / s . y, each pair
+turns the operator H into H - rho (s z^T + z s^T) + rho (1 + rho y . z) s s^T, where z = H y.
 
 M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kept. The blocks of C between vertices that
 touch are therefore solved for once, when a vertex first touches, and kept with M.
@@ -72,14 +72,10 @@ class KeptBlocks:
 def differentiate(x, u, frame, unknowns, row_of, handle_of, axes, ends, pressing, rubbing, rows, blocks, counts):
     """Write the derivative of each point's gap and slip with respect to the rows of unknowns.
 
-    Args:
-        x, u: positions (n, 3) [m] and unknowns (3 r,).
-        frame, unknowns: commanded positions of the handles, and the numbering.
-        row_of, handle_of: (n,) row of each free vertex, and number of each vertex' handle with a free axis; or -1.
-        axes, ends, pressing, rubbing: as in `law.stencils`.
-        rows: (k, e) rows on which each point depends.
-        blocks: (k, e, 3, 3) the derivatives.
-        counts: (k,) number of rows.
+    ``row_of`` and ``handle_of`` (n,) are the row of each free vertex, and the number of each vertex' handle with a free
+    axis; otherwise -1. ``axes``, ``ends``, ``pressing`` and ``rubbing`` are those of `law.stencils`. The results are
+    the ``rows`` (k, e) on which each point depends, their number ``counts`` (k,), and the derivatives ``blocks``
+    (k, e, 3, 3).
     """
     count = len(unknowns.free)
     for i in range(len(ends)):
@@ -154,7 +150,7 @@ def pull(forces, rows, blocks, counts, out):
 
 @kernel
 def join(chosen, rows, blocks, counts, slot, values, frames, scale, out):
-    """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) are the vertices' rotations."""
+    """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices."""
     count, most = len(chosen), rows.shape[1]
     turned = np.empty((count, most, 3, 3))
     for c in range(count):

@@ -38,6 +38,8 @@ SLIP = 3e-7
 """Slip, divided by the body's size, that the linearisation assumes for a slipping point whose own slip is smaller."""
 HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
 """Columns of a point's row that `Contact.update` changes."""
+
+
 class Contact(ContactTerm):
     """Contact of points with an obstacle or a rigid body.
 

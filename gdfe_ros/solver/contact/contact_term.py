@@ -62,9 +62,6 @@ class ContactTerm(Term):
         """Return 0: contact stores no energy."""
         return 0.0
 
-    def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """In the next solve, raise the penalties of points that ``vertices`` (k,) carry: fold barriers act there."""
-
     def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
         """Add the contact forces at the final ``positions`` (n, 3) [m] of a solve to ``forces`` (n, 3) [N]."""
         slopes = np.zeros_like(forces)

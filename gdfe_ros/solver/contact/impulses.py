@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contact forces of each quasi-Newton step: the step J d = p - p0 keeps the laws of contact, see `complementarity`.
 
-A step without change of the forces is d = -H g. With the change dl of the forces it is d = -H (g - J^T dl), and the gaps
-and slips at its end are p = p0 + J d. The forces l + dl keep the laws between p and l.
+A step without change of the forces is d = -H g. With the change df of the forces it is d = -H (g - J^T df), and the
+gaps and slips at its end are p = p0 + J d. The forces f + df keep the laws between p and f.
 """
 
 from __future__ import annotations
@@ -85,6 +85,10 @@ class Impulses:
         """Whether any point is near an obstacle."""
         return any(contact.near for contact in self.contacts)
 
+    def told(self) -> str:
+        """Return the names of the contacts in the last step, and the largest violation of the laws."""
+        return f"{', '.join(contact.name for contact in self._acting)}: {self.left:.3g} m of gap or slip remain"
+
     def follow(self, positions: NDArray[np.float64]) -> None:
         """Choose the points near obstacles again where ``positions`` (n, 3) [m] have moved far enough."""
         for contact in self.contacts:
@@ -95,11 +99,9 @@ class Impulses:
     ) -> int:
         """Find the forces with which the step keeps the laws, and write that step; return the result of `choose`.
 
-        Args:
-            problem, work, metric: those of the minimisation; the step without new forces is in ``work.direction``.
-            key: identity of the initial matrix.
-            size: size of the body [m].
-            target: allowed distance of the minimisation [m].
+        ``problem``, ``work`` and ``metric`` are those of the minimisation; the step without new forces is in
+        ``work.direction``. ``key`` is the identity of the initial matrix, ``size`` [m] the body's size, and ``target``
+        [m] the distance to the equilibrium that the minimisation allows.
         """
         points = self._points(problem, work)
         ahead, held, found = np.empty_like(points.places), points.held.copy(), 2
@@ -219,9 +221,7 @@ class Impulses:
             add_pairs(work, images, *given, w)
         return w
 
-    def _kept(
-        self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...], rows: int
-    ) -> KeptBlocks:
+    def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...], rows: int) -> KeptBlocks:
         """Return the kept blocks of the tangent or of the constant matrix; those of an earlier matrix are dropped."""
         key = (metric.coupling.inverse_schur, problem.unknowns.free) if kind == "constant" else key
         known = self._blocks.get(kind)
@@ -249,7 +249,11 @@ class Impulses:
         """Return the products M^-1 y (memory, 3 r) of all pairs; those that are known are not computed again."""
         status, memory = numbers(work), len(work.curvature)
         last, curvature = self._seen
-        same = last is not None and len(last) == len(key) and all(a is b or (isinstance(a, float | bool) and a == b) for a, b in zip(last, key, strict=True))
+        same = (
+            last is not None
+            and len(last) == len(key)
+            and all(a is b or (isinstance(a, float | bool) and a == b) for a, b in zip(last, key, strict=True))
+        )
         if not same or self._images.shape != work.changes.shape or not np.array_equal(frames, self._frames):
             self._images, curvature, self._frames = np.empty_like(work.changes), np.full(memory, np.nan), frames.copy()
         for k in range(int(status["count"])):

@@ -29,6 +29,8 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.materials.tensor import perpendicular
+from gdfe_ros.mesh.triples import cross
 from gdfe_ros.solver.contact.coulomb import shortened
 from gdfe_ros.solver.contact.gap import (
     ANCHOR,
@@ -56,10 +58,7 @@ from gdfe_ros.solver.contact.gap import (
     take_frame,
     unit,
 )
-from gdfe_ros.materials.tensor import perpendicular
-from gdfe_ros.mesh.triples import cross
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
-
 
 ROUNDING = 1e-9
 """A point slips if its friction force is below Coulomb's limit by less than this fraction."""
@@ -177,7 +176,7 @@ def contact_forces(x, reals, integers, forces, presses, shears, slips):
     for i in range(integers[COUNT]):
         r = HEAD + STRIDE * i
         px, py, pz = point_at(x, reals, integers, i, WEIGHTS)
-        g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
+        _, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         press, t0, t1, t2 = reals[r + PRESS], reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2]
         limit = reals[FRICTION] * press
         presses[i], slips[i] = press, math.sqrt(t0 * t0 + t1 * t1 + t2 * t2) >= (1.0 - ROUNDING) * limit
@@ -189,13 +188,10 @@ def contact_forces(x, reals, integers, forces, presses, shears, slips):
 def stencils(x, reals, integers, places, axes, held, ends, pressing, rubbing):
     """Write what the complementarity problem needs of each point, at positions ``x`` (n, 3) [m].
 
-    Args:
-        x, reals, integers: the positions and the term's arrays.
-        places: (k, 3) [m] gap, and slip along two tangents.
-        axes: (k, 3, 3) gradient of the gap, and the tangents; in world axes.
-        held: (k, 3) [N] present forces on the points along the same axes.
-        ends: (k, c) vertices that move the point relative to the obstacle.
-        pressing, rubbing: (k, c) weights of the vertices in the displacement that changes the gap, and in the slip.
+    ``places`` (k, 3) [m] are the gap, and the slip along two tangents. ``axes`` (k, 3, 3) are the gradient of the gap,
+    and the tangents. ``held`` (k, 3) [N] are the present forces along these axes. ``ends`` (k, c) are the vertices that
+    move the point relative to the obstacle, ``pressing`` and ``rubbing`` (k, c) their weights in the displacement that
+    changes the gap, and in the slip.
     """
     kind, carriers = integers[KIND], integers[CARRIERS]
     take_frame(x, reals, integers)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact import gap
+from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.gap import NORMAL, PLANE
 from gdfe_ros.solver.contact.surface import Corners
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -59,7 +59,11 @@ class RigidContact(Contact):
         if self._radius > 0.0 or not len(near):
             return
         places, shift = self._points.at(positions)[self._chosen[near]], BESIDE * self._body.size
-        head, kind, beside = np.concatenate([self.reals[: gap.FRICTION], self._touched.form.samples]), self._touched.form.kind, []
+        head, kind, beside = (
+            np.concatenate([self.reals[: gap.FRICTION], self._touched.form.samples]),
+            self._touched.form.kind,
+            [],
+        )
         for way in (*np.eye(3), *-np.eye(3)):
             found = np.empty(len(near)), np.empty((len(near), 3))
             gap.distances(places + shift * way, head, kind, *found)

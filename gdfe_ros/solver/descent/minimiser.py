@@ -128,6 +128,8 @@ class Minimiser:
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
         self._spent = 0
+        if self.impulses is not None:
+            self.impulses.left = 0.0
         self.tangent = tangent or self.rest
         if self.tangent is not None:
             self.level.load(self.tangent)

@@ -181,7 +181,9 @@ class Stability:
         body would not contain the buckling mode.
         """
         with task.turn:
-            return lowest(self._products(task), lambda right, out: self._minimiser.precondition(task, right, out), self._noise)
+            return lowest(
+                self._products(task), lambda right, out: self._minimiser.precondition(task, right, out), self._noise
+            )
 
     def curvature(self, task: Task, direction: NDArray[np.float64]) -> float:
         """Return the curvature of the energy along a direction (3 r,) that `look` found."""

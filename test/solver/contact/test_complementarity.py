@@ -10,6 +10,7 @@ G = 9.81
 
 
 def solved(w, q, mu, start=None):
+    """Return forces and displacements that keep the laws."""
     force = np.zeros(len(q)) if start is None else start.copy()
     left = solve_laws(np.ascontiguousarray(w), np.asarray(q, float), np.asarray(mu, float), force, 1e-13)
     assert left <= 1e-13
@@ -84,6 +85,8 @@ def test_slender_compliance(seed):
     q[2::3] = 0.02 * random.standard_normal()
     force, place = solved(w, q, np.full(count, 0.4))
     press, gap = force[::3], place[::3]
-    assert press.min() >= 0.0 and gap.min() >= -1e-12 and np.abs(press * gap).max() < 1e-12
+    assert press.min() >= 0.0
+    assert gap.min() >= -1e-12
+    assert np.abs(press * gap).max() < 1e-12
     shear = np.linalg.norm(force.reshape(-1, 3)[:, 1:], axis=1)
     assert (shear <= 0.4 * press + 1e-12).all()
