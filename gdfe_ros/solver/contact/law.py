@@ -2,7 +2,8 @@
 """Compiled contact forces at the points of a surface.
 
 Each point has a normal force l along the gradient of its gap g, and a friction force -t against its slip s since the
-anchor, in the contact plane. While a step is made, both are held: the term is the potential -l g + t . s. Before each
+anchor, in the contact plane. While a step is made, both are held: the term is the potential -l g + t . s, up to a
+constant. Before each
 step, `complementarity` finds the forces with which the step keeps the laws of Signorini and Coulomb. A point that
 sticks keeps its anchor, so sticking contacts do not creep.
 
@@ -119,7 +120,7 @@ def contact_energy(x, reals, integers, force, size):
         push(reals, integers, i, WEIGHTS, f0, f1, f2, force)
         r0, r1, r2 = in_frame(reals, px - reals[ORIGIN], py - reals[ORIGIN + 1], pz - reals[ORIGIN + 2])
         push_back(reals, integers, f0, f1, f2, r0, r1, r2, force)
-        work = -press * (g - reals[r + OFFSET])
+        work = -press * g  # an offset only shifts the energy
         energy += work
         size[0] += abs(work)
         if t0 != 0.0 or t1 != 0.0 or t2 != 0.0:
