@@ -31,8 +31,8 @@ body's size, is below this. Others that would enter join in further rounds.
 """
 ROUNDS = 8
 """Largest number of such rounds in one step; what is left enters the next step."""
-EXACT = 1e-2
-"""Allowed violation of the laws, divided by the target of the minimisation."""
+EXACT = 1e-3
+"""Allowed violation of the laws, divided by the length of the last step, or by the target of the minimisation."""
 LEAST_SLOPE = 0.1
 """A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
 
@@ -108,7 +108,8 @@ class Impulses:
         project(work.direction, points.rows, points.blocks, points.counts, ahead)
         usable = (np.abs(points.axes[:, 0]).max(axis=1) > LEAST_SLOPE) & (points.counts > 0)
         joins = usable & ((points.places[:, 0] + ahead[:, 0] < MARGIN * size) | held.any(axis=1))
-        self.left = 0.0
+        status = numbers(work)
+        self.left, allowed = 0.0, EXACT * max(target, min(float(status["before"]), float(status["step"])))
         dropped = held.any(axis=1) & ~usable
         for _ in range(ROUNDS):
             chosen = np.flatnonzero(joins)
@@ -117,7 +118,7 @@ class Impulses:
                 w = self._compliance(problem, work, metric, key, points, chosen)
                 there, start = (points.places + ahead)[chosen].ravel(), held[chosen].ravel()
                 given, now = there - w @ start, start.copy()
-                self.left = solve_laws(w, given, points.friction[chosen], now, EXACT * target)
+                self.left = solve_laws(w, given, points.friction[chosen], now, allowed)
                 forces[chosen] = now.reshape(-1, 3)
             if np.array_equal(forces, held):
                 break
