@@ -4,8 +4,10 @@
 H is the inverse M^-1 of the initial matrix, changed by the pairs (s, y) of L-BFGS. With rho = 1 / s . y, each pair
 turns the operator H into H - rho (s z^T + z s^T) + rho (1 + rho y . z) s s^T, where z = H y.
 
-M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kept. The blocks of C between vertices that
-touch are therefore solved for once, when a vertex first touches, and kept with M.
+M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kept. The columns of C are therefore solved
+for once, when a vertex first touches, and kept with M. Of two rows, the block between them is taken from the column of
+the later one: in single precision, C is not symmetric to rounding, and results must not depend on the order in which
+vertices have touched.
 """
 
 from __future__ import annotations
@@ -23,49 +25,45 @@ from gdfe_ros.solver.matrix.unknowns import rigid_part
 Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
 
 
-class KeptBlocks:
-    """The blocks of C = M^-1, without rotations, between the rows of unknowns that contacts have needed so far.
+class KeptColumns:
+    """The columns of C = M^-1, without rotations, of the rows of unknowns that contacts have needed so far.
 
     Args:
         solve: function that writes M^-1 times its first argument (3 r,) to its second one.
-        rows: number r of rows.
+        rows: the rows, ascending, that any contact may need.
+        total: number r of all rows.
 
     Attributes:
-        slot: (r,) place of each row in ``values``; -1 for a row that no contact has needed yet.
-        values: (3 s, 3 s) [m/N] the blocks.
+        slot: (r,) place of each row in ``columns``; -1 for a row that no contact has needed yet.
+        place: (r,) place of each row in a column; -1 for a row that no contact needs.
+        columns: (s, 3, 3 k) [m/N] displacements of the k rows by unit forces.
     """
 
-    def __init__(self, solve: Solve, rows: int) -> None:
-        self._solve, self._order = solve, np.zeros(0, dtype=np.int64)
-        self.slot, self._room = np.full(rows, -1, dtype=np.int64), np.zeros((0, 0))
-
-    @property
-    def values(self) -> NDArray[np.float64]:
-        """The blocks (3 s, 3 s) [m/N]."""
-        return self._room
+    def __init__(self, solve: Solve, rows: NDArray[np.int64], total: int) -> None:
+        self._solve, self._count = solve, 0
+        self.slot, self.place = np.full(total, -1, dtype=np.int64), np.full(total, -1, dtype=np.int64)
+        self.place[rows] = np.arange(len(rows))
+        self._entries = (3 * rows[:, None] + np.arange(3)).ravel()
+        self.columns = np.zeros((0, 3, len(self._entries)))
 
     def include(self, rows: NDArray[np.int64]) -> None:
-        """Solve for the blocks of ``rows`` that are not known yet."""
+        """Solve for the columns of ``rows`` that are not known yet."""
         new = np.unique(rows[self.slot[rows] < 0])
         if not len(new):
             return
-        before, total = len(self._order), len(self._order) + len(new)
-        self.slot[new] = np.arange(before, total)
-        self._order = np.concatenate([self._order, new])
-        if 3 * total > len(self._room):
-            room = np.zeros((6 * total, 6 * total))
-            room[: len(self._room), : len(self._room)] = self._room
-            self._room = room
+        if self._count + len(new) > len(self.columns):
+            columns = np.zeros((2 * (self._count + len(new)), *self.columns.shape[1:]))
+            columns[: self._count] = self.columns[: self._count]
+            self.columns = columns
         unit, column = np.zeros(3 * len(self.slot)), np.empty(3 * len(self.slot))
-        places = (3 * self._order[:, None] + np.arange(3)).ravel()
-        for k, row in enumerate(new, start=before):
+        for row in new:
+            self.slot[row] = self._count
             for axis in range(3):
                 unit[3 * row + axis] = 1.0
                 self._solve(unit, column)
                 unit[3 * row + axis] = 0.0
-                values = column[places]
-                self._room[: 3 * total, 3 * k + axis] = values
-                self._room[3 * k + axis, : 3 * total] = values
+                self.columns[self._count, axis] = column[self._entries]
+            self._count += 1
 
 
 @kernel
@@ -149,7 +147,7 @@ def pull(forces, rows, blocks, counts, out):
 
 
 @kernel
-def join(chosen, rows, blocks, counts, slot, values, frames, scale, out):
+def join(chosen, rows, blocks, counts, slot, place, columns, frames, scale, out):
     """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices."""
     count, most = len(chosen), rows.shape[1]
     turned = np.empty((count, most, 3, 3))
@@ -173,12 +171,15 @@ def join(chosen, rows, blocks, counts, slot, values, frames, scale, out):
             block[...] = 0.0
             for e in range(counts[chosen[c]]):
                 for f in range(counts[chosen[d]]):
-                    a, b = 3 * slot[rows[chosen[c], e]], 3 * slot[rows[chosen[d], f]]
+                    first, last = rows[chosen[c], e], rows[chosen[d], f]
+                    a, b = 3 * place[first], 3 * place[last]
+                    from_first, from_last = columns[slot[first]], columns[slot[last]]
                     for k in range(3):
                         for j in range(3):
                             total = 0.0
                             for m in range(3):
-                                total += turned[c, e, k, m] * values[a + m, b + j]
+                                value = from_last[j, a + m] if first <= last else from_first[m, b + j]
+                                total += turned[c, e, k, m] * value
                             half[k, j] = total
                     for k in range(3):
                         for j in range(3):

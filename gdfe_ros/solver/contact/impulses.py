@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.complementarity import solve_laws
-from gdfe_ros.solver.contact.compliance import KeptBlocks, add_pairs, differentiate, join, project, pull
+from gdfe_ros.solver.contact.compliance import KeptColumns, add_pairs, differentiate, join, project, pull
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.law import ROUNDING
 from gdfe_ros.solver.descent.loop import Metric, choose, precondition
@@ -76,7 +76,7 @@ class Impulses:
         for p in range(len(unknowns.slides)):
             self._handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
-        self._blocks: dict[str, tuple[tuple[object, ...], KeptBlocks]] = {}
+        self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
         self._images, self._seen = np.zeros((0, 0)), (None, np.zeros(0))
         self._frames = np.zeros((0, 9))
 
@@ -216,16 +216,16 @@ class Impulses:
         frames = np.zeros((0, 9)) if constant else metric.kept.frames
         w = np.empty((3 * len(chosen), 3 * len(chosen)))
         given = chosen, points.rows, points.blocks, points.counts
-        join(*given, kept.slot, kept.values, frames, scale, w)
+        join(*given, kept.slot, kept.place, kept.columns, frames, scale, w)
         if status["count"]:
             images = self._pair_images(problem, work, metric, (*key, constant, scale), frames)
             add_pairs(work, images, *given, w)
         return w
 
-    def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...], rows: int) -> KeptBlocks:
-        """Return the kept blocks of the tangent or of the constant matrix; those of an earlier matrix are dropped."""
+    def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...], rows: int) -> KeptColumns:
+        """Return the kept columns of the tangent or of the constant matrix; those of an earlier matrix are dropped."""
         key = (metric.coupling.inverse_schur, problem.unknowns.free) if kind == "constant" else key
-        known = self._blocks.get(kind)
+        known = self._columns.get(kind)
         if known is not None and len(known[0]) == len(key) and all(a is b for a, b in zip(known[0], key, strict=True)):
             return known[1]
 
@@ -235,9 +235,19 @@ class Impulses:
             else:
                 solve_unturned(metric.kept, right, out)
 
-        found = KeptBlocks(solve, rows)
-        self._blocks[kind] = key, found
+        found = KeptColumns(solve, self._rows_of(problem.unknowns), rows)
+        self._columns[kind] = key, found
         return found
+
+    def _rows_of(self, unknowns: Unknowns) -> NDArray[np.int64]:
+        """Return the rows, ascending, on which any contact point depends."""
+        ends = np.unique(np.concatenate([contact.ends().ravel() for contact in self.contacts]))
+        handles = self._handle_of[ends]
+        used = np.unique(handles[handles >= 0])
+        turning = unknowns.turn_row[used]
+        rows = [self._row_of[ends], len(unknowns.free) + used, turning]
+        found = np.unique(np.concatenate(rows))
+        return found[found >= 0].astype(np.int64)
 
     def _pair_images(
         self,
