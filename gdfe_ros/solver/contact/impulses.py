@@ -111,11 +111,14 @@ class Impulses:
         status = numbers(work)
         self.left, allowed = 0.0, EXACT * max(target, min(float(status["before"]), float(status["step"])))
         dropped = held.any(axis=1) & ~usable
+        known: tuple[int, int] | None = None
         for _ in range(ROUNDS):
             chosen = np.flatnonzero(joins)
             forces = np.where(dropped[:, None], 0.0, held)
             if len(chosen):
-                w = self._compliance(problem, work, metric, key, points, chosen)
+                if known != (len(chosen), int(status["wild"])):
+                    w = self._compliance(problem, work, metric, key, points, chosen)
+                    known = len(chosen), int(status["wild"])
                 there, start = (points.places + ahead)[chosen].ravel(), held[chosen].ravel()
                 given, now = there - w @ start, start.copy()
                 self.left = solve_laws(w, given, points.friction[chosen], now, allowed)
@@ -127,9 +130,11 @@ class Impulses:
             found = choose(problem, work, metric, size, 2**62)
             project(work.direction, points.rows, points.blocks, points.counts, ahead)
             enters = usable & ~joins & (points.places[:, 0] + ahead[:, 0] < -target)
-            if not enters.any():
+            rough = self.left > EXACT * max(target, float(status["step"]))
+            if not (rough or enters.any()):
                 break
             joins |= enters
+            allowed = EXACT * max(target, float(status["step"]))
         return found
 
     def supported(self, problem: Problem, work: Workspace, product: Product) -> Product:
