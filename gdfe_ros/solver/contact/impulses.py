@@ -33,6 +33,8 @@ ROUNDS = 8
 """Largest number of such rounds in one step; what is left enters the next step."""
 EXACT = 1e-3
 """Allowed violation of the laws, divided by the length of the last step, or by the target of the minimisation."""
+ROUGH = 1e-2
+"""The laws are solved again if their violation, divided by the length of the step that they give, exceeds this."""
 LEAST_SLOPE = 0.1
 """A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
 
@@ -130,7 +132,7 @@ class Impulses:
             found = choose(problem, work, metric, size, 2**62)
             project(work.direction, points.rows, points.blocks, points.counts, ahead)
             enters = usable & ~joins & (points.places[:, 0] + ahead[:, 0] < -target)
-            rough = self.left > EXACT * max(target, float(status["step"]))
+            rough = self.left > ROUGH * max(target, float(status["step"]))
             if not (rough or enters.any()):
                 break
             joins |= enters
