@@ -30,6 +30,10 @@ MANY, BRISK = 150, 0.3
 """With more unknown forces than the first number, sweeps come first, as long as each dozen of them lowers the violation
 to this fraction.
 """
+FINER = 1e-3
+"""With at most `MANY` unknown forces, the last Newton iteration costs little: the violation may be this fraction of the
+tolerance.
+"""
 LARGEST = 900
 """Largest number of unknown forces for which Newton's linear systems are solved."""
 RIDGE = 1e-9
@@ -174,13 +178,15 @@ def newton_step(w, mu, f, p, on):
 @internal
 def newton(w, q, mu, f, p, best, tolerance):
     """Make Newton iterations; return the least violation [m], of which the forces are in ``best``."""
-    least, on = math.inf, np.empty(len(q), np.int64)
+    least, on, aim = math.inf, np.empty(len(q), np.int64), tolerance
+    if len(q) <= MANY:
+        aim *= FINER
     for _ in range(MOST_NEWTON):
         found = residual(w, mu, f, p)
         if found < least:
             least = found
             best[:] = f
-        if least <= tolerance or not math.isfinite(found):
+        if least <= aim or not math.isfinite(found) or (least <= tolerance and found > least):
             break
         count = classify(w, q, mu, f, p, on)
         if count == 0:
