@@ -213,10 +213,9 @@ def solve_laws(w, q, mu, f, tolerance):
     """
     p, best = np.empty(len(q)), f.copy()
     displace(w, q, f, p)
-    last = residual(w, mu, f, p)
-    if last <= tolerance:
+    last, brisk = residual(w, mu, f, p), len(q) > MANY
+    if last <= (tolerance if brisk else FINER * tolerance):
         return last
-    brisk = len(q) > MANY
     while brisk:
         for _ in range(SWEEPS):
             sweep(w, mu, f, p)

@@ -31,9 +31,9 @@ body's size, is below this. Others that would enter join in further rounds.
 """
 ROUNDS = 8
 """Largest number of such rounds in one step; what is left enters the next step."""
-EXACT = 1e-3
+EXACT = 1e-6
 """Allowed violation of the laws, divided by the length of the last step, or by the target of the minimisation."""
-ROUGH = 1e-2
+ROUGH = 1e-5
 """The laws are solved again if their violation, divided by the length of the step that they give, exceeds this."""
 LEAST_SLOPE = 0.1
 """A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
