@@ -17,7 +17,6 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap, law
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PLANE, PRESS, SHEAR, STRIDE, VERTICES, WEIGHTS
-from gdfe_ros.solver.contact.settling import Damping, Settling
 from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.surface import SHAPE, TURNED, ContactSurface, Corners
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
@@ -39,11 +38,6 @@ SLIP = 3e-7
 """Slip, divided by the body's size, that the linearisation assumes for a slipping point whose own slip is smaller."""
 HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
 """Columns of a point's row that `Contact.update` changes."""
-STIFFER = 30.0
-"""Factor that raises the penalty of points at elements on which a fold barrier acts. The barrier makes a corner much
-stiffer than an undeformed corner. With the usual penalty, the multipliers then converge slowly: a step of a cube of 8^3
-cells that stands on its corner took 836 iterations instead of 18.
-"""
 
 
 class Contact(ContactTerm):
@@ -72,7 +66,7 @@ class Contact(ContactTerm):
         if isinstance(touched, RigidBody):
             reals[gap.SIGNS : HEAD] = touched.signs.ravel()
         super().__init__(name, body, reals, integers)
-        self._usual, self._penalty = np.zeros(count), np.zeros(count)
+        self._scale = np.zeros(count)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._chosen, self._faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
         self._clear, self._lag, self._led = -np.inf, 0.0, np.zeros((0, 3))
@@ -88,9 +82,19 @@ class Contact(ContactTerm):
         return isinstance(self._points, ContactSurface)
 
     @property
-    def updates(self) -> bool:
-        """Whether any point is near the obstacle. If not, there are no multipliers to update."""
+    def near(self) -> bool:
+        """Whether any point is near the obstacle."""
         return len(self._chosen) > 0
+
+    @property
+    def count(self) -> int:
+        """Number of points near the obstacle."""
+        return len(self._chosen)
+
+    @property
+    def friction(self) -> float:
+        """Coulomb's coefficient."""
+        return float(self.reals[gap.FRICTION])
 
     @property
     def inside(self) -> bool:
@@ -100,20 +104,18 @@ class Contact(ContactTerm):
     @property
     def delicate(self) -> bool:
         """Whether friction acts on a point near the obstacle."""
-        return self.updates and self.reals[gap.FRICTION] > 0.0
+        return self.near and self.reals[gap.FRICTION] > 0.0
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """Stiffnesses (k,) [N/m] of the body at the chosen points."""
+        return self._scale[self._chosen]
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set the penalties from the constant matrix' diagonal."""
-        self._usual = self._penalty = self._points.stiffness(matrix.assembled.diagonal())
+        """Take the stiffnesses that scale `law.project_forces` from the constant matrix' diagonal."""
+        self._scale = self._points.stiffness(matrix.assembled.diagonal())
 
-    def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """In the next solve, raise the penalties of points that ``vertices`` (k,) carry: fold barriers act there."""
-        self._penalty = self._usual
-        if len(vertices):
-            beside = np.isin(self._points.carriers, vertices).any(axis=1)
-            self._penalty = np.where(beside, STIFFER * self._usual, self._usual)
-
-    def couplings(self) -> NDArray[np.int32]:
+    def ends(self) -> NDArray[np.int32]:
         """Return the vertices (k, c) on which each point's force acts.
 
         These are the point's carriers, then the four vertices of the touched rigid body, if a rigid body is touched.
@@ -122,27 +124,6 @@ class Contact(ContactTerm):
         if isinstance(self._touched, RigidBody):
             ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
         return ends
-
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return contact tangents (k, 3 c, 3 c) [N/m] at ``positions`` (n, 3) [m], without the obstacle's curvature.
-
-        Each tangent is the sum of J^T H J over the Jacobians J and Hessians H of `_hessians`.
-        """
-        count = self.couplings().shape[1]
-        tangents = np.zeros((len(self._penalty), 3 * count, 3 * count))
-        if not self.updates:
-            return tangents
-        total = np.zeros((len(self._chosen), count, 3, count, 3))
-        for ways, held in self._hessians(positions):
-            total += ways[:, :, None, None, None] * ways[:, None, None, :, None] * held[:, None, :, None, :]
-        tangents[self._chosen] = total.reshape(len(self._chosen), 3 * count, 3 * count)
-        return tangents
-
-    def _hessians(self, positions: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Return pairs of a contact Jacobian (k, c) and positive semi-definite Hessians (k, 3, 3) [N/m]."""
-        held = np.zeros((len(self._chosen), 3, 3))
-        law.contact_tangents(positions, self.reals, self.integers, held, held)
-        return [(self._ways(positions), held)]
 
     def neutral(self) -> Saved:
         """Return the stored state without contact: no forces, no anchors, no dissipated energy."""
@@ -155,29 +136,32 @@ class Contact(ContactTerm):
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Choose the points near the obstacle. Start from the last step's multipliers, rotated with the obstacle."""
         free = saved["press"] is self._free["press"] or not saved["press"].any()
-        self._saved, self._settling, self._damping = saved, Settling(positions, held=True), Damping()
+        self._saved = saved
         self._lag = self._shifted(positions)
         if free and self._lag + self._moved(positions) < self._clear:
             self._take_none()
         else:
             self._choose(saved, positions)
 
-    def update(self, positions: NDArray[np.float64]) -> float:
-        """Update multipliers, normals and offsets at ``positions`` (n, 3) [m]; return the last error [m]."""
-        multipliers = self._rows()[:, PRESS:ANCHOR]
-        held = multipliers.copy()
-        miss, change, forces, penalties = law.update_multipliers(positions, self.reals, self.integers)
-        if self.reals[gap.FRICTION] > 0.0:
-            multipliers[...] = self._damping.shortened(held, multipliers.copy())
-        return max(miss, self._judge(change, forces, penalties), self._correct(positions))
-
-    def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Choose the points again if the body has moved far enough; return whether points were added."""
+    def follow(self, positions: NDArray[np.float64]) -> None:
+        """Choose the points again if the body has moved far enough; correct the offsets of the chosen points."""
         if self._moved(positions) < max(self._clear - self._lag, 0.5 * REACH * self._body.size):
-            return False
-        before, rows = len(self._chosen), self._rows()
+            self._correct(positions)
+            return
+        rows = self._rows()
         self._choose({**self._saved, **self._spread(rows[:, PRESS], rows[:, SHEAR : SHEAR + 3])}, positions)
-        return len(self._chosen) > before
+
+    def stencils(self, positions: NDArray[np.float64]) -> tuple[NDArray, ...]:
+        """Return what `law.stencils` writes of the chosen points: places, axes, forces, vertices and weights."""
+        count, width = len(self._chosen), self.ends().shape[1]
+        places, axes, held = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
+        ends, weights = np.empty((count, width), np.int64), np.empty((2, count, width))
+        law.stencils(positions, self.reals, self.integers, places, axes, held, ends, *weights)
+        return places, axes, held, ends, *weights
+
+    def hold_forces(self, axes: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
+        """Set the forces (k, 3) [N] of the chosen points along ``axes`` (k, 3, 3)."""
+        law.hold_forces(axes, forces, self.reals, self.integers)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: contact forces, and the anchors of the sticking points.
@@ -185,7 +169,7 @@ class Contact(ContactTerm):
         Points that slip store no anchor. In the next step, their anchors are their positions at its start. The entry
         ``lost`` is the energy dissipated by friction so far [J].
         """
-        if not self.updates:
+        if not self.near:
             return {**self._free, "lost": saved["lost"]}
         _, presses, shears, slips = self._forces(positions)
         slips |= ~(presses > 0.0)
@@ -220,7 +204,7 @@ class Contact(ContactTerm):
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
         """Update the obstacle's frame and the anchors of the chosen points; keep the choice of points."""
-        if not self.updates:
+        if not self.near:
             return
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
         self._rows()[:, ANCHOR : ANCHOR + 3] = self._anchors(saved, positions) - self._led
@@ -232,8 +216,8 @@ class Contact(ContactTerm):
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
-        """Expected change of each multiplier per metre (8 k,): penalty [N/m], 1 / size for normals, 1 for offsets."""
-        k, one = self._rows()[:, gap.PENALTY], np.ones(len(self._chosen))
+        """Expected change of each multiplier per metre (8 k,): stiffness [N/m], 1 / size for normals, 1 for offsets."""
+        k, one = self._rows()[:, gap.SCALE], np.ones(len(self._chosen))
         turned = one / self._body.size
         return np.stack([k, k, k, k, turned, turned, turned, one], axis=1).ravel()
 
@@ -244,9 +228,9 @@ class Contact(ContactTerm):
     def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the multipliers (8 k,) after one plain update; the term's own multipliers stay unchanged."""
         held = self.multipliers
-        if not self.updates:
+        if not self.near:
             return held
-        law.update_multipliers(positions, self.reals, self.integers)
+        law.project_forces(positions, self.reals, self.integers)
         self._correct(positions)
         found = self.multipliers
         self.hold(held)
@@ -254,7 +238,7 @@ class Contact(ContactTerm):
 
     def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the obstacle's wrench (6,) on the points: force [N], then moment [N m] about the obstacle's origin."""
-        if not self.updates:
+        if not self.near:
             return np.zeros(6)
         forces = self.share * self._forces(positions)[0]
         arms = self._rubbing(positions) - self._origin
@@ -359,7 +343,7 @@ class Contact(ContactTerm):
 
     def _take_none(self) -> None:
         self._chosen = self._faces = np.zeros(0, dtype=np.int64)
-        self.integers[gap.COUNT], self.resolution = 0, np.inf
+        self.integers[gap.COUNT] = 0
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         return (places - self._origin) @ self._axes
@@ -378,14 +362,13 @@ class Contact(ContactTerm):
         self._chosen, integers[gap.COUNT] = chosen, len(chosen)
         integers[VERTICES : VERTICES + len(chosen) * integers[gap.CARRIERS]] = points.carriers[chosen].ravel()
         rows, press = self._rows(), saved["press"][chosen]
-        rows[:, gap.PENALTY], rows[:, PRESS] = self._penalty[chosen], press
+        rows[:, gap.SCALE], rows[:, PRESS] = self._scale[chosen], press
         rows[:, WEIGHTS : WEIGHTS + points.weights.shape[1]] = points.weights[chosen]
-        rows[:, PLANE:] = planes[chosen]
+        rows[:, PLANE : PLANE + 4], rows[:, gap.FIXED] = planes[chosen], 0.0
         rows[:, SHEAR : SHEAR + 3] = saved["shear"][chosen] @ self._axes.T
         rows[:, ANCHOR : ANCHOR + 3] = self._anchored(saved, starts)
         came = entered[chosen][:, None]
         rows[:, NORMAL : NORMAL + 3] = np.where(came, planes[chosen, :3] @ self._axes.T, self._normals[chosen])
-        self._expect(press, rows[:, gap.PENALTY])
         self._faces = points.about(chosen) if self._touched.points is ContactPoints.FACES else np.zeros(0, np.int64)
         self._correct(positions)
 
@@ -437,7 +420,7 @@ class Contact(ContactTerm):
         ``presses`` (k,) [N] and ``shears`` (k, 3) [N] are the forces of the chosen points. The returned friction forces
         are in the obstacle's axes.
         """
-        press, shear = np.zeros(len(self._penalty)), np.zeros((len(self._penalty), 3))
+        press, shear = np.zeros(len(self._scale)), np.zeros((len(self._scale), 3))
         press[self._chosen], shear[self._chosen] = presses, shears @ self._axes
         return {"press": press, "shear": shear}
 

@@ -54,12 +54,13 @@ class ContactTerm(Term):
         self._body, self.resolution, self.share = body, np.inf, 1.0
         self.missed, self.gives_up, self.hopeless, self.buried = 0.0, False, False, False
 
+    def ends(self) -> NDArray[np.int32]:
+        """Return the vertices (k, c) on which each point's force acts; empty for self-contact."""
+        return np.zeros((0, 1), np.int32)
+
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return 0: contact stores no energy."""
         return 0.0
-
-    def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """In the next solve, raise the penalties of points that ``vertices`` (k,) carry: fold barriers act there."""
 
     def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
         """Add the contact forces at the final ``positions`` (n, 3) [m] of a solve to ``forces`` (n, 3) [N]."""

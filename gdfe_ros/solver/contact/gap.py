@@ -15,10 +15,11 @@ AXES, ORIGIN, NUMBERS, FRICTION, SIGNS, HEAD = 0, 9, 12, 15, 16, 28
 """Layout of a term's reals. Each number is the offset of one field: the frame's rotation, the frame's origin [m], the
 shape's numbers, the friction coefficient, a rigid body's signs s_a (4, 3) [1/m], and the rows of the points.
 """
-PENALTY, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, STRIDE = 0, 1, 2, 5, 8, 11, 12, 20, 24
-"""Layout of a point's row. The offsets are those of the penalty k [N/m], normal force l [N], friction force t (3,) [N],
-anchor (3,) [m] in the frame, normal (3,), offset [m], weights (8,) and entry plane (4,). The plane n . q = d in the
-frame is stored as (n, d); n = 0 means no entry plane. `STRIDE` is the row's length.
+SCALE, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, FIXED, STRIDE = 0, 1, 2, 5, 8, 11, 12, 20, 24, 25
+"""Layout of a point's row. The offsets are those of the stiffness [N/m] that scales `law.project_forces`, normal force
+[N], friction force t (3,) [N], anchor (3,) [m] in the frame, normal (3,), offset [m], weights (8,) and entry plane
+(4,). The plane n . q = d in the frame is stored as (n, d); n = 0 means no entry plane. `FIXED` is 1 if the plane always
+replaces the obstacle. `STRIDE` is the row's length.
 """
 KIND, COUNT, CARRIERS, BODY, RUB, VERTICES = 0, 1, 2, 3, 7, 8
 """Layout of a term's integers. Each number is the offset of one field: the shape's kind, the number of points, the
@@ -112,14 +113,14 @@ def gap_at(kind, reals, r, px, py, pz):
     """Return the signed distance [m] from a point to the obstacle, and the normal (3,) there, in world axes.
 
     If the obstacle would push the point out on another side than the entry side, the distance and the normal are those
-    of the point's entry plane.
+    of the point's entry plane. At an edge of a rigid body the plane is fixed for the solve.
     """
     g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
     a, b, c = reals[r + PLANE], reals[r + PLANE + 1], reals[r + PLANE + 2]
     if a == 0.0 and b == 0.0 and c == 0.0:
         return g, nx, ny, nz
     ex, ey, ez = in_world(reals, a, b, c)
-    if nx * ex + ny * ey + nz * ez > 0.0:
+    if reals[r + FIXED] == 0.0 and nx * ex + ny * ey + nz * ez > 0.0:
         return g, nx, ny, nz
     x, y, z = in_frame(reals, px - reals[ORIGIN], py - reals[ORIGIN + 1], pz - reals[ORIGIN + 2])
     return a * x + b * y + c * z - reals[r + PLANE + 3], ex, ey, ez

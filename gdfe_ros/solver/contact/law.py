@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled augmented Lagrangian of gaps and Coulomb friction at the points of a surface.
+"""Compiled contact forces at the points of a surface.
 
-With the gap g, a multiplier l >= 0 and a penalty k, contact has the potential (max(0, l - k g)^2 - l^2) / 2 k.
-Minimising it and updating l <- max(0, l - k g) in turn converges to g >= 0, l >= 0, l g = 0 (Rockafellar 1973).
-Friction has the Moreau envelope of mu l |s| as its potential. Here s is the slip since the anchor in the contact plane.
-With the multiplier t, the trial force t + k s is shortened to mu l and becomes the new t. A point that sticks keeps its
-anchor, so sticking contacts do not creep.
+Each point has a normal force l along the gradient of its gap g, and a friction force -t against its slip s since the
+anchor, in the contact plane. While a step is made, both are held: the term is the potential -l g + t . s, up to a
+constant. Before each
+step, `complementarity` finds the forces with which the step keeps the laws of Signorini and Coulomb. A point that
+sticks keeps its anchor, so sticking contacts do not creep.
 
 The gap of a vertex is its distance to the obstacle minus its ``offset`` (at least 0). Between its corners, a flat face
 comes nearer to a round obstacle than at its corners. The error of a face is the distance interpolated between its
@@ -30,7 +30,9 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.solver.contact.coulomb import add_friction_tangent, envelope, shortened
+from gdfe_ros.materials.tensor import perpendicular
+from gdfe_ros.mesh.triples import cross
+from gdfe_ros.solver.contact.coulomb import shortened
 from gdfe_ros.solver.contact.gap import (
     ANCHOR,
     BODY,
@@ -42,9 +44,9 @@ from gdfe_ros.solver.contact.gap import (
     NORMAL,
     OFFSET,
     ORIGIN,
-    PENALTY,
     PRESS,
     RUB,
+    SCALE,
     SHEAR,
     SIGNS,
     STRIDE,
@@ -58,6 +60,9 @@ from gdfe_ros.solver.contact.gap import (
     unit,
 )
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
+
+ROUNDING = 1e-9
+"""A point slips if its friction force is below Coulomb's limit by less than this fraction."""
 
 
 @inlined
@@ -92,46 +97,40 @@ def push_back(reals, integers, f0, f1, f2, r0, r1, r2, force):
 
 
 @inlined
-def shear_at(x, reals, integers, i, limit):
-    """Return the friction force (3,) [N] on a point, shortened to ``limit`` [N], and the trial force's length [N]."""
+def slip_at(x, reals, integers, i):
+    """Return the displacement (3,) [m] of a point from its anchor, which moves with the obstacle, in world axes."""
     r, (px, py, pz) = HEAD + STRIDE * i, point_at(x, reals, integers, i, integers[RUB])
-    k, n0, n1, n2 = reals[r + PENALTY], reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
     a0, a1, a2 = in_world(reals, reals[r + ANCHOR], reals[r + ANCHOR + 1], reals[r + ANCHOR + 2])
-    dx, dy, dz = px - reals[ORIGIN] - a0, py - reals[ORIGIN + 1] - a1, pz - reals[ORIGIN + 2] - a2
-    along = n0 * dx + n1 * dy + n2 * dz
-    t0 = reals[r + SHEAR] + k * (dx - along * n0)
-    t1 = reals[r + SHEAR + 1] + k * (dy - along * n1)
-    t2 = reals[r + SHEAR + 2] + k * (dz - along * n2)
-    return shortened(t0, t1, t2, limit)
+    return px - reals[ORIGIN] - a0, py - reals[ORIGIN + 1] - a1, pz - reals[ORIGIN + 2] - a2
 
 
 @kernel
 def contact_energy(x, reals, integers, force, size):
-    """Return the augmented Lagrangian [J] of all points; add its gradient to ``force``. See `term_kernel`."""
+    """Return the work -l g + t . s [J] of the held forces; add its gradient to ``force``. See `term_kernel`."""
     energy, kind = 0.0, integers[KIND]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):
         r = HEAD + STRIDE * i
-        k, held = reals[r + PENALTY], reals[r + PRESS]
+        press, t0, t1, t2 = reals[r + PRESS], reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2]
+        if press == 0.0:
+            continue
         px, py, pz = point_at(x, reals, integers, i, WEIGHTS)
         g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
-        press = max(0.0, held - k * (g - reals[r + OFFSET]))
-        stored, given = press * press, held * held
-        if press > 0.0:
-            f0, f1, f2 = -press * nx, -press * ny, -press * nz
-            push(reals, integers, i, WEIGHTS, f0, f1, f2, force)
-            r0, r1, r2 = in_frame(reals, px - reals[ORIGIN], py - reals[ORIGIN + 1], pz - reals[ORIGIN + 2])
-            push_back(reals, integers, f0, f1, f2, r0, r1, r2, force)
-        limit = reals[FRICTION] * held
-        if limit > 0.0:
-            t0, t1, t2, trial = shear_at(x, reals, integers, i, limit)
+        f0, f1, f2 = -press * nx, -press * ny, -press * nz
+        push(reals, integers, i, WEIGHTS, f0, f1, f2, force)
+        r0, r1, r2 = in_frame(reals, px - reals[ORIGIN], py - reals[ORIGIN + 1], pz - reals[ORIGIN + 2])
+        push_back(reals, integers, f0, f1, f2, r0, r1, r2, force)
+        work = -press * g  # an offset only shifts the energy
+        energy += work
+        size[0] += abs(work)
+        if t0 != 0.0 or t1 != 0.0 or t2 != 0.0:
             push(reals, integers, i, integers[RUB], t0, t1, t2, force)
             r0, r1, r2 = reals[r + ANCHOR], reals[r + ANCHOR + 1], reals[r + ANCHOR + 2]
             push_back(reals, integers, t0, t1, t2, r0, r1, r2, force)
-            stored += envelope(trial, limit)
-            given += reals[r + SHEAR] ** 2 + reals[r + SHEAR + 1] ** 2 + reals[r + SHEAR + 2] ** 2
-        energy += 0.5 * (stored - given) / k
-        size[0] += 0.5 * (stored + given) / k
+            s0, s1, s2 = slip_at(x, reals, integers, i)
+            work = t0 * s0 + t1 * s1 + t2 * s2
+            energy += work
+            size[0] += abs(work)
     return energy
 
 
@@ -142,36 +141,32 @@ def contact_entry(x, n, reals, k, integers, i, force, size):
 
 
 @kernel
-def update_multipliers(x, reals, integers):
-    """Update the multipliers l and t and the normals.
+def project_forces(x, reals, integers):
+    """Replace the forces and normals by those of the projections of `complementarity`, at positions ``x`` (n, 3) [m].
 
-    Returns:
-        Four numbers: the largest error [m] in gap or slip of a point, |change of force| / k; the sum of the changes of
-            forces [N]; the sum of the normal forces [N]; the sum of the penalties [N/m] of the points that press.
+    The forces of a solution do not change. Sensitivities differentiate the projections.
     """
-    miss, kind, changed, held_now, stiff = 0.0, integers[KIND], 0.0, 0.0, 0.0
+    kind = integers[KIND]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):
         r = HEAD + STRIDE * i
-        k, held = reals[r + PENALTY], reals[r + PRESS]
+        k, held = reals[r + SCALE], reals[r + PRESS]
         px, py, pz = point_at(x, reals, integers, i, WEIGHTS)
         g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         press = max(0.0, held - k * (g - reals[r + OFFSET]))
+        n0, n1, n2 = reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
+        s0, s1, s2 = slip_at(x, reals, integers, i)
+        along = n0 * s0 + n1 * s1 + n2 * s2
+        t0 = reals[r + SHEAR] + k * (s0 - along * n0)
+        t1 = reals[r + SHEAR + 1] + k * (s1 - along * n1)
+        t2 = reals[r + SHEAR + 2] + k * (s2 - along * n2)
+        t0, t1, t2, _ = shortened(t0, t1, t2, reals[FRICTION] * press)
         nx, ny, nz = unit(nx, ny, nz)
-        change = abs(press - held)
-        t0, t1, t2, _ = shear_at(x, reals, integers, i, reals[FRICTION] * press)
         along = t0 * nx + t1 * ny + t2 * nz
         t0, t1, t2 = t0 - along * nx, t1 - along * ny, t2 - along * nz
-        if reals[FRICTION] > 0.0:
-            d0, d1, d2 = t0 - reals[r + SHEAR], t1 - reals[r + SHEAR + 1], t2 - reals[r + SHEAR + 2]
-            change = max(change, math.sqrt(d0 * d0 + d1 * d1 + d2 * d2))
-        miss, changed = max(miss, change / k), changed + change
-        if press > 0.0:
-            held_now, stiff = held_now + press, stiff + k
         reals[r + PRESS] = press
         reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2] = t0, t1, t2
         reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2] = nx, ny, nz
-    return miss, changed, held_now, stiff
 
 
 @kernel
@@ -182,36 +177,63 @@ def contact_forces(x, reals, integers, forces, presses, shears, slips):
     for i in range(integers[COUNT]):
         r = HEAD + STRIDE * i
         px, py, pz = point_at(x, reals, integers, i, WEIGHTS)
-        g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
-        held = reals[r + PRESS]
-        limit = reals[FRICTION] * held
-        t0, t1, t2, trial = shear_at(x, reals, integers, i, limit)
-        press = max(0.0, held - reals[r + PENALTY] * (g - reals[r + OFFSET]))
-        presses[i], slips[i] = press, trial >= limit
+        _, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
+        press, t0, t1, t2 = reals[r + PRESS], reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2]
+        limit = reals[FRICTION] * press
+        presses[i], slips[i] = press, math.sqrt(t0 * t0 + t1 * t1 + t2 * t2) >= (1.0 - ROUNDING) * limit
         shears[i, 0], shears[i, 1], shears[i, 2] = -t0, -t1, -t2
         forces[i, 0], forces[i, 1], forces[i, 2] = press * nx - t0, press * ny - t1, press * nz - t2
 
 
 @kernel
-def contact_tangents(x, reals, integers, pressed, rubbed):
-    """Add the positive semi-definite parts of each point's Hessians to ``pressed`` and ``rubbed`` (k, 3, 3) [N/m].
+def stencils(x, reals, integers, places, axes, held, ends, pressing, rubbing):
+    """Write what the complementarity problem needs of each point, at positions ``x`` (n, 3) [m].
 
-    ``pressed`` receives the part of the normal force, and ``rubbed`` that of the friction force. Both may be one array.
+    ``places`` (k, 3) [m] are the gap, and the slip along two tangents. ``axes`` (k, 3, 3) are the gradient of the gap,
+    and the tangents. ``held`` (k, 3) [N] are the present forces along these axes. ``ends`` (k, c) are the vertices that
+    move the point relative to the obstacle, ``pressing`` and ``rubbing`` (k, c) their weights in the displacement that
+    changes the gap, and in the slip.
     """
-    kind = integers[KIND]
+    kind, carriers = integers[KIND], integers[CARRIERS]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):
         r = HEAD + STRIDE * i
-        k, held = reals[r + PENALTY], reals[r + PRESS]
         px, py, pz = point_at(x, reals, integers, i, WEIGHTS)
         g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
-        if held - k * (g - reals[r + OFFSET]) > 0.0:
-            normal = (nx, ny, nz)
-            for a in range(3):
-                for b in range(3):
-                    pressed[i, a, b] += k * normal[a] * normal[b]
-        limit = reals[FRICTION] * held
-        if limit > 0.0:
-            t0, t1, t2, trial = shear_at(x, reals, integers, i, limit)
-            normal = (reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2])
-            add_friction_tangent(k, limit, (t0, t1, t2), trial, normal, rubbed[i])
+        normal = unit(nx, ny, nz)
+        first = perpendicular(normal)
+        second = cross(normal, first)
+        axes[i, 0, 0], axes[i, 0, 1], axes[i, 0, 2] = nx, ny, nz
+        s = slip_at(x, reals, integers, i)
+        t = reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2]
+        for j in range(3):
+            axes[i, 1, j], axes[i, 2, j] = first[j], second[j]
+        places[i, 0], held[i, 0] = g - reals[r + OFFSET], reals[r + PRESS]
+        places[i, 1] = first[0] * s[0] + first[1] * s[1] + first[2] * s[2]
+        places[i, 2] = second[0] * s[0] + second[1] * s[1] + second[2] * s[2]
+        held[i, 1] = -(first[0] * t[0] + first[1] * t[1] + first[2] * t[2])
+        held[i, 2] = -(second[0] * t[0] + second[1] * t[1] + second[2] * t[2])
+        for a in range(carriers):
+            ends[i, a] = integers[VERTICES + carriers * i + a]
+            pressing[i, a] = reals[r + WEIGHTS + a] if carriers > 1 else 1.0
+            rubbing[i, a] = reals[r + integers[RUB] + a] if carriers > 1 else 1.0
+        if integers[BODY] >= 0:
+            q0, q1, q2 = in_frame(reals, px - reals[ORIGIN], py - reals[ORIGIN + 1], pz - reals[ORIGIN + 2])
+            a0, a1, a2 = reals[r + ANCHOR], reals[r + ANCHOR + 1], reals[r + ANCHOR + 2]
+            for a in range(4):
+                k = SIGNS + 3 * a
+                ends[i, carriers + a] = integers[BODY + a]
+                pressing[i, carriers + a] = -(0.25 + q0 * reals[k] + q1 * reals[k + 1] + q2 * reals[k + 2])
+                rubbing[i, carriers + a] = -(0.25 + a0 * reals[k] + a1 * reals[k + 1] + a2 * reals[k + 2])
+
+
+@kernel
+def hold_forces(axes, forces, reals, integers):
+    """Set the forces of all points to ``forces`` (k, 3) [N] along ``axes`` (k, 3, 3), and the normals to the axes'."""
+    for i in range(integers[COUNT]):
+        r = HEAD + STRIDE * i
+        reals[r + PRESS] = forces[i, 0]
+        normal = unit(axes[i, 0, 0], axes[i, 0, 1], axes[i, 0, 2])
+        for j in range(3):
+            reals[r + SHEAR + j] = -(forces[i, 1] * axes[i, 1, j] + forces[i, 2] * axes[i, 2, j])
+            reals[r + NORMAL + j] = normal[j]

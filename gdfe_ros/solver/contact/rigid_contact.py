@@ -9,15 +9,22 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.contact.gap import NORMAL
+from gdfe_ros.solver.contact.gap import NORMAL, PLANE
 from gdfe_ros.solver.contact.surface import Corners
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.state import State
+from gdfe_ros.solver.state import Saved, State
 
 SUPPORTED = 0.1
 """Lower bound of a point's displacement by all contacts, divided by its displacement by one contact alone. Impacts are
 computed with the displacement of approach, divided by the displacement by all contacts.
+"""
+
+
+AT_EDGE, BESIDE, SMOOTH = 1e-3, 1e-5, 0.1
+"""A point lies at an edge if its distance, divided by the body's size, is below the first number, and if normals around
+it, within the second number, differ by more than the third.
 """
 
 
@@ -39,13 +46,49 @@ class RigidContact(Contact):
             points = Corners.over(rigid) if isinstance(touched, RigidBody) else Corners.of(rigid)
         friction = max(rigid.friction, touched.friction)
         super().__init__(f"{rigid.name} on {touched.name}", touched, body, points, friction)
+        self._rigid = rigid
+
+    def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Choose the points as `Contact` does, and give those at edges of the touched thing a fixed plane.
+
+        Rounding decides by which face a point at an edge leaves. Its plane is the one that faces the centre of the body
+        to which the point belongs.
+        """
+        super()._choose(saved, positions)
+        near = np.flatnonzero(np.abs(self._distances[self._chosen]) < AT_EDGE * self._body.size)
+        if self._radius > 0.0 or not len(near):
+            return
+        places, shift = self._points.at(positions)[self._chosen[near]], BESIDE * self._body.size
+        head, kind, beside = (
+            np.concatenate([self.reals[: gap.FRICTION], self._touched.form.samples]),
+            self._touched.form.kind,
+            [],
+        )
+        for way in (*np.eye(3), *-np.eye(3)):
+            found = np.empty(len(near)), np.empty((len(near), 3))
+            gap.distances(places + shift * way, head, kind, *found)
+            beside.append(found[1])
+        spread = np.linalg.norm(np.ptp(beside, axis=0), axis=1)
+        edge = near[spread > SMOOTH]
+        if not len(edge):
+            return
+        away, facing = np.empty(1), np.empty((1, 3))
+        gap.distances(positions[self._rigid.vertices].mean(axis=0)[None], head, kind, away, facing)
+        length, rows = np.linalg.norm(facing), self._rows()
+        if not length > 0.0:
+            return
+        chosen = self._chosen[edge]
+        surface = self._points.at(positions)[chosen] - self._distances[chosen, None] * self._normals[chosen]
+        normal = facing[0] @ self._axes / length
+        rows[edge, PLANE : PLANE + 3] = normal
+        rows[edge, PLANE + 3], rows[edge, gap.FIXED] = self._in_frame(surface) @ normal, 1.0
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set the penalties from the constant matrix' diagonal; the penalties of two rigid bodies act in series."""
+        """Set the stiffnesses as `Contact` does; those of two rigid bodies act in series."""
         super().fit(matrix)
         if isinstance(self._touched, RigidBody):
             other = matrix.assembled.diagonal()[self._touched.vertices].sum()
-            self._usual = self._penalty = self._usual * other / (self._usual + other)
+            self._scale = self._scale * other / (self._scale + other)
 
     def add_impacts(
         self,
@@ -65,10 +108,10 @@ class RigidContact(Contact):
                 alone causes.
             forces: (n, 3) [N], is added to.
         """
-        if not self.updates:
+        if not self.near:
             return
         pushes, presses, shears, _ = self._forces(positions)
-        ends, ways = self.couplings()[self._chosen], self._ways(positions)
+        ends, ways = self.ends()[self._chosen], self._ways(positions)
         normals = self._rows()[:, NORMAL : NORMAL + 3]
         came, stopped, alone = (np.einsum("ka,kai,ki->k", ways, each[ends], normals) for each in (approach, *moved))
         if not isinstance(self._touched, RigidBody):
@@ -88,7 +131,7 @@ class RigidContact(Contact):
 
         ``shears`` (k, 3) [N] is the friction part of these forces.
         """
-        np.add.at(forces, self.couplings()[self._chosen], ways[:, :, None] * pushes[:, None, :])
+        np.add.at(forces, self.ends()[self._chosen], ways[:, :, None] * pushes[:, None, :])
 
     def _carried(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the obstacle's displacement (k, 3) [m] since the state ``before`` at the chosen points."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import gap, law
+from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.gap import ANCHOR, NORMAL, OFFSET, WEIGHTS
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
 from gdfe_ros.solver.contact.surface import Corners
@@ -34,12 +34,6 @@ class RoundContact(RigidContact):
     def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body) -> None:
         super().__init__(rigid, touched, body, points=Corners.of(rigid))
         self._rigid, self._radius, self.integers[gap.RUB] = rigid, rigid.form.rounding, MATERIAL
-
-    def _hessians(self, positions: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Return Jacobians and Hessians as `Contact` does: of normal forces at centres, then of friction."""
-        pressed, rubbed = np.zeros((2, len(self._chosen), 3, 3))
-        law.contact_tangents(positions, self.reals, self.integers, pressed, rubbed)
-        return [(self._ways(positions), pressed), (self._rub_ways(), rubbed)]
 
     def _measure(self, places: NDArray[np.float64]) -> None:
         super()._measure(places)
@@ -94,7 +88,7 @@ class RoundContact(RigidContact):
         pushes: NDArray[np.float64],
         shears: NDArray[np.float64],
     ) -> None:
-        ends = self.couplings()[self._chosen]
+        ends = self.ends()[self._chosen]
         np.add.at(forces, ends, ways[:, :, None] * (pushes - shears)[:, None, :])
         np.add.at(forces, ends, self._rub_ways()[:, :, None] * shears[:, None, :])
 

@@ -28,40 +28,8 @@ SHARE = 0.5
 """Fraction of a normal's rotation that a plain update applies. Updates then converge, unless such a shortened update
 is more than twice as long as the distance to the fixed point.
 """
-SWINGING, MOST_SWINGS = 0.5, 8
-"""An update counts as an oscillation if it reverses more than the fraction `SWINGING` of the last update. Two updates
-swing if together they move the body by less than this fraction of both displacements. Updates are damped after
-`MOST_SWINGS` successive oscillations.
-"""
-SHORTER, LEAST = 0.5, 1.0 / 256.0
-"""Each oscillation multiplies the applied fraction of an update by `SHORTER`. `LEAST` is the lower limit of this
-fraction.
-"""
-
-
-class Damping:
-    """Damping of multiplier updates that oscillate.
-
-    Friction depends on the normal forces. Strong friction also lifts the body: the normal forces vanish in the next
-    update, then friction vanishes, and the cycle repeats. Partial updates converge to the state in between.
-    """
-
-    def __init__(self) -> None:
-        self._last: NDArray[np.float64] | None = None
-        self._swings, self._share = 0, 1.0
-
-    def shortened(self, held: NDArray[np.float64], found: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the next forces (k, 4) [N], from the forces before (``held``) and after an update (``found``)."""
-        change, last = found - held, self._last
-        self._last = change
-        if last is None or last.shape != change.shape:
-            return found
-        swings = np.vdot(last, change) < -SWINGING * np.vdot(last, last)
-        self._swings = self._swings + 1 if swings else 0
-        if self._share == 1.0 and self._swings < MOST_SWINGS:
-            return found
-        self._share = max(LEAST, SHORTER * self._share) if swings else self._share
-        return held + self._share * change
+SWINGING = 0.5
+"""Two updates swing if together they move the body by less than this fraction of both displacements."""
 
 
 class Settling:

@@ -73,7 +73,7 @@ class Metric(NamedTuple):
     sums: NDArray[np.float64]
 
 
-@internal
+@kernel
 def precondition(metric, right, out, threads):
     """Write M^-1 ``right`` (3 r,) to ``out``."""
     if len(metric.kept.order) > 0:
@@ -156,6 +156,66 @@ def is_exhausted(status):
 
 
 @kernel
+def choose(problem, work, metric, size, most):
+    """Write the direction of the next step: 2 if it descends, 1 if not, 0 if the matrix has served ``most`` times."""
+    status = work.status[0]
+    if status.since >= most:
+        status.ended = End.WORN
+        return 0
+    if status.turned > FOLLOWED * size and len(metric.kept.order) > 0:
+        given = problem.unknowns.free, metric.held, metric.sums, metric.kept.frames
+        vertex_rotations(work.x, metric.before, problem.shape, *given)
+        status.turned = 0.0
+    return 2 if choose_direction(problem, work, metric, size) else 1
+
+
+@kernel
+def move(problem, work, metric, size, target, proven, descends):
+    """Step along the chosen direction, unless it is so short that the minimisation ends; return whether it goes on."""
+    status, first = work.status[0], size < 0.0  # not a literal: numba would compile another copy of `advance` for it
+    if status.step == 0.0:
+        status.distance, status.ended = 0.0, End.NEAR
+        return False
+    if not descends:
+        status.distance, status.ended = math.inf, End.WORN
+        return False
+    measure(status, metric.trust)
+    shown = proven or status.made > 0
+    near = status.distance <= target * (1.0 if shown else UNPROVEN)
+    if near and status.wild == 0:
+        status.ended = End.NEAR
+        return False
+    if is_exhausted(status):
+        status.ended = End.EXHAUSTED
+        return False
+    status.before = status.step
+    if status.step > STRAIGHT * size and status.wild == 0:
+        follow_arc(problem, work, metric)
+    if not status.step <= status.reach:
+        status.ended = End.RUNAWAY
+        return False
+    if advance(problem, work, first):
+        if status.count == 0:
+            return False
+        status.count, status.ended = 0, End.NONE  # the pairs may be rounding
+        return True
+    status.turned += status.step
+    status.made += 1
+    status.since += 1
+    if remember(work) and status.wild == 1:
+        rescale(problem, work, metric)
+    return True
+
+
+@kernel
+def start(problem, work):
+    """Begin a minimisation: evaluate all terms at the unknowns."""
+    begin(work.status[0])
+    first = len(work.u) >= 0
+    advance(problem, work, first)
+
+
+@kernel
 def descend(problem, work, metric, size, target, proven, most, limit, begins):
     """Minimise until the distance to the equilibrium is at most ``target`` [m]; return the number of iterations.
 
@@ -172,48 +232,10 @@ def descend(problem, work, metric, size, target, proven, most, limit, begins):
         limit: largest number of iterations.
         begins: whether the minimisation begins, so that all terms are evaluated first.
     """
-    status, first = work.status[0], limit < 0  # not a literal: numba would compile another copy of `advance` for it
     if begins:
-        begin(status)
-        advance(problem, work, begins)
+        start(problem, work)
     for iteration in range(limit):
-        if status.since >= most:
-            status.ended = End.WORN
+        found = choose(problem, work, metric, size, most)
+        if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
             return iteration
-        if status.turned > FOLLOWED * size and len(metric.kept.order) > 0:
-            given = problem.unknowns.free, metric.held, metric.sums, metric.kept.frames
-            vertex_rotations(work.x, metric.before, problem.shape, *given)
-            status.turned = 0.0
-        descends = choose_direction(problem, work, metric, size)
-        if status.step == 0.0:
-            status.distance, status.ended = 0.0, End.NEAR
-            return iteration
-        if not descends:
-            status.distance, status.ended = math.inf, End.WORN
-            return iteration
-        measure(status, metric.trust)
-        shown = proven or status.made > 0
-        near = status.distance <= target * (1.0 if shown else UNPROVEN)
-        if near and status.wild == 0:
-            status.ended = End.NEAR
-            return iteration
-        if is_exhausted(status):
-            status.ended = End.EXHAUSTED
-            return iteration
-        status.before = status.step
-        if status.step > STRAIGHT * size and status.wild == 0:
-            follow_arc(problem, work, metric)
-        if not status.step <= status.reach:
-            status.ended = End.RUNAWAY
-            return iteration
-        if advance(problem, work, first):
-            if status.count == 0:
-                return iteration
-            status.count, status.ended = 0, End.NONE  # the pairs may be rounding
-            continue
-        status.turned += status.step
-        status.made += 1
-        status.since += 1
-        if remember(work) and status.wild == 1:
-            rescale(problem, work, metric)
     return limit

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.impulses import Impulses
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.loop import Metric, descend
+from gdfe_ros.solver.descent.loop import Metric, choose, descend, move, start
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.descent.workspace import End, Problem, Workspace, numbers
 from gdfe_ros.solver.distance import largest, largest_shift
@@ -93,6 +94,7 @@ class Minimiser:
         weight: (m,) [Pa] weights of the elements in the constant matrix (see `assemble`).
         level: the body's tangent preconditioner.
         moving: whether inertia is among the terms.
+        impulses: finds the contact forces of each step; None without contact.
 
     Attributes:
         level: the argument.
@@ -101,8 +103,16 @@ class Minimiser:
         tangent: the tangent in use; None if the constant matrix is in use.
     """
 
-    def __init__(self, body: Body, weight: NDArray[np.float64], level: TangentLevel, *, moving: bool) -> None:
-        self._body, self.level = body, level
+    def __init__(
+        self,
+        body: Body,
+        weight: NDArray[np.float64],
+        level: TangentLevel,
+        *,
+        moving: bool,
+        impulses: Impulses | None = None,
+    ) -> None:
+        self._body, self.level, self.impulses = body, level, impulses
         held = bool(body.handles) and not body.rigid_bodies
         self._share = (MOVING if held else FREE) if moving else SHARE
         self._grain = float(np.finfo(float).eps * np.vdot(weight, body.shape.volume))
@@ -120,6 +130,8 @@ class Minimiser:
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
         self._spent = 0
+        if self.impulses is not None:
+            self.impulses.left = 0.0
         self.tangent = tangent or self.rest
         if self.tangent is not None:
             self.level.load(self.tangent)
@@ -145,7 +157,8 @@ class Minimiser:
             with task.turn:
                 most = self._age()
                 given = task.problem, work, self.metric(task.coupling), self._body.size, target, proven, most
-                used = descend(*given, max(0, min(chunk, limit - done)), begins)
+                least = max(0, min(chunk, limit - done))
+                used = self._touching(*given, least, begins) if self._touches else descend(*given, least, begins)
             self._show(work, begins=False)
             begins, done = False, done + used
             self._spent += used
@@ -155,6 +168,35 @@ class Minimiser:
                 return Descended(done, cut=False)
             if done >= limit or past(task.deadline):
                 return Descended(done, cut=True)
+
+    @property
+    def _touches(self) -> bool:
+        return self.impulses is not None and bool(self.impulses.contacts)
+
+    def _touching(
+        self,
+        problem: Problem,
+        work: Workspace,
+        metric: Metric,
+        size: float,
+        target: float,
+        proven: bool,
+        most: int,
+        limit: int,
+        begins: bool,
+    ) -> int:
+        """Do `descend` with contact: each step gets the contact forces with which it keeps the laws of contact."""
+        impulses, key = self.impulses, (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.ways)
+        if begins:
+            start(problem, work)
+        for iteration in range(limit):
+            impulses.follow(work.x)
+            found = choose(problem, work, metric, size, most)
+            if found and impulses.near:
+                found = impulses.answer(problem, work, metric, key, size, target)
+            if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
+                return iteration
+        return limit
 
     def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
         """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""

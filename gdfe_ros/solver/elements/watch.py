@@ -22,10 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal
-from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED
 from gdfe_ros.solver.elements.cell_kernels import room
-from gdfe_ros.solver.elements.measures import corner_ratios
-from gdfe_ros.solver.elements.operators import Operators
 
 
 class Watch(NamedTuple):
@@ -73,9 +70,3 @@ def look(x, shape, blocks, watch):
             watch.elements[watch.count[0]] = e
             watch.count[0] += 1
     return least
-
-
-def nearly_folded(positions: NDArray[np.float64], operators: Operators) -> NDArray[np.int32]:
-    """Return the elements with a corner below `NEARLY_FOLDED` at ``positions`` (n, 3) [m]."""
-    ratios = corner_ratios(positions, operators.shape)
-    return np.flatnonzero(~(ratios >= NEARLY_FOLDED)).astype(np.int32)

@@ -16,7 +16,7 @@ from gdfe_ros.solver.elements.fields import store_energies
 from gdfe_ros.solver.elements.flatness import flattened
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
 from gdfe_ros.solver.elements.pressures import Pressures
-from gdfe_ros.solver.elements.watch import NEARLY_FOLDED, Watch, nearly_folded
+from gdfe_ros.solver.elements.watch import Watch
 from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Prediction
 from gdfe_ros.solver.equilibrium.schedule import FIRST_TOLERANCE, LINEAR, DescentSchedule
@@ -103,7 +103,6 @@ class Solve:
         self._tangent = start.tangent
         self.pressures = Pressures(self._body, start.elements, here.ratio)
         self._scale = _followed_scale(start.elements, here.ratio)
-        self._actuation.stiffen(self._nearly_folded())
         given = here.positions, self.problem.poses, start
         self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
@@ -296,13 +295,6 @@ class Solve:
             errors.append(change / LAGGING_SCALE)
         return float(np.max(errors)), change
 
-    def _nearly_folded(self) -> NDArray[np.int32]:
-        """Return the vertices of elements that are nearly folded at the start."""
-        if self.start.summary.min_det >= NEARLY_FOLDED:
-            return np.zeros(0, dtype=np.int32)
-        shape = self._operators.shape
-        return np.unique(shape.cells[nearly_folded(self.start.positions, self._operators)])
-
     def _update_scales(self, active: ActiveSet) -> float:
         """Compute the hourglass scales at the present positions; return the largest change of a scale."""
         x, body = active.workspace.x, self._body
@@ -321,6 +313,9 @@ class Solve:
         if ROUNDING * float(active.status["outside"]) > self._body.strain_energy_scale:
             return False, np.inf, TOO_STRONG
         tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active)
+        impulses = self._minimiser.impulses
+        if impulses is not None and impulses.left > tolerance * self._body.size and not self._cut:
+            return False, estimate, f"contact forces have not settled at {impulses.told()}"
         if estimate <= tolerance and self._settled and not self._cut:
             return True, estimate, ""
         if self._cut:

@@ -9,6 +9,7 @@ and the minimisation goes on from there.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -190,14 +191,20 @@ class Stability:
         body would not contain the buckling mode.
         """
         with task.turn:
-            self._product.begin(task)
-            return lowest(self._product, lambda right, out: self._minimiser.precondition(task, right, out), self._noise)
+            return lowest(
+                self._products(task), lambda right, out: self._minimiser.precondition(task, right, out), self._noise
+            )
 
     def curvature(self, task: Task, direction: NDArray[np.float64]) -> float:
         """Return the curvature of the energy along a direction (3 r,) that `look` found."""
         with task.turn:
-            self._product.begin(task)
-            return float(direction @ self._product(direction))
+            return float(direction @ self._products(task)(direction))
+
+    def _products(self, task: Task) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+        """Return the product with the tangent at the unknowns of ``task``, supported by its contacts."""
+        self._product.begin(task)
+        impulses = self._minimiser.impulses
+        return impulses.supported(task.problem, task.active.workspace, self._product) if impulses else self._product
 
     def leave(self, task: Task, direction: NDArray[np.float64]) -> Downhill | None:
         """Return the point of least energy found along a direction (3 r,); None if the energy does not fall.

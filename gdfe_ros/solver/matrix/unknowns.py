@@ -179,7 +179,7 @@ def gather_in_threads(threads, force, unknowns, gradient):
         gather_part(force, unknowns, gradient, part * count // threads, (part + 1) * count // threads)
 
 
-@internal
+@kernel
 def add_rows(outside, unknowns, gradient):
     """Add vertex forces (n, 3) to the rows of free vertices."""
     for row in range(len(unknowns.free)):

@@ -46,7 +46,7 @@ class Impacts:
 
         The ``first`` step has no impacts, because the speed of approach is not known yet.
         """
-        touching = [contact for contact in contacts if isinstance(contact, RigidContact) and contact.updates]
+        touching = [contact for contact in contacts if isinstance(contact, RigidContact) and contact.near]
         last = kinematics_of(before.terms[NAME])
         if not (self._happen and touching) or first:
             return now

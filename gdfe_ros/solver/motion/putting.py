@@ -36,7 +36,7 @@ def put_elsewhere(
     positions[vertices] = handles.placed(state.base, slides, turns)[vertices]
     terms = dict(state.terms)
     for contact in actuation.contacts:
-        if np.isin(contact.couplings(), vertices).any():
+        if np.isin(contact.ends(), vertices).any():
             terms[contact.name] = {**contact.neutral(), "lost": terms[contact.name]["lost"]}
     if terms[inertia.NAME]["h"][0]:
         terms[inertia.NAME] = _stopped(terms[inertia.NAME], vertices, positions)

@@ -115,11 +115,6 @@ class Actuation:
         misses = [term.update(positions) for term in self.terms if term.updates]
         return max(misses, default=0.0) / self._body.size
 
-    def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """Raise the contact penalties of contact points on ``vertices`` (k,) for the next solve."""
-        for term in self.contacts:
-            term.stiffen(vertices)
-
     def hasten(self, near: float) -> None:
         """Extrapolate the contact multipliers if the last update's error exceeds ``near`` times the body's size."""
         for term in self.contacts:

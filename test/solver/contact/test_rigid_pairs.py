@@ -103,23 +103,35 @@ def test_momentum_is_kept_where_boxes_collide(pair: Callable[..., Simulation]) -
 
 @pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha"])
 def test_an_oblique_collision_keeps_what_it_must(pair: Callable[..., Simulation], scheme: str) -> None:
-    """Corner on corner, momentum stays to 1e-6, angular momentum to the order of the step, and energy never grows."""
+    """Corner on corner, momentum stays to 1e-6, angular momentum to the order of the step, and energy never grows.
+
+    The error of angular momentum depends on the moment within a step at which the corners meet. Its mean over five
+    starts shows the order.
+    """
     errors = []
     for h in (0.002, 0.0005):
-        simulation = pair(more={"bodies.two.at": [0.17, 0.015, 0.01], "dynamics.scheme": scheme, "dynamics.step": h})
-        kick(simulation, one=((0.5, 0.0, 0.0), (0.0, 0.0, 0.0)))
-        start, last = momenta(simulation), math.inf
-        for _ in range(round(0.1 / h)):
-            result = simulation.step()
-            assert result.converged, result.message
-            assert result.energies["kinetic"] < last * (1.0 + 1e-4)
-            last = result.energies["kinetic"]
-        now = momenta(simulation)
-        np.testing.assert_allclose(now[0], start[0], atol=1e-6 * np.abs(start[0]).max())
-        errors.append(np.abs(now[1] - start[1]).max() / (0.02 * np.abs(start[0]).max()))
-        assert simulation.handle_pose("two").translation[0] > 0.005
-    assert errors[0] < 0.01
+        found = [collide(pair, scheme, h, shift) for shift in (0.0, 0.0002, 0.0004, 0.0006, 0.0008)]
+        assert max(found) < 0.01
+        errors.append(np.mean(found))
     assert errors[1] < 0.6 * errors[0]
+
+
+def collide(pair: Callable[..., Simulation], scheme: str, h: float, shift: float) -> float:
+    """Return the relative error of angular momentum after a collision; the second body starts farther by ``shift``."""
+    simulation = pair(
+        more={"bodies.two.at": [0.17 + shift, 0.015, 0.01], "dynamics.scheme": scheme, "dynamics.step": h}
+    )
+    kick(simulation, one=((0.5, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    start, last = momenta(simulation), math.inf
+    for _ in range(round(0.1 / h)):
+        result = simulation.step()
+        assert result.error_estimate < 1e-8, result.message
+        assert result.energies["kinetic"] < last * (1.0 + 1e-4)
+        last = result.energies["kinetic"]
+    now = momenta(simulation)
+    np.testing.assert_allclose(now[0], start[0], atol=1e-6 * np.abs(start[0]).max())
+    assert simulation.handle_pose("two").translation[0] > 0.005
+    return float(np.abs(now[1] - start[1]).max() / (0.02 * np.abs(start[0]).max()))
 
 
 @pytest.mark.parametrize("other", ["sphere", "capsule", "box"])

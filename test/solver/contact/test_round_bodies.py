@@ -156,25 +156,29 @@ def box_file(folder: Path, size: tuple[float, float, float], turn: float = 0.0) 
 
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_a_mesh_box_behaves_as_the_box(on_slope: Callable[..., Simulation], tmp_path: Path, turn: float) -> None:
-    """A mesh of a box has the mass, inertia and motion of the box, whatever the origin and axes of its file are."""
+    """A mesh of a box has the mass, inertia and motion of the box, whatever the origin and axes of its file are.
+
+    Motions are compared without friction. With it, a box that lies on four corners is hyperstatic: the shares of the
+    corners, and with them the moment of friction, depend on the order of the points.
+    """
     size = (0.03, 0.02, 0.01)
     at, tilt = [0.0, 0.0, -0.085], [10.0, 25.0, 0.0]
-    simple = on_slope(0.1, {"box": {"size": list(size)}, "at": at, "rotation_deg": tilt})
+    simple = on_slope(0.1, {"box": {"size": list(size)}, "at": at, "rotation_deg": tilt}, 0.0)
     file = box_file(tmp_path, size, turn)
     given = {"mesh": {"file": str(file), "scale": 0.001}, "at": [0.0, 0.0, 0.0]}
-    meshed = on_slope(0.1, {**given, "at": [0.0, 0.0, 0.2], "rotation_deg": tilt})
+    meshed = on_slope(0.1, {**given, "at": [0.0, 0.0, 0.2], "rotation_deg": tilt}, 0.0)
     body = next(each for each in meshed.scene.handles if each.name == "ball")
     box = next(each for each in simple.scene.handles if each.name == "ball")
     assert body.mass == pytest.approx(box.mass, rel=1e-5)
     np.testing.assert_allclose(body.form.moments, box.form.moments, rtol=1e-5)
     if turn == 0.0:
         shift = np.subtract([*at[:2], at[2] + 0.2], body.origin)
-        meshed = on_slope(0.1, {**given, "rotation_deg": tilt, "at": shift.tolist()})
+        meshed = on_slope(0.1, {**given, "rotation_deg": tilt, "at": shift.tolist()}, 0.0)
         for each in (simple, meshed):
             run(each, 0.15)
         first, second = (each.handle_pose("ball") for each in (simple, meshed))
-        np.testing.assert_allclose(first.translation, second.translation, atol=2e-5)
-        np.testing.assert_allclose(first.rotation, second.rotation, atol=2e-3)
+        np.testing.assert_allclose(first.translation, second.translation, atol=1e-6)
+        np.testing.assert_allclose(first.rotation, second.rotation, atol=1e-4)
         assert np.linalg.norm(first.rotation) > 0.1
 
 

@@ -177,7 +177,7 @@ def test_what_a_skin_pushes_is_what_the_body_feels(tmp_path: Path) -> None:
 
 
 def test_forces_are_the_slope_of_the_energy(tmp_path: Path) -> None:
-    """Forces of a skin contact are central differences of its energy, and no tangent has a negative eigenvalue."""
+    """Forces of a skin contact are central differences of its energy."""
     more = "bodies: {lid: {box: {size: [0.04, 0.04, 0.01]}, density: 2000, at: [0.05, 0, 0.015], friction: 0.5}}"
     simulation = slab(tmp_path, 0.5, more)
     for _ in range(8):
@@ -201,6 +201,3 @@ def test_forces_are_the_slope_of_the_energy(tmp_path: Path) -> None:
         assert (energies[0] - energies[1]) / 2e-8 == pytest.approx(
             (slopes * way).sum(), abs=1e-5 * np.linalg.norm(slopes)
         )
-        tangents = term.tangents(x)
-        assert tangents.shape[1] == 3 * term.couplings().shape[1]
-        assert np.linalg.eigvalsh(tangents).min() > -1e-6 * np.abs(tangents).max()

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled complementarity problem of contact: Signorini's and Coulomb's laws on a compliance matrix.
+
+Each of c points has a force f = (f_n, f_t) [N] and a relative displacement p = (p_n, p_t) [m]: its gap, and its slip
+since the step began. Within one quasi-Newton step they depend linearly on all forces, p = q + W f. The laws are
+
+    p_n >= 0,  f_n >= 0,  f_n p_n = 0;      |f_t| <= mu f_n,  and f_t = -mu f_n p_t / |p_t| where p_t is not zero.
+
+With any r > 0 they are equivalent to the equations of Alart and Curnier (1991),
+
+    f_n = max(0, f_n - r p_n),      f_t = the point of the disc |t| <= mu f_n nearest to f_t - r p_t,
+
+which a semismooth Newton method solves: each iteration classifies the points as free, sticking or slipping, and solves
+one linear system in the forces of those that touch. Block Gauss-Seidel sweeps over the points give the start, and take
+over where Newton does not descend. They always make progress, but stall where neighbouring points are almost equally
+compliant.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gdfe_ros.compiled import internal, kernel, vector_kernel
+
+SWEEPS, MOST_NEWTON, ROUNDS = 12, 12, 30
+"""Numbers of Gauss-Seidel sweeps before Newton iterations, of Newton iterations in a row, and of rounds of both."""
+MANY, BRISK = 150, 0.3
+"""With more unknown forces than the first number, sweeps come first, as long as each dozen of them lowers the violation
+to this fraction.
+"""
+FINER = 1e-3
+"""With at most `MANY` unknown forces, the last Newton iteration costs little: the violation may be this fraction of the
+tolerance.
+"""
+LARGEST = 900
+"""Largest number of unknown forces for which Newton's linear systems are solved."""
+RIDGE = 1e-9
+"""Compliance, divided by each force's own, that is added to Newton's matrix: forces of redundant points, such as the
+four corners of a rigid box, are not unique.
+"""
+
+
+@vector_kernel
+def row_product(w, f, i):
+    """Return the product of row ``i`` of ``w`` and ``f``."""
+    total = 0.0
+    for j in range(len(f)):
+        total += w[i, j] * f[j]
+    return total
+
+
+@internal
+def displace(w, q, f, p):
+    """Write the displacements p = q + W f [m]."""
+    for i in range(len(q)):
+        p[i] = q[i] + row_product(w, f, i)
+
+
+@internal
+def tangential_compliance(w, i):
+    """Return the larger tangential compliance [m/N] of point ``i``."""
+    return max(w[3 * i + 1, 3 * i + 1], w[3 * i + 2, 3 * i + 2])
+
+
+@internal
+def residual(w, mu, f, p):
+    """Return the largest violation of the laws [m] at forces ``f`` and displacements ``p``."""
+    worst = 0.0
+    for i in range(len(mu)):
+        n = 3 * i
+        k = w[n, n]
+        worst = max(worst, k * abs(f[n] - max(0.0, f[n] - p[n] / k)))
+        k, limit = tangential_compliance(w, i), mu[i] * max(0.0, f[n])
+        a, b = f[n + 1] - p[n + 1] / k, f[n + 2] - p[n + 2] / k
+        trial = math.sqrt(a * a + b * b)
+        share = limit / trial if trial > limit else 1.0
+        worst = max(worst, k * abs(f[n + 1] - share * a), k * abs(f[n + 2] - share * b))
+    return worst
+
+
+@kernel
+def sweep(w, mu, f, p):
+    """Solve the laws of one point after the other, with the forces of all others held; ``p`` follows ``f``."""
+    for i in range(len(mu)):
+        n = 3 * i
+        press = max(0.0, f[n] - p[n] / w[n, n])
+        change = press - f[n]
+        if change != 0.0:
+            f[n] = press
+            for j in range(len(p)):
+                p[j] += w[n, j] * change
+        k, limit = tangential_compliance(w, i), mu[i] * press
+        a, b = f[n + 1] - p[n + 1] / k, f[n + 2] - p[n + 2] / k
+        trial = math.sqrt(a * a + b * b)
+        share = limit / trial if trial > limit else 1.0
+        da, db = share * a - f[n + 1], share * b - f[n + 2]
+        if da != 0.0 or db != 0.0:
+            f[n + 1], f[n + 2] = share * a, share * b
+            for j in range(len(p)):
+                p[j] += w[n + 1, j] * da + w[n + 2, j] * db
+
+
+@internal
+def classify(w, q, mu, f, p, on):
+    """Drop the forces of points that part, and mark the forces that stay unknown in ``on``; ``p`` follows ``f``."""
+    count = 0
+    for i in range(len(mu)):
+        n = 3 * i
+        touches = f[n] - p[n] / w[n, n] > 0.0
+        if not touches:
+            f[n], f[n + 1], f[n + 2] = 0.0, 0.0, 0.0
+        elif mu[i] == 0.0:
+            f[n + 1], f[n + 2] = 0.0, 0.0
+        f[n] = max(0.0, f[n])
+        if touches:
+            on[count] = n
+            count += 1
+        if touches and mu[i] > 0.0:
+            on[count], on[count + 1] = n + 1, n + 2
+            count += 2
+    displace(w, q, f, p)
+    return count
+
+
+@internal
+def solve_dense(matrix, right):
+    """Return the solution of a dense system; zero if the matrix is singular."""
+    try:
+        return np.linalg.solve(matrix, right)
+    except Exception:
+        return np.zeros(len(right))
+
+
+@internal
+def newton_step(w, mu, f, p, on):
+    """Return the change [N] of the forces with the indices ``on`` in one semismooth Newton iteration."""
+    count, k = len(on), 0
+    matrix, right = np.zeros((count, count)), np.zeros(count)
+    while k < count:
+        n = on[k]
+        i = n // 3
+        for j in range(count):
+            matrix[k, j] = w[n, on[j]]
+        matrix[k, k] += RIDGE * w[n, n]
+        right[k] = -p[n]
+        if mu[i] == 0.0:
+            k += 1
+            continue
+        r, limit = 1.0 / tangential_compliance(w, i), mu[i] * f[n]
+        a, b = f[n + 1] - r * p[n + 1], f[n + 2] - r * p[n + 2]
+        trial = math.sqrt(a * a + b * b)
+        if trial <= limit:
+            for axis in range(1, 3):
+                for j in range(count):
+                    matrix[k + axis, j] = w[n + axis, on[j]]
+                matrix[k + axis, k + axis] += RIDGE * w[n + axis, n + axis]
+                right[k + axis] = -p[n + axis]
+        else:
+            a, b, share = a / trial, b / trial, limit / trial
+            # The derivative of f_t - mu f_n a/|a|: the part of a/|a| across the direction of slip changes with p
+            for axis in range(1, 3):
+                along = a if axis == 1 else b
+                first = share * ((1.0 if axis == 1 else 0.0) - along * a)
+                second = share * ((1.0 if axis == 2 else 0.0) - along * b)
+                for j in range(count):
+                    matrix[k + axis, j] = r * (first * w[n + 1, on[j]] + second * w[n + 2, on[j]])
+                matrix[k + axis, k] -= mu[i] * along
+                matrix[k + axis, k + 1] -= first
+                matrix[k + axis, k + 2] -= second
+                matrix[k + axis, k + axis] += 1.0
+                right[k + axis] = limit * along - f[n + axis]
+        k += 3
+    return solve_dense(matrix, right)
+
+
+@internal
+def newton(w, q, mu, f, p, best, tolerance):
+    """Make Newton iterations; return the least violation [m], of which the forces are in ``best``."""
+    least, on, aim = math.inf, np.empty(len(q), np.int64), tolerance
+    if len(q) <= MANY:
+        aim *= FINER
+    for _ in range(MOST_NEWTON):
+        found = residual(w, mu, f, p)
+        if found < least:
+            least = found
+            best[:] = f
+        if least <= aim or not math.isfinite(found) or (least <= tolerance and found > least):
+            break
+        count = classify(w, q, mu, f, p, on)
+        if count == 0:
+            continue
+        if count > LARGEST:
+            break
+        change = newton_step(w, mu, f, p, on[:count])
+        for k in range(count):
+            f[on[k]] += change[k]
+        displace(w, q, f, p)
+    return least
+
+
+@kernel
+def solve_laws(w, q, mu, f, tolerance):
+    """Write the forces that satisfy the laws to ``f``, and return the largest violation [m] that remains.
+
+    Args:
+        w: (3 c, 3 c) [m/N] compliance W, symmetric; each point has its normal and two tangents.
+        q: (3 c,) [m] displacements p without contact forces.
+        mu: (c,) friction coefficients.
+        f: (3 c,) [N] forces from which the search starts, and the result.
+        tolerance: allowed violation [m].
+    """
+    p, best = np.empty(len(q)), f.copy()
+    displace(w, q, f, p)
+    last, brisk = residual(w, mu, f, p), len(q) > MANY
+    if last <= (tolerance if brisk else FINER * tolerance):
+        return last
+    while brisk:
+        for _ in range(SWEEPS):
+            sweep(w, mu, f, p)
+        found = residual(w, mu, f, p)
+        if found <= tolerance:
+            return found
+        brisk, last = found < BRISK * last, found
+    displace(w, q, f, p)
+    least = newton(w, q, mu, f, p, best, tolerance)
+    sweeps = SWEEPS
+    for _ in range(ROUNDS):
+        if least <= tolerance:
+            break
+        f[:] = best
+        displace(w, q, f, p)
+        for _ in range(sweeps):
+            sweep(w, mu, f, p)
+        displace(w, q, f, p)
+        trial = best.copy()
+        found = newton(w, q, mu, f, p, trial, tolerance)
+        if found < least:
+            least = found
+            best[:] = trial
+        else:
+            sweeps *= 2
+            f[:] = best
+            displace(w, q, f, p)
+            for _ in range(sweeps):
+                sweep(w, mu, f, p)
+            displace(w, q, f, p)
+            best[:] = f
+            least = residual(w, mu, f, p)
+        if sweeps > 2000:
+            break
+    f[:] = best
+    return least

@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compliance W = J H J^T of contact points, with H the inverse Hessian of the quasi-Newton method.
+
+H is the inverse M^-1 of the initial matrix, changed by the pairs (s, y) of L-BFGS. With rho = 1 / s . y, each pair
+turns the operator H into H - rho (s z^T + z s^T) + rho (1 + rho y . z) s s^T, where z = H y.
+
+M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kept. The columns of C are therefore solved
+for once, when a vertex first touches, and kept with M. Of two rows, the block between them is taken from the column of
+the later one: in single precision, C is not symmetric to rounding, and results must not depend on the order in which
+vertices have touched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.solver.descent.pairs import inner
+from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
+from gdfe_ros.solver.matrix.unknowns import rigid_part
+
+Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
+
+
+class KeptColumns:
+    """The columns of C = M^-1, without rotations, of the rows of unknowns that contacts have needed so far.
+
+    Args:
+        solve: function that writes M^-1 times its first argument (3 r,) to its second one.
+        rows: the rows, ascending, that any contact may need.
+        total: number r of all rows.
+
+    Attributes:
+        slot: (r,) place of each row in ``columns``; -1 for a row that no contact has needed yet.
+        place: (r,) place of each row in a column; -1 for a row that no contact needs.
+        columns: (s, 3, 3 k) [m/N] displacements of the k rows by unit forces.
+    """
+
+    def __init__(self, solve: Solve, rows: NDArray[np.int64], total: int) -> None:
+        self._solve, self._count = solve, 0
+        self.slot, self.place = np.full(total, -1, dtype=np.int64), np.full(total, -1, dtype=np.int64)
+        self.place[rows] = np.arange(len(rows))
+        self._entries = (3 * rows[:, None] + np.arange(3)).ravel()
+        self.columns = np.zeros((0, 3, len(self._entries)))
+
+    def include(self, rows: NDArray[np.int64]) -> None:
+        """Solve for the columns of ``rows`` that are not known yet."""
+        new = np.unique(rows[self.slot[rows] < 0])
+        if not len(new):
+            return
+        if self._count + len(new) > len(self.columns):
+            columns = np.zeros((2 * (self._count + len(new)), *self.columns.shape[1:]))
+            columns[: self._count] = self.columns[: self._count]
+            self.columns = columns
+        unit, column = np.zeros(3 * len(self.slot)), np.empty(3 * len(self.slot))
+        for row in new:
+            self.slot[row] = self._count
+            for axis in range(3):
+                unit[3 * row + axis] = 1.0
+                self._solve(unit, column)
+                unit[3 * row + axis] = 0.0
+                self.columns[self._count, axis] = column[self._entries]
+            self._count += 1
+
+
+@kernel
+def differentiate(x, u, frame, unknowns, row_of, handle_of, axes, ends, pressing, rubbing, rows, blocks, counts):
+    """Write the derivative of each point's gap and slip with respect to the rows of unknowns.
+
+    ``row_of`` and ``handle_of`` (n,) are the row of each free vertex, and the number of each vertex' handle with a free
+    axis; otherwise -1. ``axes``, ``ends``, ``pressing`` and ``rubbing`` are those of `law.stencils`. The results are
+    the ``rows`` (k, e) on which each point depends, their number ``counts`` (k,), and the derivatives ``blocks``
+    (k, e, 3, 3).
+    """
+    count = len(unknowns.free)
+    for i in range(len(ends)):
+        counts[i] = 0
+        for a in range(ends.shape[1]):
+            v = ends[i, a]
+            row = row_of[v]
+            if row >= 0:
+                e = entry_of(row, i, rows, blocks, counts)
+                for k in range(3):
+                    w = pressing[i, a] if k == 0 else rubbing[i, a]
+                    for j in range(3):
+                        blocks[i, e, k, j] += w * axes[i, k, j]
+            elif handle_of[v] >= 0:
+                p = handle_of[v]
+                e = entry_of(count + p, i, rows, blocks, counts)
+                for k in range(3):
+                    w = pressing[i, a] if k == 0 else rubbing[i, a]
+                    for j in range(3):
+                        blocks[i, e, k, j] += w * axes[i, k, j] * unknowns.slides[p, j]
+                if unknowns.turn_row[p] < 0:
+                    continue
+                e = entry_of(unknowns.turn_row[p], i, rows, blocks, counts)
+                shift = rigid_part(u, count + p, unknowns.slides, p, 1.0)
+                turn = rigid_part(u, unknowns.turn_row[p], unknowns.turns, p, 1.0 / unknowns.radius[p])
+                r0 = x[v, 0] - frame.centre[p, 0] - shift[0]
+                r1 = x[v, 1] - frame.centre[p, 1] - shift[1]
+                r2 = x[v, 2] - frame.centre[p, 2] - shift[2]
+                for k in range(3):
+                    w = pressing[i, a] if k == 0 else rubbing[i, a]
+                    d0, d1, d2 = w * axes[i, k, 0], w * axes[i, k, 1], w * axes[i, k, 2]
+                    moment = r1 * d2 - r2 * d1, r2 * d0 - r0 * d2, r0 * d1 - r1 * d0
+                    moment = left_jacobian_transposed(turn, moment)
+                    for j in range(3):
+                        blocks[i, e, k, j] += moment[j] * unknowns.turns[p, j] / unknowns.radius[p]
+
+
+@internal
+def entry_of(row, i, rows, blocks, counts):
+    """Return the place of a row among those of point ``i``; append it if it is new."""
+    for e in range(counts[i]):
+        if rows[i, e] == row:
+            return e
+    e = counts[i]
+    rows[i, e] = row
+    blocks[i, e] = 0.0
+    counts[i] += 1
+    return e
+
+
+@kernel
+def project(direction, rows, blocks, counts, out):
+    """Write J d (k, 3) [m], the change of gap and slip of each point in a step ``direction`` (3 r,)."""
+    for i in range(len(rows)):
+        for k in range(3):
+            total = 0.0
+            for e in range(counts[i]):
+                for j in range(3):
+                    total += blocks[i, e, k, j] * direction[3 * rows[i, e] + j]
+            out[i, k] = total
+
+
+@kernel
+def pull(forces, rows, blocks, counts, out):
+    """Add J^T f (3 r,) [N] to ``out``, for forces f (k, 3) [N] along the axes of each point."""
+    for i in range(len(rows)):
+        for e in range(counts[i]):
+            for j in range(3):
+                for k in range(3):
+                    out[3 * rows[i, e] + j] += blocks[i, e, k, j] * forces[i, k]
+
+
+@kernel
+def join(chosen, rows, blocks, counts, slot, place, columns, frames, scale, out):
+    """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices."""
+    count, most = len(chosen), rows.shape[1]
+    turned = np.empty((count, most, 3, 3))
+    for c in range(count):
+        i = chosen[c]
+        for e in range(counts[i]):
+            row = rows[i, e]
+            for k in range(3):
+                for j in range(3):
+                    if row < len(frames):
+                        total = 0.0
+                        for m in range(3):
+                            total += blocks[i, e, k, m] * frames[row, 3 * m + j]
+                        turned[c, e, k, j] = total
+                    else:
+                        turned[c, e, k, j] = blocks[i, e, k, j]
+    half = np.empty((3, 3))
+    for c in range(count):
+        for d in range(c, count):
+            block = out[3 * c : 3 * c + 3, 3 * d : 3 * d + 3]
+            block[...] = 0.0
+            for e in range(counts[chosen[c]]):
+                for f in range(counts[chosen[d]]):
+                    first, last = rows[chosen[c], e], rows[chosen[d], f]
+                    a, b = 3 * place[first], 3 * place[last]
+                    from_first, from_last = columns[slot[first]], columns[slot[last]]
+                    for k in range(3):
+                        for j in range(3):
+                            total = 0.0
+                            for m in range(3):
+                                value = from_last[j, a + m] if first <= last else from_first[m, b + j]
+                                total += turned[c, e, k, m] * value
+                            half[k, j] = total
+                    for k in range(3):
+                        for j in range(3):
+                            total = 0.0
+                            for m in range(3):
+                                total += half[k, m] * turned[d, f, j, m]
+                            block[k, j] += scale * total
+            for k in range(3):
+                for j in range(3):
+                    out[3 * d + j, 3 * c + k] = block[k, j]
+
+
+@internal
+def project_one(vector, i, rows, blocks, counts, k):
+    """Return one component [m] of J ``vector`` for point ``i``."""
+    total = 0.0
+    for e in range(counts[i]):
+        for j in range(3):
+            total += blocks[i, e, k, j] * vector[3 * rows[i, e] + j]
+    return total
+
+
+@kernel
+def add_pairs(work, images, chosen, rows, blocks, counts, out):
+    """Add the change by the pairs of L-BFGS to W; ``images`` (memory, 3 r) are the products M^-1 y."""
+    status, size = work.status[0], 3 * len(chosen)
+    z = np.empty((status.count, len(work.u)))
+    js, jz = np.empty(size), np.empty(size)
+    for k in range(status.count):
+        at = (status.head - status.count + k) % len(work.curvature)
+        s, y, rho = work.steps[at], work.changes[at], 1.0 / work.curvature[at]
+        z[k] = images[at]
+        for i in range(k):
+            older = (status.head - status.count + i) % len(work.curvature)
+            first, rate = work.steps[older], 1.0 / work.curvature[older]
+            sy, zy = inner(first, y), inner(z[i], y)
+            own = rate * (1.0 + rate * inner(work.changes[older], z[i]))
+            for n in range(len(y)):
+                z[k, n] += own * sy * first[n] - rate * (zy * first[n] + sy * z[i, n])
+        for c in range(len(chosen)):
+            for axis in range(3):
+                js[3 * c + axis] = project_one(s, chosen[c], rows, blocks, counts, axis)
+                jz[3 * c + axis] = project_one(z[k], chosen[c], rows, blocks, counts, axis)
+        own = rho * (1.0 + rho * inner(y, z[k]))
+        for a in range(size):
+            for b in range(size):
+                out[a, b] += own * js[a] * js[b] - rho * (js[a] * jz[b] + jz[a] * js[b])

@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact forces of each quasi-Newton step: the step J d = p - p0 keeps the laws of contact, see `complementarity`.
+
+A step without change of the forces is d = -H g. With the change df of the forces it is d = -H (g - J^T df), and the
+gaps and slips at its end are p = p0 + J d. The forces f + df keep the laws between p and f.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.contact.complementarity import solve_laws
+from gdfe_ros.solver.contact.compliance import KeptColumns, add_pairs, differentiate, join, project, pull
+from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.law import ROUNDING
+from gdfe_ros.solver.descent.loop import Metric, choose, precondition
+from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
+from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
+from gdfe_ros.solver.matrix.unknowns import Unknowns, add_rows, gather_rigid_rows
+from gdfe_ros.solver.tangent.substitution import solve_unturned
+
+Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+MARGIN = 1e-3
+"""Points take part in a step's complementarity problem if their gap after the step without new forces, divided by the
+body's size, is below this. Others that would enter join in further rounds.
+"""
+ROUNDS = 8
+"""Largest number of such rounds in one step; what is left enters the next step."""
+EXACT = 1e-6
+"""Allowed violation of the laws, divided by the length of the last step, or by the target of the minimisation."""
+ROUGH = 1e-5
+"""The laws are solved again if their violation, divided by the length of the step that they give, exceeds this."""
+LEAST_SLOPE = 0.1
+"""A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
+
+
+class Points(NamedTuple):
+    """Contact points of all terms.
+
+    Attributes:
+        places: (k, 3) [m] gaps and slips.
+        axes: (k, 3, 3) directions of gap and slip.
+        held: (k, 3) [N] present forces along these axes.
+        rows, blocks, counts: derivatives with respect to the rows of unknowns, see `differentiate`.
+        friction: (k,) friction coefficients.
+    """
+
+    places: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    held: NDArray[np.float64]
+    rows: NDArray[np.int64]
+    blocks: NDArray[np.float64]
+    counts: NDArray[np.int64]
+    friction: NDArray[np.float64]
+
+
+class Impulses:
+    """Finds the contact forces of each step of a minimisation.
+
+    Args:
+        contacts: contact terms of obstacles and rigid bodies.
+        count: number n of vertices.
+        unknowns: numbering of the unknowns.
+
+    Attributes:
+        contacts: the argument.
+        left: largest violation [m] of the laws in the last step.
+    """
+
+    def __init__(self, contacts: Sequence[Contact], count: int, unknowns: Unknowns) -> None:
+        self.contacts, self.left = tuple(contacts), 0.0
+        self._handle_of = np.full(count, -1, dtype=np.int64)
+        for p in range(len(unknowns.slides)):
+            self._handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
+        self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
+        self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
+        self._images, self._seen = np.zeros((0, 0)), (None, np.zeros(0))
+        self._frames = np.zeros((0, 9))
+
+    @property
+    def near(self) -> bool:
+        """Whether any point is near an obstacle."""
+        return any(contact.near for contact in self.contacts)
+
+    def told(self) -> str:
+        """Return the names of the contacts in the last step, and the largest violation of the laws."""
+        return f"{', '.join(contact.name for contact in self._acting)}: {self.left:.3g} m of gap or slip remain"
+
+    def follow(self, positions: NDArray[np.float64]) -> None:
+        """Choose the points near obstacles again where ``positions`` (n, 3) [m] have moved far enough."""
+        for contact in self.contacts:
+            contact.follow(positions)
+
+    def answer(
+        self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], size: float, target: float
+    ) -> int:
+        """Find the forces with which the step keeps the laws, and write that step; return the result of `choose`.
+
+        ``problem``, ``work`` and ``metric`` are those of the minimisation; the step without new forces is in
+        ``work.direction``. ``key`` is the identity of the initial matrix, ``size`` [m] the body's size, and ``target``
+        [m] the distance to the equilibrium that the minimisation allows.
+        """
+        points = self._points(problem, work)
+        ahead, held, found = np.empty_like(points.places), points.held.copy(), 2
+        project(work.direction, points.rows, points.blocks, points.counts, ahead)
+        usable = (np.abs(points.axes[:, 0]).max(axis=1) > LEAST_SLOPE) & (points.counts > 0)
+        joins = usable & ((points.places[:, 0] + ahead[:, 0] < MARGIN * size) | held.any(axis=1))
+        status = numbers(work)
+        self.left, allowed = 0.0, EXACT * max(target, min(float(status["before"]), float(status["step"])))
+        dropped = held.any(axis=1) & ~usable
+        known: tuple[int, int] | None = None
+        for _ in range(ROUNDS):
+            chosen = np.flatnonzero(joins)
+            forces = np.where(dropped[:, None], 0.0, held)
+            if len(chosen):
+                if known != (len(chosen), int(status["wild"])):
+                    w = self._compliance(problem, work, metric, key, points, chosen)
+                    known = len(chosen), int(status["wild"])
+                there, start = (points.places + ahead)[chosen].ravel(), held[chosen].ravel()
+                given, now = there - w @ start, start.copy()
+                self.left = solve_laws(w, given, points.friction[chosen], now, allowed)
+                forces[chosen] = now.reshape(-1, 3)
+            if np.array_equal(forces, held):
+                break
+            self._hold(points, forces, problem, work)
+            held = forces
+            found = choose(problem, work, metric, size, 2**62)
+            project(work.direction, points.rows, points.blocks, points.counts, ahead)
+            enters = usable & ~joins & (points.places[:, 0] + ahead[:, 0] < -target)
+            rough = self.left > ROUGH * max(target, float(status["step"]))
+            if not (rough or enters.any()):
+                break
+            joins |= enters
+            allowed = EXACT * max(target, float(status["step"]))
+        return found
+
+    def supported(self, problem: Problem, work: Workspace, product: Product) -> Product:
+        """Return ``product``, the product with the body's tangent, plus springs where points press or stick.
+
+        The body is stable if its tangent is positive definite for the motions that the contacts leave. Springs as stiff
+        as the body stand for the other motions.
+        """
+        if not self.near:
+            return product
+        points, scale = self._points(problem, work), np.concatenate([contact.scale for contact in self._acting])
+        press, shear = points.held[:, 0], np.linalg.norm(points.held[:, 1:], axis=1)
+        sticks = (press > 0.0) & (shear < (1.0 - ROUNDING) * points.friction * press)
+        springs = scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
+        given = points.rows, points.blocks, points.counts
+
+        def multiply(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+            image, way = product(direction), np.empty_like(points.places)
+            project(direction, *given, way)
+            pull(springs * way, *given, image)
+            return image
+
+        return multiply
+
+    def _points(self, problem: Problem, work: Workspace) -> Points:
+        """Return the contact points of all terms at the present positions."""
+        unknowns = problem.unknowns
+        if self._numbered is not unknowns:
+            self._row_of[...] = -1
+            self._row_of[unknowns.free] = np.arange(len(unknowns.free))
+            self._numbered = unknowns
+        self._acting, parts = [contact for contact in self.contacts if contact.near], []
+        for contact in self._acting:
+            places, axes, held, ends, pressing, rubbing = contact.stencils(work.x)
+            count, width = ends.shape
+            rows, blocks = np.zeros((count, 2 * width), np.int64), np.zeros((count, 2 * width, 3, 3))
+            counts = np.zeros(count, np.int64)
+            given = work.x, work.u, problem.frame, unknowns, self._row_of, self._handle_of
+            differentiate(*given, axes, ends, pressing, rubbing, rows, blocks, counts)
+            parts.append((places, axes, held, rows, blocks, counts, np.full(count, contact.friction)))
+        if len(parts) == 1:
+            return Points(*parts[0])
+        width, total = max(part[3].shape[1] for part in parts), sum(len(part[5]) for part in parts)
+        rows, blocks, first = np.zeros((total, width), np.int64), np.zeros((total, width, 3, 3)), 0
+        for part in parts:
+            last, own = first + len(part[5]), part[3].shape[1]
+            rows[first:last, :own], blocks[first:last, :own], first = part[3], part[4], last
+        places, axes, held, counts, friction = (np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 5, 6))
+        return Points(places, axes, held, rows, blocks, counts, friction)
+
+    def _hold(self, points: Points, forces: NDArray[np.float64], problem: Problem, work: Workspace) -> None:
+        """Set the forces (k, 3) [N] of all points, and correct energy and gradient for them."""
+        status, slopes, change, first = numbers(work), np.zeros((2, *work.x.shape)), 0.0, 0
+        for contact in self._acting:
+            last = first + contact.count
+            change -= contact.potential(work.x, contact.reals, contact.integers, slopes[0], np.zeros(1))
+            contact.hold_forces(points.axes[first:last], forces[first:last])
+            change += contact.potential(work.x, contact.reals, contact.integers, slopes[1], np.zeros(1))
+            first = last
+        status["energy"] += change
+        slopes[1] -= slopes[0]
+        work.outside[...] += slopes[1]
+        add_rows(slopes[1], problem.unknowns, work.gradient)
+        if problem.unknowns.rigid_rows:
+            given = work.u, work.x, work.force, work.outside, True, problem.frame, problem.unknowns
+            gather_rigid_rows(*given, work.gradient)
+
+    def _compliance(
+        self,
+        problem: Problem,
+        work: Workspace,
+        metric: Metric,
+        key: tuple[object, ...],
+        points: Points,
+        chosen: NDArray[np.int64],
+    ) -> NDArray[np.float64]:
+        """Return W (3 c, 3 c) [m/N] of the ``chosen`` points."""
+        status = numbers(work)
+        constant = bool(status["wild"]) or not len(metric.kept.order)
+        kept = self._kept("constant" if constant else "tangent", problem, metric, key, len(work.u) // 3)
+        used = np.arange(points.rows.shape[1]) < points.counts[chosen, None]
+        kept.include(points.rows[chosen][used])
+        scale = float(status["scale"]) if status["wild"] else 1.0
+        frames = np.zeros((0, 9)) if constant else metric.kept.frames
+        w = np.empty((3 * len(chosen), 3 * len(chosen)))
+        given = chosen, points.rows, points.blocks, points.counts
+        join(*given, kept.slot, kept.place, kept.columns, frames, scale, w)
+        if status["count"]:
+            images = self._pair_images(problem, work, metric, (*key, constant, scale), frames)
+            add_pairs(work, images, *given, w)
+        return w
+
+    def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...], rows: int) -> KeptColumns:
+        """Return the kept columns of the tangent or of the constant matrix; those of an earlier matrix are dropped."""
+        key = (metric.coupling.inverse_schur, problem.unknowns.free) if kind == "constant" else key
+        known = self._columns.get(kind)
+        if known is not None and len(known[0]) == len(key) and all(a is b for a, b in zip(known[0], key, strict=True)):
+            return known[1]
+
+        def solve(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+            if kind == "constant":
+                apply_inverse(right, metric.coupling, out, None)
+            else:
+                solve_unturned(metric.kept, right, out)
+
+        found = KeptColumns(solve, self._rows_of(problem.unknowns), rows)
+        self._columns[kind] = key, found
+        return found
+
+    def _rows_of(self, unknowns: Unknowns) -> NDArray[np.int64]:
+        """Return the rows, ascending, on which any contact point depends."""
+        ends = np.unique(np.concatenate([contact.ends().ravel() for contact in self.contacts]))
+        handles = self._handle_of[ends]
+        used = np.unique(handles[handles >= 0])
+        turning = unknowns.turn_row[used]
+        rows = [self._row_of[ends], len(unknowns.free) + used, turning]
+        found = np.unique(np.concatenate(rows))
+        return found[found >= 0].astype(np.int64)
+
+    def _pair_images(
+        self,
+        problem: Problem,
+        work: Workspace,
+        metric: Metric,
+        key: tuple[object, ...],
+        frames: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Return the products M^-1 y (memory, 3 r) of all pairs; those that are known are not computed again."""
+        status, memory = numbers(work), len(work.curvature)
+        last, curvature = self._seen
+        same = (
+            last is not None
+            and len(last) == len(key)
+            and all(a is b or (isinstance(a, float | bool) and a == b) for a, b in zip(last, key, strict=True))
+        )
+        if not same or self._images.shape != work.changes.shape or not np.array_equal(frames, self._frames):
+            self._images, curvature, self._frames = np.empty_like(work.changes), np.full(memory, np.nan), frames.copy()
+        for k in range(int(status["count"])):
+            at = (int(status["head"]) - 1 - k) % memory
+            if curvature[at] == work.curvature[at]:
+                continue
+            image = self._images[at]
+            if status["wild"]:
+                apply_inverse(work.changes[at], metric.coupling, image, problem.threads)
+                image *= float(status["scale"])
+            else:
+                precondition(metric, work.changes[at], image, problem.threads)
+            curvature[at] = work.curvature[at]
+        self._seen = key, curvature
+        return self._images

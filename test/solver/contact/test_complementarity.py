@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Signorini's and Coulomb's laws on a compliance matrix, against closed forms."""
+
+import numpy as np
+import pytest
+
+from gdfe_ros.solver.contact.complementarity import solve_laws
+
+G = 9.81
+
+
+def solved(w, q, mu, start=None):
+    """Return forces and displacements that keep the laws."""
+    force = np.zeros(len(q)) if start is None else start.copy()
+    left = solve_laws(np.ascontiguousarray(w), np.asarray(q, float), np.asarray(mu, float), force, 1e-13)
+    assert left <= 1e-13
+    return force, q + w @ force
+
+
+def test_a_heavy_point_sticks_or_slides():
+    """Hold a point of unit compliance on a plane; beyond the cone it slides by what the cone does not hold."""
+    for pull, slip in ((0.3, 0.0), (0.8, 0.3)):
+        force, place = solved(np.eye(3), np.array([-1.0, pull, 0.0]), [0.5])
+        np.testing.assert_allclose(force, [1.0, -min(pull, 0.5), 0.0], atol=1e-13)
+        np.testing.assert_allclose(place, [0.0, slip, 0.0], atol=1e-13)
+
+
+def test_points_apart_have_no_force():
+    """Leave points without force that stay apart, also from a start with forces."""
+    force, _ = solved(np.eye(6), np.array([1.0, 0.2, 0.0, 2.0, 0.0, 0.1]), [0.5, 0.5], start=np.ones(6))
+    assert not force.any()
+
+
+def test_without_friction_nothing_holds_a_slide():
+    """Give no tangential force at zero friction."""
+    force, place = solved(np.eye(3), np.array([-1.0, 0.3, -0.2]), [0.0])
+    np.testing.assert_allclose(force, [1.0, 0.0, 0.0])
+    np.testing.assert_allclose(place, [0.0, 0.3, -0.2])
+
+
+def test_a_stack_of_ten_bodies():
+    """Carry the weight of all bodies above in each contact of a stack; W = J M^-1 J^T of ten unit masses."""
+    count = 10
+    jacobian = np.eye(count) - np.eye(count, k=-1)
+    w, q = np.zeros((3 * count, 3 * count)), np.zeros(3 * count)
+    for axis in range(3):
+        w[axis::3, axis::3] = jacobian @ jacobian.T
+    q[::3] = jacobian @ np.full(count, -G)
+    q[2::3] = jacobian @ np.full(count, 1.0)
+    force, place = solved(w, q, np.full(count, 0.5))
+    np.testing.assert_allclose(force[::3], G * np.arange(count, 0, -1))
+    np.testing.assert_allclose(force[2::3], -np.arange(count, 0, -1.0))
+    np.testing.assert_allclose(place, 0.0, atol=1e-12)
+
+
+def test_redundant_points_share_a_load():
+    """Carry a rigid box on four corners whose forces are not unique."""
+    corners = np.array([[x, y, -0.1] for x in (-0.2, 0.2) for y in (-0.1, 0.1)])
+    rows = []
+    for x, y, z in corners:
+        across = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # dx = u + w x r = u - [r] w
+        way = np.hstack([np.eye(3), across])
+        rows.append(way[[2, 0, 1]])
+    jacobian = np.vstack(rows)
+    inverse = np.diag([1.0, 1.0, 1.0, 100.0, 50.0, 40.0])
+    q = jacobian @ np.array([0.3, 0.0, -1.0, 0.0, 0.0, 0.0])
+    force, place = solved(jacobian @ inverse @ jacobian.T, q, np.full(4, 0.5))
+    np.testing.assert_allclose(jacobian.T @ force, [-0.3, 0, 1, 0, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(place, 0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_slender_compliance(seed):
+    """Settle forces at neighbouring points of a slender cantilever, whose compliances are nearly equal."""
+    random, count = np.random.default_rng(seed), 12
+    x = np.linspace(0.5, 1.0, count)
+    bend = np.array([[min(a, b) ** 2 * (3 * max(a, b) - min(a, b)) / 6 for b in x] for a in x])
+    w = np.zeros((3 * count, 3 * count))
+    w[::3, ::3], w[2::3, 2::3] = bend + 1e-4 * np.eye(count), bend + 1e-4 * np.eye(count)
+    w[1::3, 1::3] = 1e-3 * (np.minimum.outer(x, x) + 0.1 * np.eye(count))
+    tilt = np.kron(np.eye(count), np.linalg.qr(np.eye(3) + 0.1 * random.standard_normal((3, 3)))[0])
+    w = tilt @ w @ tilt.T
+    q = np.zeros(3 * count)
+    q[::3] = -0.05 * x**2 + 0.01 * random.random(count)
+    q[2::3] = 0.02 * random.standard_normal()
+    force, place = solved(w, q, np.full(count, 0.4))
+    press, gap = force[::3], place[::3]
+    assert press.min() >= 0.0
+    assert gap.min() >= -1e-12
+    assert np.abs(press * gap).max() < 1e-12
+    shear = np.linalg.norm(force.reshape(-1, 3)[:, 1:], axis=1)
+    assert (shear <= 0.4 * press + 1e-12).all()
