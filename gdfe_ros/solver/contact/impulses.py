@@ -91,10 +91,9 @@ class Impulses:
         """Return the names of the contacts in the last step, and the largest violation of the laws."""
         return f"{', '.join(contact.name for contact in self._acting)}: {self.left:.3g} m of gap or slip remain"
 
-    def follow(self, positions: NDArray[np.float64]) -> None:
-        """Choose the points near obstacles again where ``positions`` (n, 3) [m] have moved far enough."""
-        for contact in self.contacts:
-            contact.follow(positions)
+    def follow(self, problem: Problem, work: Workspace) -> None:
+        """Choose the points near obstacles again where the body has moved far enough."""
+        self._exchange(problem, work, lambda: [contact.follow(work.x) for contact in self.contacts])
 
     def answer(
         self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], size: float, target: float
@@ -188,16 +187,25 @@ class Impulses:
         return Points(places, axes, held, rows, blocks, counts, friction)
 
     def _hold(self, points: Points, forces: NDArray[np.float64], problem: Problem, work: Workspace) -> None:
-        """Set the forces (k, 3) [N] of all points, and correct energy and gradient for them."""
-        status, slopes, change, first = numbers(work), np.zeros((2, *work.x.shape)), 0.0, 0
-        for contact in self._acting:
-            last = first + contact.count
-            change -= contact.potential(work.x, contact.reals, contact.integers, slopes[0], np.zeros(1))
-            contact.hold_forces(points.axes[first:last], forces[first:last])
-            change += contact.potential(work.x, contact.reals, contact.integers, slopes[1], np.zeros(1))
-            first = last
-        status["energy"] += change
+        """Set the forces (k, 3) [N] of all points."""
+        ends = np.cumsum([contact.count for contact in self._acting])[:-1]
+        parts = zip(self._acting, np.split(points.axes, ends), np.split(forces, ends), strict=True)
+        self._exchange(problem, work, lambda: [contact.hold_forces(axes, part) for contact, axes, part in parts])
+
+    def _exchange(self, problem: Problem, work: Workspace, change: Callable[[], object]) -> None:
+        """Call ``change``, which gives other contact forces, and correct energy and gradient for them."""
+        slopes, energies = np.zeros((2, *work.x.shape)), np.zeros(2)
+        for place in range(2):
+            for contact in self.contacts:
+                if contact.near:
+                    given = work.x, contact.reals, contact.integers, slopes[place], np.zeros(1)
+                    energies[place] += contact.potential(*given)
+            if place == 0:
+                change()
+        numbers(work)["energy"] += energies[1] - energies[0]
         slopes[1] -= slopes[0]
+        if not slopes[1].any():
+            return
         work.outside[...] += slopes[1]
         add_rows(slopes[1], problem.unknowns, work.gradient)
         if problem.unknowns.rigid_rows:

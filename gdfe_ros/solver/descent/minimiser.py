@@ -190,10 +190,11 @@ class Minimiser:
         if begins:
             start(problem, work)
         for iteration in range(limit):
-            impulses.follow(work.x)
+            impulses.follow(problem, work)
             found = choose(problem, work, metric, size, most)
             if found and impulses.near:
                 found = impulses.answer(problem, work, metric, key, size, target)
+            self._show(work, begins=True)  # other forces have another energy
             if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
                 return iteration
         return limit

@@ -29,7 +29,7 @@ class End(IntEnum):
     RUNAWAY = 5
     """The energy has no lower bound: an unstable law or load."""
     GIVEN_UP = 6
-    """The body is on its way to another equilibrium, or to none, and a shorter increment may end before that."""
+    """The body leaves its branch of equilibria, and a shorter increment may end before that."""
 
 
 STATUS = np.dtype(
