@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
-#: First letters of the tags that pydantic adds to the location of an error; the tags are not keys of the file.
-TAG = "kind="
+#: First letters of the tags that pydantic adds to the location of an error; the tags are not keys of the file, because
+#: YAML allows no NUL in a key.
+TAG = "\0kind="
 
 
 class Entry(BaseModel):

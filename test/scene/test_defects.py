@@ -247,3 +247,9 @@ def test_any_junk_gives_a_scene_or_a_scene_error(changes: list[tuple]) -> None:
     except SceneError as error:
         outcome = error
     assert outcome is None or all(": " in text for text in outcome.defects)
+
+
+def test_a_key_that_looks_like_a_tag_is_a_key() -> None:
+    """A key that begins like the tags that pydantic adds to locations is refused by its name."""
+    with pytest.raises(SceneError, match="kind=name"):
+        scene_from_text("kind=" + SOUND.lstrip())
