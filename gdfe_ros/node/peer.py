@@ -25,7 +25,7 @@ PATIENCE = 10.0
 """Longest wait until a topic or service is found, and until subscribers acknowledge a message [s]."""
 SETTLING = 0.2
 """Longest time between the arrivals of the first and the last stored message of a topic [s]."""
-UNCHANGED = 2.0
+UNCHANGED = 4.0
 """If the discovered graph lacks a name and has not changed for this time [s], the name is reported as missing."""
 
 
