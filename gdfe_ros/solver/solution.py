@@ -60,7 +60,6 @@ class Solution:
         buried: whether surfaces penetrate each other deeply; a depth just above the tolerance does not count.
         began: (n, 3) positions at the beginning of the solve [m].
         balance: energy balance of the equilibrium; None if the state is no equilibrium, or has no energy.
-        run: serial number of the solve; `accept` takes only the solution of the last solve.
     """
 
     state: State
@@ -71,7 +70,6 @@ class Solution:
     buried: bool = False
     began: NDArray[np.float64]
     balance: Balance | None = None
-    run: int = 0
 
     @property
     def converged(self) -> bool:

@@ -37,7 +37,7 @@ only after a motion that may bring a point within this distance.
 SLIP = 3e-7
 """Slip, divided by the body's size, that the linearisation assumes for a slipping point whose own slip is smaller."""
 HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
-"""Columns of a point's row that `Contact.update` changes."""
+"""Columns of a point's row that are multipliers: a solve changes them, and the sensitivities differentiate them."""
 
 
 class Contact(ContactTerm):

@@ -93,7 +93,15 @@ class Impulses:
 
     def follow(self, problem: Problem, work: Workspace) -> None:
         """Choose the points near obstacles again where the body has moved far enough."""
-        self._exchange(problem, work, lambda: [contact.follow(work.x) for contact in self.contacts])
+
+        def choose_again() -> None:
+            for contact in self.contacts:
+                contact.follow(work.x)
+
+        if self.near:
+            self._exchange(problem, work, choose_again)
+        else:
+            choose_again()  # points that come near have no forces yet
 
     def answer(
         self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], size: float, target: float
@@ -190,9 +198,14 @@ class Impulses:
         """Set the forces (k, 3) [N] of all points."""
         ends = np.cumsum([contact.count for contact in self._acting])[:-1]
         parts = zip(self._acting, np.split(points.axes, ends), np.split(forces, ends), strict=True)
-        self._exchange(problem, work, lambda: [contact.hold_forces(axes, part) for contact, axes, part in parts])
 
-    def _exchange(self, problem: Problem, work: Workspace, change: Callable[[], object]) -> None:
+        def hold() -> None:
+            for contact, axes, part in parts:
+                contact.hold_forces(axes, part)
+
+        self._exchange(problem, work, hold)
+
+    def _exchange(self, problem: Problem, work: Workspace, change: Callable[[], None]) -> None:
         """Call ``change``, which gives other contact forces, and correct energy and gradient for them."""
         slopes, energies = np.zeros((2, *work.x.shape)), np.zeros(2)
         for place in range(2):

@@ -59,11 +59,8 @@ class RigidContact(Contact):
         if self._radius > 0.0 or not len(near):
             return
         places, shift = self._points.at(positions)[self._chosen[near]], BESIDE * self._body.size
-        head, kind, beside = (
-            np.concatenate([self.reals[: gap.FRICTION], self._touched.form.samples]),
-            self._touched.form.kind,
-            [],
-        )
+        form, beside = self._touched.form, []
+        head, kind = np.concatenate([self.reals[: gap.FRICTION], form.samples]), form.kind
         for way in (*np.eye(3), *-np.eye(3)):
             found = np.empty(len(near)), np.empty((len(near), 3))
             gap.distances(places + shift * way, head, kind, *found)

@@ -158,7 +158,7 @@ class Minimiser:
                 most = self._age()
                 given = task.problem, work, self.metric(task.coupling), self._body.size, target, proven, most
                 least = max(0, min(chunk, limit - done))
-                used = self._touching(*given, least, begins) if self._touches else descend(*given, least, begins)
+                used = (self._touching if self.impulses else descend)(*given, least, begins)
             self._show(work, begins=False)
             begins, done = False, done + used
             self._spent += used
@@ -168,10 +168,6 @@ class Minimiser:
                 return Descended(done, cut=False)
             if done >= limit or past(task.deadline):
                 return Descended(done, cut=True)
-
-    @property
-    def _touches(self) -> bool:
-        return self.impulses is not None and bool(self.impulses.contacts)
 
     def _touching(
         self,

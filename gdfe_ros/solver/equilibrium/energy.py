@@ -100,7 +100,6 @@ class EquilibriumSolver:
                 take_rest(self._model, self._whole, self.matrix, self.at_rest())
         count = len(body.material)
         self._stored, self._least = np.zeros(count), np.ones(count)
-        self._run = 0
         exact = all(term.exact for term in self.actuation.terms)
         kinds = {"exact": exact, "smooth": not self.actuation.contacts}
         self._stability = None if moving or not body.unknowns.rows else Stability(body, self.minimiser, **kinds)
@@ -169,20 +168,13 @@ class EquilibriumSolver:
 
     def solve(self, problem: Increment, start: State) -> Solution:
         """Find the equilibrium of ``problem`` from ``start``, which is not modified."""
-        self._run += 1
         base = self.handles.base(problem.poses, start.poses, start.base)
         prediction = self._predictor.predict(start, base, start.change_to(problem.commands))
         solve = Solve(self._model, problem, start, base, prediction)
         return self._judged(solve, self.descend(solve))
 
     def accept(self, solution: Solution, previous: State) -> State:
-        """Return the complete state of ``solution``, which follows the state ``previous``.
-
-        Raises:
-            RuntimeError: ``solution`` is not the result of the last solve, whose workspace is needed.
-        """
-        if solution.run != self._run:
-            raise RuntimeError("only the solution of the last solve can be accepted")
+        """Return the complete state of ``solution``, which follows the state ``previous``."""
         found = solution.state
         return found.with_(
             motion=self._predictor.motion(previous, found, previous.change_to(found.commands)),
@@ -198,8 +190,8 @@ class EquilibriumSolver:
         )
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
-    def skipped(self, solution: Solution) -> dict[str, int]:
-        """Return a dict from kind of work to the count that a solve left out, as in `StepResult`."""
+    def skipped(self) -> dict[str, int]:
+        """Return a dict from kind of work to the count that each solve leaves out, as in `StepResult`."""
         counts = dict(self._whole.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
 
@@ -239,9 +231,8 @@ class EquilibriumSolver:
                 iterations=solve.iterations,
                 diverged=True,
                 began=solve.start.positions,
-                run=self._run,
             )
-        solution = solve.solution(active, self._stored, self._least, run=self._run)
+        solution = solve.solution(active, self._stored, self._least)
         if orientation is None:
             return solution
         return changed(solution, state=solution.state.with_(orientation=orientation))

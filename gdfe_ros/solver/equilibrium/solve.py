@@ -217,10 +217,8 @@ class Solve:
         given = work.x, active.elements, self._operators.shape, body.material, pressures.table, pressures.values
         store_energies(*given, work.energies, stored, least, True)
 
-    def solution(
-        self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64], *, run: int
-    ) -> Solution:
-        """Return the solution number ``run`` after `descend`; `measure` fills ``stored`` and ``least`` (m,)."""
+    def solution(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> Solution:
+        """Return the solution after `descend`; `measure` fills ``stored`` and ``least`` (m,)."""
         work, start, problem = active.workspace, self.start, self.problem
         self.measure(active, stored, least)
         positions = work.x.copy()
@@ -272,7 +270,6 @@ class Solve:
             buried=self._actuation.buried,
             began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,
-            run=run,
         )
 
     def _update(self, active: ActiveSet, *, still: bool) -> tuple[float, float]:

@@ -146,7 +146,7 @@ class MotionStepper:
                 flight = flight.halved()
                 continue
             if tried.accepted is None:
-                skipped = self.equilibrium.skipped(solution)
+                skipped = self.equilibrium.skipped()
                 return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
             before, flight = flight.state, flight.went(tried.accepted)
             if observer is not None:
@@ -154,7 +154,7 @@ class MotionStepper:
             if not flight.arrived and past(deadline):
                 flight = changed(flight, flaw=flight.flaw or deadline.reason)
                 break
-        return _told(flight.march(self.equilibrium.skipped(solution)), state.ledger.owed)
+        return _told(flight.march(self.equilibrium.skipped()), state.ledger.owed)
 
     def _tried(self, flight: Flight, integrator: Integrator, deadline: Deadline | None) -> Trial:
         """Solve the next internal step; repeat it with the Euler scheme if it created energy."""

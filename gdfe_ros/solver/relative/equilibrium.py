@@ -142,7 +142,7 @@ class RelativeEquilibrium:
         found = solution.state
         return found.with_(motion=self._predictor.motion(previous, found, previous.change_to(found.commands)))
 
-    def skipped(self, solution: Solution) -> dict[str, int]:
+    def skipped(self) -> dict[str, int]:
         """Return no counts: every iteration compares every element with its desired shape."""
         return {}
 

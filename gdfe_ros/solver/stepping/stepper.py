@@ -175,11 +175,11 @@ class Stepper:
             verdict = attempt.verdict
             way = attempt.way.after(verdict)
             if verdict is AttemptOutcome.WITHDRAW:
-                return self._end(_withdrawn(state, attempt), way, attempt.solution)
+                return self._end(_withdrawn(state, attempt), way)
             if verdict in (AttemptOutcome.ACCEPT, AttemptOutcome.STOP):
                 state = self._accepted(state, attempt, begin)
             if verdict is AttemptOutcome.STOP:
-                return changed(self._end(state, way, attempt.solution), snapped=attempt.snapped)
+                return changed(self._end(state, way), snapped=attempt.snapped)
 
     def _attempt(self, way: Way, state: State) -> Attempt:
         """Solve the next increment of a load path; return the attempt."""
@@ -239,7 +239,7 @@ class Stepper:
             changes["summary"] = changed(accepted.summary, converged=False, message=message)
         return accepted.with_(**changes)
 
-    def _end(self, state: State, way: Way, solution: Solution) -> March:
+    def _end(self, state: State, way: Way) -> March:
         reached, summary = way.done == 1.0, state.summary
         if not reached and summary.converged:
             deadline = way.goal.deadline
@@ -258,7 +258,7 @@ class Stepper:
             reached=reached,
             converged=summary.converged and reached,
             message=summary.message,
-            skipped=self.equilibrium.skipped(solution),
+            skipped=self.equilibrium.skipped(),
         )
 
     def _let_go(self, march: March, goal: Goal, start: State) -> March:
