@@ -112,10 +112,11 @@ def test_a_spawned_body_is_read_in_a_thread_of_its_own(
     request.entity_resource.resource_string = "{box: {size: [1, 1, 1]}, mass: 1}"
     request.initial_pose.pose.position.x = 0.3
     answers = []
-    while not any(answer.done() for answer in answers):
+    for number in range(MOST_WAITING + 1):  # the first one is being read
         answers.append(service.call_async(request))
-        wait(lambda: len(node._entities._exchange._waiting) == min(len(answers) - 1, MOST_WAITING))
-        ros.executor.spin_once(timeout_sec=0.1)
+        wait(lambda waiting=number: len(node._entities._exchange._waiting) == waiting)
+    answers.append(service.call_async(request))
+    wait(answers[-1].done)
     go_on.set()
     wait(lambda: all(answer.done() for answer in answers))
     texts = [answer.result().result.error_message for answer in answers]
