@@ -57,7 +57,7 @@ class Solution:
         cut: whether the limit or the deadline ended the solve.
         diverged: whether the energy has no lower bound.
         exhausted: whether no further descent was possible, because of the energy's rounding or at a kink of the energy.
-        buried: whether surfaces penetrate each other deeply; a depth just above the tolerance does not count.
+        entered: whether surfaces of the body penetrate each other.
         began: (n, 3) positions at the beginning of the solve [m].
         balance: energy balance of the equilibrium; None if the state is no equilibrium, or has no energy.
     """
@@ -67,7 +67,7 @@ class Solution:
     cut: bool = False
     diverged: bool = False
     exhausted: bool = False
-    buried: bool = False
+    entered: bool = False
     began: NDArray[np.float64]
     balance: Balance | None = None
 

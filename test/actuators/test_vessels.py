@@ -202,7 +202,7 @@ def test_the_cause_is_named_if_only_a_longer_increment_inflated_the_chamber() ->
     way = Way(poses={}, commands={"air": 1e5}, goal=goal, budget=1000, length=SHORTEST_SUBSTEP, unstable="air")
     began = SimpleNamespace(sound=True, anchor=None, commands={"air": 1e5})
     folded = SimpleNamespace(
-        converged=False, error_estimate=1.0, min_det=-0.1, buried=False, exhausted=True, lost=False, diverged=False,
+        converged=False, error_estimate=1.0, min_det=-0.1, entered=False, exhausted=True, lost=False, diverged=False,
         cut=False, message="elements folded",
     )  # fmt: skip
     attempt = Attempt(way=way, began=began, solution=folded, jumps=False, unstable="", spent=False, patient=False)

@@ -9,6 +9,8 @@ from gdfe_ros.compiled import inlined, kernel
 
 MOST_STEPS = 12
 """Largest number of Gauss-Newton iterations in one closest-point search. A flat face needs two."""
+EQUAL = 1e-9
+"""Two distances count as equal if they differ by less than this fraction."""
 OPPOSED = -0.5
 """Largest cosine between the normals of a face and of a vertex, or of a face around it, that can touch each other."""
 
@@ -205,7 +207,7 @@ def nearest_faces(
         c0, c1, c2 = point_on(x, quads, f, u, v)
         d0, d1, d2 = px - c0, py - c1, pz - c2
         away = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-        if away > reach or away > distance[i] or (away == distance[i] and f > face[i]):
+        if away > reach or away > (1.0 + EQUAL) * distance[i]:
             continue
         w = weights_at(u, v)
         m0, m1, m2, height, share = face_plane(normals, f, w, surface.rim, (d0, d1, d2), away)
@@ -213,10 +215,23 @@ def nearest_faces(
             continue
         if height < -surface.depth and not (sunk[i] or was_before(last, quads, f, vertex, w)):
             continue
+        if away >= (1.0 - EQUAL) * distance[i] and not is_better(share, height, support[i], gap[i]):
+            continue
         distance[i], face[i], gap[i], support[i] = away, f, height, share
         normal[i, 0], normal[i, 1], normal[i, 2] = m0, m1, m2
         for a in range(4):
             weights[i, a] = w[a]
+
+
+@inlined
+def is_better(share, height, other_share, other_height):
+    """Return whether a face suits a vertex better than another one that is as near, at an edge or a corner of both.
+
+    It carries a larger fraction of the force; of two alike, it is the one whose plane is farther from the vertex.
+    """
+    if abs(share - other_share) > EQUAL:
+        return share > other_share
+    return abs(height) > (1.0 + EQUAL) * abs(other_height)
 
 
 @inlined

@@ -24,8 +24,14 @@ import numpy as np
 
 from gdfe_ros.compiled import internal, kernel, vector_kernel
 
-SWEEPS, MOST_NEWTON, ROUNDS = 12, 12, 30
-"""Numbers of Gauss-Seidel sweeps before Newton iterations, of Newton iterations in a row, and of rounds of both."""
+SWEEPS, MOST_SWEEPS, MOST_NEWTON, ROUNDS = 12, 2000, 12, 30
+"""Numbers of Gauss-Seidel sweeps before Newton iterations, and limit to which they double where these fail; numbers of
+Newton iterations in a row, and of rounds of both.
+"""
+HALF = 0.5
+"""A violation that counts as nothing ends the search if it does not fall to this fraction any more. Points that hold
+the same place, such as vertex on vertex, contradict each other by what is of second order in the step.
+"""
 MANY, BRISK = 150, 0.3
 """With more unknown forces than the first number, sweeps come first, as long as each dozen of them lowers the violation
 to this fraction.
@@ -176,17 +182,23 @@ def newton_step(w, mu, f, p, on):
 
 
 @internal
-def newton(w, q, mu, f, p, best, tolerance):
+def newton(w, q, mu, f, p, best, tolerance, faint):
     """Make Newton iterations; return the least violation [m], of which the forces are in ``best``."""
-    least, on, aim = math.inf, np.empty(len(q), np.int64), tolerance
+    least, on, aim, idle = math.inf, np.empty(len(q), np.int64), tolerance, 0
     if len(q) <= MANY:
         aim *= FINER
     for _ in range(MOST_NEWTON):
         found = residual(w, mu, f, p)
+        idle = idle + 1 if found > HALF * least else 0
         if found < least:
             least = found
             best[:] = f
-        if least <= aim or not math.isfinite(found) or (least <= tolerance and found > least):
+        if (
+            (idle > 1 and least <= faint)
+            or least <= aim
+            or not math.isfinite(found)
+            or (least <= tolerance and found > least)
+        ):
             break
         count = classify(w, q, mu, f, p, on)
         if count == 0:
@@ -200,8 +212,18 @@ def newton(w, q, mu, f, p, best, tolerance):
     return least
 
 
+@internal
+def sweep_often(w, q, mu, start, f, p, sweeps):
+    """Write the forces after ``sweeps`` from the forces ``start`` to ``f``, and their displacements to ``p``."""
+    f[:] = start
+    displace(w, q, f, p)
+    for _ in range(sweeps):
+        sweep(w, mu, f, p)
+    displace(w, q, f, p)
+
+
 @kernel
-def solve_laws(w, q, mu, f, tolerance):
+def solve_laws(w, q, mu, f, tolerance, faint):
     """Write the forces that satisfy the laws to ``f``, and return the largest violation [m] that remains.
 
     Args:
@@ -209,9 +231,10 @@ def solve_laws(w, q, mu, f, tolerance):
         q: (3 c,) [m] displacements p without contact forces.
         mu: (c,) friction coefficients.
         f: (3 c,) [N] forces from which the search starts, and the result.
-        tolerance: allowed violation [m].
+        tolerance: wanted violation [m].
+        faint: violation [m] that counts as nothing, if the wanted one is out of reach.
     """
-    p, best = np.empty(len(q)), f.copy()
+    p, best, trial = np.empty(len(q)), f.copy(), f.copy()
     displace(w, q, f, p)
     last, brisk = residual(w, mu, f, p), len(q) > MANY
     if last <= (tolerance if brisk else FINER * tolerance):
@@ -224,31 +247,20 @@ def solve_laws(w, q, mu, f, tolerance):
             return found
         brisk, last = found < BRISK * last, found
     displace(w, q, f, p)
-    least = newton(w, q, mu, f, p, best, tolerance)
-    sweeps = SWEEPS
+    least, sweeps, halved = newton(w, q, mu, f, p, best, tolerance, faint), SWEEPS, True
     for _ in range(ROUNDS):
-        if least <= tolerance:
+        if least <= tolerance or (least <= faint and not halved) or sweeps > MOST_SWEEPS:
             break
-        f[:] = best
-        displace(w, q, f, p)
-        for _ in range(sweeps):
-            sweep(w, mu, f, p)
-        displace(w, q, f, p)
-        trial = best.copy()
-        found = newton(w, q, mu, f, p, trial, tolerance)
+        sweep_often(w, q, mu, best, f, p, sweeps)
+        found = newton(w, q, mu, f, p, trial, tolerance, faint)
+        halved = found <= HALF * least
         if found < least:
             least = found
             best[:] = trial
-        else:
+        elif least > faint:
             sweeps *= 2
-            f[:] = best
-            displace(w, q, f, p)
-            for _ in range(sweeps):
-                sweep(w, mu, f, p)
-            displace(w, q, f, p)
+            sweep_often(w, q, mu, best, f, p, sweeps)
             best[:] = f
             least = residual(w, mu, f, p)
-        if sweeps > 2000:
-            break
     f[:] = best
     return least

@@ -146,12 +146,34 @@ def pull(forces, rows, blocks, counts, out):
                     out[3 * rows[i, e] + j] += blocks[i, e, k, j] * forces[i, k]
 
 
-@kernel
-def join(chosen, rows, blocks, counts, slot, place, columns, frames, scale, out):
-    """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices."""
-    count, most = len(chosen), rows.shape[1]
-    turned = np.empty((count, most, 3, 3))
-    for c in range(count):
+@internal
+def gather_block(chosen, rows, counts, slot, place, columns):
+    """Return the number of each row (r,) among those of the ``chosen`` points, and M^-1 (3 m, 3 m) between these m."""
+    number, some = np.full(len(slot), -1, np.int64), np.empty(len(chosen) * rows.shape[1], np.int64)
+    count = 0
+    for i in chosen:
+        for e in range(counts[i]):
+            if number[rows[i, e]] < 0:
+                number[rows[i, e]], some[count] = count, rows[i, e]
+                count += 1
+    between = np.empty((3 * count, 3 * count))
+    for a in range(count):
+        for b in range(a + 1):
+            late, early = (a, b) if some[a] > some[b] else (b, a)
+            column, at = columns[slot[some[late]]], 3 * place[some[early]]
+            for k in range(3):
+                for j in range(3):
+                    value = column[j, at + k]
+                    between[3 * early + k, 3 * late + j] = value
+                    between[3 * late + j, 3 * early + k] = value
+    return number, between
+
+
+@internal
+def turn_blocks(chosen, rows, blocks, counts, frames):
+    """Return the ``blocks`` (c, e, 3, 3) of the ``chosen`` points in the frames (f, 9) of the vertices."""
+    turned = np.empty((len(chosen), rows.shape[1], 3, 3))
+    for c in range(len(chosen)):
         i = chosen[c]
         for e in range(counts[i]):
             row = rows[i, e]
@@ -164,32 +186,33 @@ def join(chosen, rows, blocks, counts, slot, place, columns, frames, scale, out)
                         turned[c, e, k, j] = total
                     else:
                         turned[c, e, k, j] = blocks[i, e, k, j]
-    half = np.empty((3, 3))
-    for c in range(count):
-        for d in range(c, count):
-            block = out[3 * c : 3 * c + 3, 3 * d : 3 * d + 3]
-            block[...] = 0.0
+    return turned
+
+
+@kernel
+def join(chosen, rows, blocks, counts, slot, place, columns, frames, scale, out):
+    """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices."""
+    number, between = gather_block(chosen, rows, counts, slot, place, columns)
+    turned = turn_blocks(chosen, rows, blocks, counts, frames)
+    half = np.empty(len(between))
+    for c in range(len(chosen)):
+        for k in range(3):
+            half[:] = 0.0
             for e in range(counts[chosen[c]]):
-                for f in range(counts[chosen[d]]):
-                    first, last = rows[chosen[c], e], rows[chosen[d], f]
-                    a, b = 3 * place[first], 3 * place[last]
-                    from_first, from_last = columns[slot[first]], columns[slot[last]]
-                    for k in range(3):
-                        for j in range(3):
-                            total = 0.0
-                            for m in range(3):
-                                value = from_last[j, a + m] if first <= last else from_first[m, b + j]
-                                total += turned[c, e, k, m] * value
-                            half[k, j] = total
-                    for k in range(3):
-                        for j in range(3):
-                            total = 0.0
-                            for m in range(3):
-                                total += half[k, m] * turned[d, f, j, m]
-                            block[k, j] += scale * total
-            for k in range(3):
+                at = 3 * number[rows[chosen[c], e]]
+                t0, t1, t2 = scale * turned[c, e, k, 0], scale * turned[c, e, k, 1], scale * turned[c, e, k, 2]
+                for n in range(len(half)):
+                    half[n] += t0 * between[at, n] + t1 * between[at + 1, n] + t2 * between[at + 2, n]
+            for d in range(c, len(chosen)):
                 for j in range(3):
-                    out[3 * d + j, 3 * c + k] = block[k, j]
+                    total = 0.0
+                    for f in range(counts[chosen[d]]):
+                        at = 3 * number[rows[chosen[d], f]]
+                        for n in range(3):
+                            total += half[at + n] * turned[d, f, j, n]
+                    if d > c or j >= k:
+                        out[3 * c + k, 3 * d + j] = total
+                        out[3 * d + j, 3 * c + k] = total
 
 
 @internal

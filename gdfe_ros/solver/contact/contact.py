@@ -15,7 +15,7 @@ from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap, law
-from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
+from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm, Stencils
 from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PLANE, PRESS, SHEAR, STRIDE, VERTICES, WEIGHTS
 from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.surface import SHAPE, TURNED, ContactSurface, Corners
@@ -151,13 +151,11 @@ class Contact(ContactTerm):
         rows = self._rows()
         self._choose({**self._saved, **self._spread(rows[:, PRESS], rows[:, SHEAR : SHEAR + 3])}, positions)
 
-    def stencils(self, positions: NDArray[np.float64]) -> tuple[NDArray, ...]:
-        """Return what `law.stencils` writes of the chosen points: places, axes, forces, vertices and weights."""
-        count, width = len(self._chosen), self.ends().shape[1]
-        places, axes, held = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
-        ends, weights = np.empty((count, width), np.int64), np.empty((2, count, width))
-        law.stencils(positions, self.reals, self.integers, places, axes, held, ends, *weights)
-        return places, axes, held, ends, *weights
+    def stencils(self, positions: NDArray[np.float64]) -> Stencils:
+        """Return what the complementarity problem needs of the chosen points at ``positions`` (n, 3) [m]."""
+        found = Stencils.empty(self.count, self.ends().shape[1])
+        law.stencils(positions, self.reals, self.integers, *found)
+        return found
 
     def hold_forces(self, axes: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
         """Set the forces (k, 3) [N] of the chosen points along ``axes`` (k, 3, 3)."""

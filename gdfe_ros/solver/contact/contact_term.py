@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base class of the contact terms: contact forces from multipliers, and the required accuracy of these forces.
-
-The penalty of a vertex is the constant matrix' diagonal at the vertex. A few updates of the multipliers then suffice,
-and the constant matrix still preconditions the minimisation.
-"""
+"""Base class of the contact terms, and what the complementarity problem needs of their points."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +12,36 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.terms.term import Term
 
-FORCE = 1e-2
-"""The solver's tolerance divided by the relative tolerance of contact forces. A solver tolerance of 1e-4 thus allows
-an error of 1 % in the contact forces."""
 FAINT = 1e-7
-"""Displacement, divided by the body's size, that counts as zero. The penalty force of this displacement counts as zero,
-too. No minimisation resolves less.
-"""
+"""Displacement, divided by the body's size, that counts as zero."""
+
+
+class Stencils(NamedTuple):
+    """The contact points, or pairs, that are near.
+
+    Attributes:
+        places: (k, 3) [m] gap, and slip along two tangents.
+        axes: (k, 3, 3) gradient of the gap, and the tangents.
+        held: (k, 3) [N] present forces along these axes.
+        soft: (k,) [m/N] compliance of the spring through which the normal force acts.
+        ends: (k, c) vertices that move the point relative to what it touches.
+        pressing, rubbing: (k, c) weights of these vertices in the displacements that change the gap, and the slip.
+    """
+
+    places: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    held: NDArray[np.float64]
+    soft: NDArray[np.float64]
+    ends: NDArray[np.int64]
+    pressing: NDArray[np.float64]
+    rubbing: NDArray[np.float64]
+
+    @classmethod
+    def empty(cls, count: int, width: int) -> Self:
+        """Return arrays for ``count`` points with ``width`` vertices each, to be written."""
+        places, axes, held, soft = (np.empty((count, *shape)) for shape in ((3,), (3, 3), (3,), ()))
+        weights = np.empty((2, count, width))
+        return cls(places, axes, held, soft, np.empty((count, width), np.int64), *weights)
 
 
 class ContactTerm(Term):
@@ -36,14 +55,10 @@ class ContactTerm(Term):
     Attributes:
         potential: the compiled energy; `add_forces` computes the forces as its gradient.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
-        resolution: error [m] of the displacements up to which the contact forces are accurate enough.
         share: effective contact force over a step with dynamics, divided by the multipliers. The multipliers are the
             forces at the end of the step.
-        missed: largest error [m] in gap or slip of a self-contact pair at the last update of a solve.
-        gives_up: whether the term determines ``hopeless``. A hopeless solve ends at once, because smaller increments
-            may succeed.
-        buried: whether the penetration that `flaw` found is too deep even for a step that has not converged.
-        hopeless: whether vertices have penetrated so deeply that the search finds no face for them any more.
+        valid: relative displacement [m] for which the stencils of the points hold.
+        changed: whether points that press touch other faces since `follow` was last called.
     """
 
     potential: ClassVar[Callable[..., float]]
@@ -51,12 +66,11 @@ class ContactTerm(Term):
 
     def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         super().__init__(name, reals, integers)
-        self._body, self.resolution, self.share = body, np.inf, 1.0
-        self.missed, self.gives_up, self.hopeless, self.buried = 0.0, False, False, False
+        self._body, self.share, self.valid, self.changed = body, 1.0, np.inf, False
 
     def ends(self) -> NDArray[np.int32]:
-        """Return the vertices (k, c) on which each point's force acts; empty for self-contact."""
-        return np.zeros((0, 1), np.int32)
+        """Return the vertices (k, c) on which the points' forces can act."""
+        raise NotImplementedError
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return 0: contact stores no energy."""
@@ -67,21 +81,3 @@ class ContactTerm(Term):
         slopes = np.zeros_like(forces)
         self.potential(positions, self.reals, self.integers, slopes, np.zeros(1))
         forces -= slopes
-
-    def _expect(self, presses: NDArray[np.float64], penalties: NDArray[np.float64]) -> None:
-        """Set the resolution from the last step's normal forces (k,) [N] and the points' penalties (k,) [N/m]."""
-        on = presses > 0.0
-        self.resolution = FORCE * presses[on].sum() / penalties[on].sum() if on.any() else np.inf
-
-    def _judge(self, change: float, forces: float, penalties: float) -> float:
-        """Set the resolution, and return the ``change`` [N] of the contact forces as a distance [m].
-
-        The distance is `FORCE` times the body's size times the relative change. ``forces`` [N] is the sum of the normal
-        forces, and ``penalties`` [N/m] the sum of the pressing points' penalties.
-        """
-        if not forces > 0.0:
-            self.resolution = np.inf
-            return 0.0
-        known = max(forces, FAINT * self._body.size * penalties)
-        self.resolution = FORCE * known / penalties
-        return FORCE * self._body.size * (change / known)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.complementarity import solve_laws
 from gdfe_ros.solver.contact.compliance import KeptColumns, add_pairs, differentiate, join, project, pull
-from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.law import ROUNDING
 from gdfe_ros.solver.descent.loop import Metric, choose, precondition
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
@@ -35,6 +35,18 @@ EXACT = 1e-6
 """Allowed violation of the laws, divided by the length of the last step, or by the target of the minimisation."""
 ROUGH = 1e-5
 """The laws are solved again if their violation, divided by the length of the step that they give, exceeds this."""
+MOST_CHANGES = 30
+"""Number of iterations in which surfaces touch other faces, while no step is half as long as the shortest one before:
+with more, the surfaces do not settle.
+"""
+NEARLY = 5e-2
+"""Violation of the laws of self-contact that counts as nothing, divided by the target of the minimisation."""
+REVERSED, MOST_INERTIA, FADING = 0.7, 64.0, 0.7
+"""A step reverses the last one if the cosine between both is below minus the first number. Forces and steps then get an
+inertia of at least 1 and at most the second number, which fades by the last one in each step that does not reverse the
+last one. It is the compliance against a change of a force, divided by that of the body at the point, and the share
+1 / (1 + inertia) of each step is made.
+"""
 LEAST_SLOPE = 0.1
 """A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
 
@@ -43,27 +55,31 @@ class Points(NamedTuple):
     """Contact points of all terms.
 
     Attributes:
-        places: (k, 3) [m] gaps and slips.
+        places: (k, 3) [m] gaps, with the length of the spring, and slips.
         axes: (k, 3, 3) directions of gap and slip.
         held: (k, 3) [N] present forces along these axes.
+        soft: (k,) [m/N] compliance of the spring through which each normal force acts.
         rows, blocks, counts: derivatives with respect to the rows of unknowns, see `differentiate`.
         friction: (k,) friction coefficients.
+        scale: (k,) [N/m] stiffness of the body at each point.
     """
 
     places: NDArray[np.float64]
     axes: NDArray[np.float64]
     held: NDArray[np.float64]
+    soft: NDArray[np.float64]
     rows: NDArray[np.int64]
     blocks: NDArray[np.float64]
     counts: NDArray[np.int64]
     friction: NDArray[np.float64]
+    scale: NDArray[np.float64]
 
 
 class Impulses:
     """Finds the contact forces of each step of a minimisation.
 
     Args:
-        contacts: contact terms of obstacles and rigid bodies.
+        contacts: the contact terms.
         count: number n of vertices.
         unknowns: numbering of the unknowns.
 
@@ -72,15 +88,22 @@ class Impulses:
         left: largest violation [m] of the laws in the last step.
     """
 
-    def __init__(self, contacts: Sequence[Contact], count: int, unknowns: Unknowns) -> None:
-        self.contacts, self.left = tuple(contacts), 0.0
+    def __init__(self, contacts: Sequence[ContactTerm], count: int, unknowns: Unknowns) -> None:
+        self.contacts = tuple(contacts)
         self._handle_of = np.full(count, -1, dtype=np.int64)
         for p in range(len(unknowns.slides)):
             self._handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
+        self._rows, self._swings = 3 * unknowns.rows, any(contact.valid < np.inf for contact in contacts)
+        self.begin()
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
         self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
         self._images, self._seen = np.zeros((0, 0)), (None, np.zeros(0))
         self._frames = np.zeros((0, 9))
+
+    def begin(self) -> None:
+        """Prepare a solve."""
+        self.left, self._nearest, self._changes = 0.0, np.inf, 0
+        self._last, self._inertia = np.zeros(self._rows), 0.0
 
     @property
     def near(self) -> bool:
@@ -103,6 +126,14 @@ class Impulses:
         else:
             choose_again()  # points that come near have no forces yet
 
+    def settles(self, work: Workspace) -> bool:
+        """Count an iteration in which surfaces touch other faces; return whether they still settle."""
+        nearest = float(numbers(work)["nearest"])
+        if nearest != self._nearest:
+            self._nearest, self._changes = nearest, 0
+        self._changes += any(contact.changed for contact in self.contacts)
+        return self._changes <= MOST_CHANGES
+
     def answer(
         self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], size: float, target: float
     ) -> int:
@@ -120,6 +151,7 @@ class Impulses:
         status = numbers(work)
         self.left, allowed = 0.0, EXACT * max(target, min(float(status["before"]), float(status["step"])))
         dropped = held.any(axis=1) & ~usable
+        faint = max(FAINT * size, NEARLY * target) if self._swings else 0.0
         known: tuple[int, int] | None = None
         for _ in range(ROUNDS):
             chosen = np.flatnonzero(joins)
@@ -128,9 +160,11 @@ class Impulses:
                 if known != (len(chosen), int(status["wild"])):
                     w = self._compliance(problem, work, metric, key, points, chosen)
                     known = len(chosen), int(status["wild"])
+                    if self._swings:
+                        w[np.diag_indices(len(w))] += np.repeat(self._inertia / points.scale[chosen], 3)
                 there, start = (points.places + ahead)[chosen].ravel(), held[chosen].ravel()
                 given, now = there - w @ start, start.copy()
-                self.left = solve_laws(w, given, points.friction[chosen], now, allowed)
+                self.left = solve_laws(w, given, points.friction[chosen], now, allowed, faint)
                 forces[chosen] = now.reshape(-1, 3)
             if np.array_equal(forces, held):
                 break
@@ -139,12 +173,40 @@ class Impulses:
             found = choose(problem, work, metric, size, 2**62)
             project(work.direction, points.rows, points.blocks, points.counts, ahead)
             enters = usable & ~joins & (points.places[:, 0] + ahead[:, 0] < -target)
-            rough = self.left > ROUGH * max(target, float(status["step"]))
+            rough = self.left > max(faint, ROUGH * max(target, float(status["step"])))
             if not (rough or enters.any()):
                 break
             joins |= enters
             allowed = EXACT * max(target, float(status["step"]))
+        self._shorten(work, ahead)
         return found
+
+    def _shorten(self, work: Workspace, ahead: NDArray[np.float64]) -> None:
+        """Shorten the step if it swings, or if points move farther past what they touch than their stencils hold.
+
+        The distance to the equilibrium is still measured by the whole step.
+        """
+        if not self._swings:
+            return
+        self._watch(work.direction)
+        first, share = 0, 1.0 / (1.0 + self._inertia)
+        for contact in self._acting:
+            last = first + contact.count
+            longest = float(np.sqrt(np.square(ahead[first:last]).sum(axis=1).max(initial=0.0)))
+            share, first = min(share, contact.valid / max(longest, 1e-300)), last
+        if share < 1.0:
+            work.direction[...] *= share
+            numbers(work)["slope"] *= share
+
+    def _watch(self, step: NDArray[np.float64]) -> None:
+        """Double the inertia if a ``step`` (3 r,) [m] reverses the last one; otherwise it fades.
+
+        Faces that touch are found anew before each step. Forces may then change from one side to the other and back,
+        and turn back and forth with their normals.
+        """
+        reverses = self._last @ step < -REVERSED * np.sqrt((self._last @ self._last) * (step @ step))
+        self._inertia = min(max(1.0, 2.0 * self._inertia), MOST_INERTIA) if reverses else FADING * self._inertia
+        self._last = step.copy()
 
     def supported(self, problem: Problem, work: Workspace, product: Product) -> Product:
         """Return ``product``, the product with the body's tangent, plus springs where points press or stick.
@@ -154,10 +216,10 @@ class Impulses:
         """
         if not self.near:
             return product
-        points, scale = self._points(problem, work), np.concatenate([contact.scale for contact in self._acting])
+        points = self._points(problem, work)
         press, shear = points.held[:, 0], np.linalg.norm(points.held[:, 1:], axis=1)
         sticks = (press > 0.0) & (shear < (1.0 - ROUNDING) * points.friction * press)
-        springs = scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
+        springs = points.scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
         given = points.rows, points.blocks, points.counts
 
         def multiply(direction: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -177,22 +239,24 @@ class Impulses:
             self._numbered = unknowns
         self._acting, parts = [contact for contact in self.contacts if contact.near], []
         for contact in self._acting:
-            places, axes, held, ends, pressing, rubbing = contact.stencils(work.x)
+            places, axes, held, soft, ends, pressing, rubbing = contact.stencils(work.x)
+            places[:, 0] += soft * held[:, 0]
             count, width = ends.shape
             rows, blocks = np.zeros((count, 2 * width), np.int64), np.zeros((count, 2 * width, 3, 3))
             counts = np.zeros(count, np.int64)
             given = work.x, work.u, problem.frame, unknowns, self._row_of, self._handle_of
             differentiate(*given, axes, ends, pressing, rubbing, rows, blocks, counts)
-            parts.append((places, axes, held, rows, blocks, counts, np.full(count, contact.friction)))
+            friction = np.full(count, contact.friction)
+            parts.append((places, axes, held, soft, rows, blocks, counts, friction, contact.scale))
         if len(parts) == 1:
             return Points(*parts[0])
-        width, total = max(part[3].shape[1] for part in parts), sum(len(part[5]) for part in parts)
+        width, total = max(part[4].shape[1] for part in parts), sum(len(part[3]) for part in parts)
         rows, blocks, first = np.zeros((total, width), np.int64), np.zeros((total, width, 3, 3)), 0
         for part in parts:
-            last, own = first + len(part[5]), part[3].shape[1]
-            rows[first:last, :own], blocks[first:last, :own], first = part[3], part[4], last
-        places, axes, held, counts, friction = (np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 5, 6))
-        return Points(places, axes, held, rows, blocks, counts, friction)
+            last, own = first + len(part[3]), part[4].shape[1]
+            rows[first:last, :own], blocks[first:last, :own], first = part[4], part[5], last
+        joined = [np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 3, 6, 7, 8)]
+        return Points(*joined[:4], rows, blocks, *joined[4:])
 
     def _hold(self, points: Points, forces: NDArray[np.float64], problem: Problem, work: Workspace) -> None:
         """Set the forces (k, 3) [N] of all points."""
@@ -248,6 +312,7 @@ class Impulses:
         if status["count"]:
             images = self._pair_images(problem, work, metric, (*key, constant, scale), frames)
             add_pairs(work, images, *given, w)
+        w[range(0, len(w), 3), range(0, len(w), 3)] += points.soft[chosen]
         return w
 
     def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...], rows: int) -> KeptColumns:

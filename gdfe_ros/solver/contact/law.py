@@ -32,7 +32,6 @@ import math
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.tensor import perpendicular
 from gdfe_ros.mesh.triples import cross
-from gdfe_ros.solver.contact.coulomb import shortened
 from gdfe_ros.solver.contact.gap import (
     ANCHOR,
     BODY,
@@ -63,6 +62,14 @@ from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 ROUNDING = 1e-9
 """A point slips if its friction force is below Coulomb's limit by less than this fraction."""
+
+
+@inlined
+def shortened(t0, t1, t2, limit):
+    """Return the trial friction force t (3,) [N] shortened to at most ``limit`` [N]."""
+    trial = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+    share = limit / trial if trial > limit else 1.0
+    return share * t0, share * t1, share * t2
 
 
 @inlined
@@ -160,7 +167,7 @@ def project_forces(x, reals, integers):
         t0 = reals[r + SHEAR] + k * (s0 - along * n0)
         t1 = reals[r + SHEAR + 1] + k * (s1 - along * n1)
         t2 = reals[r + SHEAR + 2] + k * (s2 - along * n2)
-        t0, t1, t2, _ = shortened(t0, t1, t2, reals[FRICTION] * press)
+        t0, t1, t2 = shortened(t0, t1, t2, reals[FRICTION] * press)
         nx, ny, nz = unit(nx, ny, nz)
         along = t0 * nx + t1 * ny + t2 * nz
         t0, t1, t2 = t0 - along * nx, t1 - along * ny, t2 - along * nz
@@ -186,14 +193,8 @@ def contact_forces(x, reals, integers, forces, presses, shears, slips):
 
 
 @kernel
-def stencils(x, reals, integers, places, axes, held, ends, pressing, rubbing):
-    """Write what the complementarity problem needs of each point, at positions ``x`` (n, 3) [m].
-
-    ``places`` (k, 3) [m] are the gap, and the slip along two tangents. ``axes`` (k, 3, 3) are the gradient of the gap,
-    and the tangents. ``held`` (k, 3) [N] are the present forces along these axes. ``ends`` (k, c) are the vertices that
-    move the point relative to the obstacle, ``pressing`` and ``rubbing`` (k, c) their weights in the displacement that
-    changes the gap, and in the slip.
-    """
+def stencils(x, reals, integers, places, axes, held, soft, ends, pressing, rubbing):
+    """Write what the complementarity problem needs of each point at positions ``x`` (n, 3) [m]: see `Stencils`."""
     kind, carriers = integers[KIND], integers[CARRIERS]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):
@@ -208,7 +209,7 @@ def stencils(x, reals, integers, places, axes, held, ends, pressing, rubbing):
         t = reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2]
         for j in range(3):
             axes[i, 1, j], axes[i, 2, j] = first[j], second[j]
-        places[i, 0], held[i, 0] = g - reals[r + OFFSET], reals[r + PRESS]
+        places[i, 0], held[i, 0], soft[i] = g - reals[r + OFFSET], reals[r + PRESS], 0.0
         places[i, 1] = first[0] * s[0] + first[1] * s[1] + first[2] * s[2]
         places[i, 2] = second[0] * s[0] + second[1] * s[1] + second[2] * s[2]
         held[i, 1] = -(first[0] * t[0] + first[1] * t[1] + first[2] * t[2])

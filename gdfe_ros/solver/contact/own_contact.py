@@ -13,41 +13,37 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.self_contact import NAME, SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
-from gdfe_ros.solver.contact.contact_term import ContactTerm
-from gdfe_ros.solver.contact.crossing import SEATS
+from gdfe_ros.solver.contact.contact_term import ContactTerm, Stencils
+from gdfe_ros.solver.contact.crossing import LEAST, SEATS
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import OwnPairs
 from gdfe_ros.solver.contact.own_points import OwnPoints
 from gdfe_ros.solver.contact.own_surface import Nearest
-from gdfe_ros.solver.contact.pair_touch import across, frames, tangential, touching_points
-from gdfe_ros.solver.contact.settling import Settling, parted
+from gdfe_ros.solver.contact.pair_touch import frames, tangential, touching_points
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
-from gdfe_ros.solver.tangent.springs import Springs
 
 REACH, FARTHEST = 0.02, 0.25
 """The search distance for faces is the first number times the body's size, plus twice the step's largest displacement
 relative to the surface's mean displacement. The second number times the body's size limits this sum.
 """
-ROUNDING = 1e-9
-"""A pair counts as slipping if its friction force is below the limit by less than this fraction."""
 DEEPEST = 1e-4
-"""Largest penetration depth, divided by the body's size, at the end of a converged step."""
-BURIED = 1e-3
-"""Largest penetration depth, divided by the body's size, with which a step is accepted, even if not converged."""
+"""Largest penetration depth, divided by the body's size, at the end of a step."""
 CLEAR = 1.5
-"""Least search distance, divided by the largest penetration depth in the last accepted state."""
+"""Least search distance, divided by the largest penetration depth in the last accepted state, or at the last search."""
+VALID = 2.0
+"""Relative displacement of a pair for which its plane holds, divided by `Topology.depth`."""
 SAME_SIDE = 0.5
-"""A vertex keeps its multipliers if the cosine between its old and its new contact normal exceeds this."""
+"""A vertex keeps its forces if the cosine between its old and its new contact normal exceeds this."""
 
 
 class OwnContact(ContactTerm):
     """Contact of the parts of a mesh with each other, and of each part with itself.
 
-    During a minimisation each vertex keeps its face and the plane of that face, and each sharp edge keeps the edge that
-    it crosses and the plane along both. Between minimisations, new faces, edges and planes are searched. The first
-    search uses the positions of the last accepted state.
+    During an iteration of the minimisation each vertex keeps its face and the plane of that face, and each sharp edge
+    keeps the edge that it crosses and the plane along both. Before each iteration, faces, edges and planes are searched
+    anew. The first search uses the positions of the last accepted state.
 
     Args:
         meant: the self-contact definition: faces that may touch, and friction.
@@ -67,40 +63,45 @@ class OwnContact(ContactTerm):
         ends[law.BODY], ends[law.CARRIERS] = len(body.rest), len(ends)
         reals[law.FRICTION], ends[law.CARRIED] = meant.friction, law.HEAD + law.STRIDE * count
         super().__init__(NAME, body, reals, np.concatenate([ends, self.points.corners.ravel()]))
-        self._yielding = np.zeros(0)
-        self._chosen, self._on = np.zeros(0, dtype=np.int64), False
+        self._yielding, self.valid = np.zeros(0), VALID * self.surface.topology.depth
+        self._chosen, self._begins = np.zeros(0, dtype=np.int64), False
         self._last: State | None = None
         self._reach, self._sunk = 0.0, np.zeros(vertices, dtype=np.bool_)
         none = np.zeros((count, 3))
         self._free = {
             "press": np.zeros(count), "shear": none, "normal": none, "slips": np.ones(count),
-            "face": np.full(count, -1.0), "weights": np.zeros((count, 4)), "offset": none,
+            "face": np.full(count, -1.0), "weights": np.zeros((count, 4)),
         }  # fmt: skip
 
     @property
-    def updates(self) -> bool:
-        """Whether any pair touches."""
-        return self._on
+    def near(self) -> bool:
+        """Whether any pair is near."""
+        return len(self._chosen) > 0
+
+    @property
+    def count(self) -> int:
+        """Number of pairs that are near."""
+        return len(self._chosen)
+
+    @property
+    def friction(self) -> float:
+        """Coulomb's coefficient."""
+        return float(self.reals[law.FRICTION])
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """Stiffnesses (k,) [N/m] of the body at the pairs."""
+        return self._rows()[:, law.SCALE]
+
+    def ends(self) -> NDArray[np.int32]:
+        """Return the vertices (k, 1) on which the forces of pairs can act."""
+        vertices = self.surface.topology.vertices
+        carriers = self.points.corners[vertices[vertices >= self.points.count] - self.points.count]
+        return np.unique(np.concatenate([vertices[vertices < self.points.count], carriers.ravel()]))[:, None]
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set the points' compliances from the constant matrix' diagonal; vertices that handles drive have none."""
         self._yielding = self.points.yielding(self._body, matrix.assembled.diagonal())
-
-    def springs(self, positions: NDArray[np.float64]) -> Springs:
-        """Return the penalties as springs: one normal to each pressing pair, two tangential to each sticking pair."""
-        rows, chosen = self._rows(), self._chosen
-        _, presses, _, slips, _ = self._forces(positions)
-        penalty, normals = rows[:, law.PENALTY], rows[:, law.NORMAL : law.WEIGHTS]
-        press, stick = presses > 0.0, (self.reals[law.FRICTION] * rows[:, law.PRESS] > 0.0) & ~slips
-        corners, held = self.pairs.carriers(chosen, self._face), self.pairs.carriers(chosen, self._hold[chosen])
-        parts = [(press, corners, self._weights, normals, penalty * rows[:, law.SUPPORT])]
-        parts += [(stick, held, self._hold_weights[chosen], way, penalty) for way in across(normals)]
-        ends = [np.column_stack([self.pairs.first[chosen], quads])[on] for on, quads, *_ in parts]
-        ways = [
-            (np.sqrt(stiffness)[:, None, None] * np.insert(-weights, 0, 1.0, axis=1)[:, :, None] * way[:, None, :])[on]
-            for on, _, weights, way, stiffness in parts
-        ]
-        return Springs.between(*self.points.carried(np.concatenate(ends), np.concatenate(ways)))
 
     def neutral(self) -> Saved:
         """Return the stored state without contact: no forces, no faces, no dissipated energy."""
@@ -111,106 +112,69 @@ class OwnContact(ContactTerm):
         self._last = last if last is None else last.anchor or last
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Search the pairs. Start from the multipliers of the last step, rotated with their faces."""
-        self._settling, self._scale = Settling(positions, held=self.reals[law.FRICTION] > 0.0), 0.0
+        """Search the pairs. Start from the forces of the last step, rotated with their faces."""
         x = self.points.at(positions)
         last = x if self._last is None else self.points.at(self._last.positions)
-        self._from, size = last, self._body.size
-        moved = x - last
-        far = float(np.abs(moved - moved[self.surface.topology.vertices].mean(axis=0)).max(initial=0.0))
-        self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
-        self.missed, entered = 0.0, self._entered(x)
+        self._from = self._seen = last
+        far = self.pairs.motion(x, last)
+        self._begins = far > self.surface.topology.depth
+        self._find_sunk()
+        self._set_reach(x, 0.0)
         found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), self._sunk)
-        self.hopeless = self.gives_up and bool(((entered > 0.0) & (found.face[: len(entered)] < 0)).any())
-        kept = saved["slips"] == 0.0
-        face = np.where(kept, saved["face"], found.face).astype(np.int64)
         some, every = saved["face"] >= 0.0, np.arange(self.pairs.count)
         axes = frames(x, self.pairs.carriers(every[some], saved["face"][some].astype(np.int64)))
         self._press, self._shear, self._normal = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
         self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
-        self._hold, self._hold_weights = face, np.where(kept[:, None], saved["weights"], found.weights)
-        self._offset = tangential(self._away(last, every, face, self._hold_weights), found.normal)
-        self._offset[kept] = np.einsum("kij,kj->ki", axes[kept[some]], saved["offset"][kept])
-        self._began = self._hold.copy(), self._hold_weights.copy(), self._offset.copy()
         on = found.face >= 0
         before, after = (frames(at, self.pairs.carriers(every[on], found.face[on])) for at in (last, x))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
-        self._pack(found, last)
-        self._on, rows = bool(self._press.any()), self._rows()
-        self._expect(rows[:, law.PRESS], rows[:, law.PENALTY])
-
-    def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers, search the nearest faces again, and return the error of the last multipliers [m]."""
-        rows, chosen = self._rows(), self._chosen
-        self._scale = self._scale or float(rows[:, law.PRESS].sum()) / max(1, len(rows))
-        self._held = self._multipliers()
-        miss, change, forces, penalties = law.update_pairs(positions, self.reals, self.integers)
-        gaps = self._forces(positions)[0]
-        press = rows[:, law.PRESS].copy()
-        pushed, given_up = press > 0.0, press / rows[:, law.PENALTY]
-        self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
-        x = self.points.at(positions)
-        found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
-        self._follow(found, x)
         self._pack(found, x)
-        kept = pushed & (self._press[chosen] > 0.0)
-        shifted = np.abs(found.gap[chosen] - gaps)[kept].max(initial=0.0)
-        miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
-        chosen, held = self._chosen, self._rows()[:, law.PRESS] / self._rows()[:, law.PENALTY]
-        deepest = float((found.support[chosen] * (held - found.gap[chosen]) - held).max(initial=0.0))
-        self.missed = max(miss, deepest)
-        missed = max(self.missed, self._judge(change, forces, penalties))
-        self._settling.way(positions, missed)
-        return missed
+        self._deepest = 2.0 * far
 
-    def hasten(self, near: float) -> None:
-        """Extrapolate multipliers and normals of pressing pairs, or shorten a plain update; see `Settling.mixed`.
+    def follow(self, positions: NDArray[np.float64]) -> None:
+        """Search the pairs again at ``positions`` (n, 3) [m]; pairs that persist keep their forces.
 
-        If at most the distance ``near`` [m] remains, plain updates come first. Few updates are needed, and they are
-        plain until they swing.
+        After a long way, the pairs of the last state serve for one iteration: it moves entered vertices back.
         """
-        if not (self._on and self._settling.swings):
+        if self._begins:
+            self._begins = False
             return
-        found = self._multipliers()
-        mixed = self._settling.mixed(self._held, found, near)
-        rows, chosen = self._rows(), self._chosen
-        on = (found[chosen, 0] > 0.0) & (mixed[chosen, 0] > 0.0)
-        press, shear, normal = parted(mixed[chosen[on]], rows[on, law.NORMAL : law.WEIGHTS], SAME_SIDE)
-        rows[on, law.PRESS], rows[on, law.SHEAR : law.HOLD], rows[on, law.NORMAL : law.WEIGHTS] = press, shear, normal
-
-    def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Search the pairs again if no pair touched so far; return whether one touches at ``positions`` (n, 3) [m]."""
-        if self._on:
-            return False
         x = self.points.at(positions)
+        rows, chosen = self._rows(), self._chosen
+        self._press[chosen], self._shear[chosen] = rows[:, law.PRESS], rows[:, law.SHEAR : law.OFFSET]
+        self._set_reach(x, self._deepest)
         found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
+        before, pressed = self._partners, self._press > 0.0
         self._pack(found, x)
-        self._on = bool((found.gap[self._chosen] < 0.0).any())
-        if self._on and self.gives_up:
-            self.hopeless = self._entered(x).max() > self.surface.topology.depth
-        return self._on
+        self.changed = bool((pressed & ((found.face != before) | (self._press == 0.0))).any())
+
+    def stencils(self, positions: NDArray[np.float64]) -> Stencils:
+        """Return what the complementarity problem needs of the pairs at ``positions`` (n, 3) [m]."""
+        found = Stencils.empty(self.count, law.WIDTH * (8 if len(self.points.corners) else 1))
+        law.pair_stencils(positions, self.reals, self.integers, *found)
+        return found
+
+    def hold_forces(self, axes: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
+        """Set the forces (k, 3) [N] of the pairs along ``axes`` (k, 3, 3)."""
+        rows = self._rows()
+        rows[:, law.PRESS] = forces[:, 0]
+        rows[:, law.SHEAR : law.OFFSET] = -np.einsum("ka,kai->ki", forces[:, 1:], axes[:, 1:])
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Return the state to store: pair forces, and the anchors of the sticking pairs.
+        """Return the state to store: the pairs, and their forces.
 
         The entry ``lost`` is the energy dissipated by friction so far [J].
         """
-        if not self._on:
+        if not self._rows()[:, law.PRESS].any():
             return {**self._free, "lost": saved["lost"]}
         chosen, rows, kept = self._chosen, self._rows(), {name: array.copy() for name, array in self._free.items()}
-        _, presses, shears, slips, slid = self._forces(positions)
+        presses, shears, slips, slid = self._forces(positions)
         slips |= ~(presses > 0.0)
-        face, weights = self._hold[chosen], self._hold_weights[chosen]
-        face, weights = np.where(slips, self._face, face), np.where(slips[:, None], self._weights, weights)
-        x = self.points.at(positions)
-        axes, offset = frames(x, self.pairs.carriers(chosen, face)), self._away(x, chosen, face, weights)
-        offset[~slips] = rows[~slips, law.OFFSET : law.SUPPORT]
-        offset = tangential(offset, rows[:, law.NORMAL : law.WEIGHTS])
+        axes = frames(self.points.at(positions), self.pairs.carriers(chosen, self._face))
         kept["press"][chosen], kept["slips"][chosen] = presses, slips
         kept["shear"][chosen] = np.einsum("kji,kj->ki", axes, shears)
-        kept["offset"][chosen] = np.einsum("kji,kj->ki", axes, offset)
         kept["normal"][chosen] = rows[:, law.NORMAL : law.NORMAL + 3]
-        kept["face"][chosen], kept["weights"][chosen] = face, weights
+        kept["face"][chosen], kept["weights"][chosen] = self._face, self._weights
         rubbed = float(np.einsum("ki,ki->", shears[slips], slid[slips]))
         return {**kept, "lost": saved["lost"] + self.share * rubbed, "share": np.array([self.share])}
 
@@ -242,119 +206,79 @@ class OwnContact(ContactTerm):
         """Return a sentence about the deepest penetration, or an empty string if its depth is within `DEEPEST`.
 
         Every surface vertex is checked, also a vertex without a pair in the solve, and every crossing of edges, also of
-        two edges that have passed each other since the last state. The attribute ``buried`` is set.
+        two edges that have passed each other since the last state.
         """
         bound, x = DEEPEST * self._body.size, self.points.at(positions)
         depth, text = self.penetration.told(x, bound)
-        crossed = self.pairs.edges.look(x, self._from, self._reach, self._partners[len(self._sunk) :])
+        reach = REACH * self._body.size + 2.0 * self.pairs.motion(x, self._from)
+        crossed = self.pairs.cross(x, self._from, reach, self._partners)
         deepest = int(crossed.gap.argmin()) if len(crossed.gap) else -1
         if deepest >= 0 and -crossed.gap[deepest] > max(depth, bound):
-            depth, other = -float(crossed.gap[deepest]), crossed.face[deepest]
-            text = self.penetration.told_of(x, self.pairs.edges.topology.ends[[deepest // SEATS, other]], depth)
-        self.buried = depth > BURIED * self._body.size
+            ends = self.pairs.edges.topology.ends[[deepest // SEATS, crossed.face[deepest]]]
+            text = self.penetration.told_of(x, ends, -float(crossed.gap[deepest]))
         return text
 
-    def _entered(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the penetration depths (k,) [m] of the surface's points that were outside in the last accepted state.
+    def _set_reach(self, x: NDArray[np.float64], deepest: float) -> None:
+        """Set the search distance at the points ``x`` (n + p, 3) [m]; some may have been ``deepest`` [m] inside."""
+        size = self._body.size
+        reach = min(REACH * size + 2.0 * self.pairs.motion(x, self._seen), FARTHEST * size)
+        self._reach, self._seen = max(reach, CLEAR * max(deepest, self._least)), x
 
-        ``x`` (n + p, 3) [m] are the positions of the points. The depth of a point that already penetrated in this state
-        is 0. ``_sunk`` marks such a point. Contact pushes it out through its nearest face.
-        """
-        within = min(REACH * self._body.size, self.surface.topology.depth)
-        depths = self.penetration.depths(x, within)[0]
-        self._sunk = np.zeros(len(depths), dtype=np.bool_)
-        if not depths.any():
-            return depths
-        before = self.penetration.depths(self._from, DEEPEST * self._body.size)[0]
-        self._sunk = before > 0.0
-        self._reach = max(self._reach, CLEAR * float(before.max()))
-        return np.where(self._sunk, 0.0, depths)
-
-    def _follow(self, found: Nearest, x: NDArray[np.float64]) -> None:
-        """Set, for each pair, the face point on which friction acts.
-
-        A slipping pair gets the face point that its vertex touches now; any other pair keeps its face point from the
-        start of the solve. The slip is the vertex' motion since the last state relative to this material point.
-        Intermediate positions have no effect on it.
-        """
-        rows, chosen, limit = self._rows(), self._chosen, self.reals[law.FRICTION] * self._rows()[:, law.PRESS]
-        shear = np.linalg.norm(rows[:, law.SHEAR : law.HOLD], axis=1)
-        on = (limit > 0.0) & (shear > (1.0 - ROUNDING) * limit) & (found.face[chosen] >= 0)
-        hold, weights, offset = self._began
-        sticks = chosen[~on & (hold[chosen] >= 0)]
-        self._hold[sticks], self._hold_weights[sticks] = hold[sticks], weights[sticks]
-        self._offset[sticks] = offset[sticks]
-        slips = chosen[on]
-        self._hold[slips], self._hold_weights[slips] = found.face[slips], found.weights[slips]
-        before = self._before(x, slips, found.face[slips], found.weights[slips])
-        self._offset[slips] = tangential(before, found.normal[slips])
-
-    def _away(
-        self,
-        x: NDArray[np.float64],
-        pairs: NDArray[np.int64],
-        face: NDArray[np.int64],
-        weights: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
-        """Return the vectors (k, 3) [m] from the second member of each pair to the first, with weights (k, 4)."""
-        return x[self.pairs.first[pairs]] - np.einsum("ka,kai->ki", weights, x[self.pairs.carriers(pairs, face)])
+    def _find_sunk(self) -> None:
+        """Mark the vertices that penetrated in the last state: contact pushes them out through their nearest face."""
+        self._sunk, self._least = np.zeros(len(self.surface.topology.vertices), dtype=np.bool_), 0.0
+        if self._last is None or self._last.summary.converged:
+            return
+        depths = self.penetration.depths(self._from, DEEPEST * self._body.size)[0]
+        self._sunk, self._least = depths > 0.0, float(depths.max())
 
     def _before(
-        self, x: NDArray[np.float64], pairs: NDArray[np.int64], face: NDArray[np.int64], weights: NDArray[np.float64]
+        self, pairs: NDArray[np.int64], face: NDArray[np.int64], weights: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the result of `_away` in the last state, rotated with the faces to the points ``x`` (n + p, 3) [m]."""
-        quads, last = self.pairs.carriers(pairs, face), self._from
-        away = self._away(last, pairs, face, weights)
-        return np.einsum("kij,klj,kl->ki", frames(x, quads), frames(last, quads), away)
+        """Return the vectors (k, 3) [m] from the second member of each pair to the first, in the last state.
+
+        ``weights`` (k, 4) are those of the corners. The vectors do not turn with the faces. All slips are then
+        projections of one displacement field, so that vertex on vertex, each in the other's pair, do not contradict.
+        """
+        return self._from[self.pairs.first[pairs]] - np.einsum(
+            "ka,kai->ki", weights, self._from[self.pairs.carriers(pairs, face)]
+        )
 
     def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
         """Write the pairs found at the points ``x`` (n + p, 3) [m] to the kernels' arrays.
 
-        Persisting pairs keep their multipliers.
+        Persisting pairs keep their forces.
         """
         on = found.face >= 0
         corners = self.pairs.carriers(np.arange(self.pairs.count), found.face)
         give = self.pairs.give(self._yielding, corners, found.weights)
-        on &= give > 0.0
+        on &= (give > 0.0) & (found.support >= LEAST)
         turned = np.einsum("ki,ki->k", self._normal, found.normal) < SAME_SIDE
         lost = ~on | turned
         self._press[lost], self._shear[lost] = 0.0, 0.0
-        fresh = np.flatnonzero(on & (self._hold < 0))
-        self._hold[fresh], self._hold_weights[fresh] = found.face[fresh], found.weights[fresh]
-        away = self._away(x, fresh, found.face[fresh], found.weights[fresh])
-        self._offset[fresh] = tangential(away, found.normal[fresh])
         self._normal, self._partners = found.normal, found.face
+        self._deepest = -float(found.gap.min(initial=0.0))
         chosen = np.flatnonzero(on)
         normal = found.normal[chosen]
         shear = tangential(self._shear[chosen], normal)
         self._chosen, self._face, self._weights = chosen, found.face[chosen], found.weights[chosen]
         self.integers[law.COUNT] = len(chosen)
         rows = self._rows()
-        rows[:, law.PENALTY], rows[:, law.PRESS] = 1.0 / give[chosen], self._press[chosen]
+        rows[:, law.SCALE], rows[:, law.PRESS] = 1.0 / give[chosen], self._press[chosen]
         rows[:, law.NORMAL : law.WEIGHTS], rows[:, law.WEIGHTS : law.SHEAR] = normal, self._weights
-        rows[:, law.SHEAR : law.HOLD], rows[:, law.HOLD : law.OFFSET] = shear, self._hold_weights[chosen]
-        rows[:, law.OFFSET : law.SUPPORT], rows[:, law.SUPPORT] = self._offset[chosen], found.support[chosen]
+        before = self._before(chosen, self._face, self._weights)
+        rows[:, law.SHEAR : law.OFFSET], rows[:, law.OFFSET : law.SUPPORT] = shear, tangential(before, normal)
+        rows[:, law.SUPPORT] = found.support[chosen]
         ends = self.integers[law.VERTICES : law.VERTICES + law.WIDTH * len(chosen)].reshape(-1, law.WIDTH)
-        ends[:, law.VERTEX], ends[:, law.FACE : law.HELD] = self.pairs.first[chosen], corners[chosen]
-        ends[:, law.HELD :] = self.pairs.carriers(chosen, self._hold[chosen])
+        ends[:, law.VERTEX], ends[:, law.FACE :] = self.pairs.first[chosen], corners[chosen]
 
-    def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-        """Return gaps (k,) [m], normal (k,) and friction forces (k, 3) [N], slip flags (k,) and slips (k, 3) [m]."""
+    def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Return normal (k,) and friction forces (k, 3) [N], slip flags (k,) and slips (k, 3) [m]."""
         count = len(self._chosen)
-        gaps, presses, slips = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_)
+        presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)
         shears, slid = np.zeros((count, 3)), np.zeros((count, 3))
-        law.pair_forces(positions, self.reals, self.integers, gaps, presses, shears, slips, slid)
-        return gaps, presses, shears, slips, slid
-
-    def _multipliers(self) -> NDArray[np.float64]:
-        """Return normal force, friction force and scaled normal [N] of each pair (k, 7).
-
-        The normals of pressing pairs are multiplied by the mean normal force, so that all columns have one unit.
-        """
-        rows, chosen, found = self._rows(), self._chosen, np.zeros((self.pairs.count, 7))
-        found[chosen, 0], found[chosen, 1:4] = rows[:, law.PRESS], rows[:, law.SHEAR : law.HOLD]
-        found[chosen, 4:] = self._scale * (rows[:, law.PRESS, None] > 0.0) * rows[:, law.NORMAL : law.WEIGHTS]
-        return found
+        law.pair_forces(positions, self.reals, self.integers, presses, shears, slips, slid)
+        return presses, shears, slips, slid
 
     def _rows(self) -> NDArray[np.float64]:
         return self.reals[law.HEAD : law.HEAD + law.STRIDE * len(self._chosen)].reshape(-1, law.STRIDE)

@@ -57,23 +57,14 @@ class OwnEdges:
         given = np.ascontiguousarray(ends[sharp]), np.ascontiguousarray(sides[sharp])
         self.topology = EdgeTopology(*given, surface.near_starts, surface.near, surface.depth / DEPTH)
 
-    def look(
-        self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, before: NDArray[np.int64]
-    ) -> Nearest:
-        """Return the edges within a distance that can cross each edge, in the edge's seats.
-
-        Args:
-            x: (n, 3) [m] positions.
-            last: (n, 3) [m] positions of the last accepted state.
-            reach: [m] search distance.
-            before: (`SEATS` e,) edge that was in each seat; -1 for none.
-        """
+    def search(self, x: NDArray[np.float64], within: float) -> NDArray[np.int64]:
+        """Return the pairs of edges (p, 2) that come within a distance [m] at the positions ``x`` (n, 3) [m]."""
         ends = x[self.topology.ends]
-        if not len(ends) or not np.isfinite(ends).all():
-            return self.cross(x, last, np.zeros((0, 2), np.int64), reach, before)
+        if not len(ends):
+            return np.zeros((0, 2), np.int64)
         length = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max())
-        near = cKDTree(ends.mean(axis=1)).query_pairs(reach + length, output_type="ndarray")
-        return self.cross(x, last, near[np.lexsort(near.T[::-1])], reach, before)
+        near = cKDTree(ends.mean(axis=1)).query_pairs(within + length, output_type="ndarray")
+        return near[np.lexsort(near.T[::-1])]
 
     def cross(
         self,
@@ -83,9 +74,16 @@ class OwnEdges:
         reach: float,
         before: NDArray[np.int64],
     ) -> Nearest:
-        """Do `look` for the candidates ``pairs`` (p, 2).
+        """Return the edges within a distance that can cross each edge, in the edge's seats.
 
         In the result, ``face`` is an edge, and ``weights`` are those of `OwnPairs`.
+
+        Args:
+            x: (n, 3) [m] positions.
+            last: (n, 3) [m] positions of the last accepted state.
+            pairs: (p, 2) both edges of each candidate pair.
+            reach: [m] search distance.
+            before: (`SEATS` e,) edge that was in each seat; -1 for none.
         """
         count = len(before)
         distance, edge, gap = np.full(count, np.inf), np.full(count, -1, dtype=np.int64), np.full(count, np.inf)

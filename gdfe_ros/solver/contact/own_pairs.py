@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
@@ -15,6 +17,26 @@ from gdfe_ros.solver.contact.crossing import SEATS
 from gdfe_ros.solver.contact.own_edges import OwnEdges
 from gdfe_ros.solver.contact.own_points import OwnPoints
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
+
+MARGIN = 0.01
+"""Candidates are searched up to this distance, divided by the body's size, beyond the search distance. They are
+searched again after the points have moved by half of it relative to each other.
+"""
+
+
+@kernel
+def relative_motion(x, before, points):
+    """Return the largest displacement [m] of the ``points`` (k,) from ``before`` to ``x``, less their mean."""
+    m0, m1, m2 = 0.0, 0.0, 0.0
+    for p in points:
+        m0, m1, m2 = m0 + x[p, 0] - before[p, 0], m1 + x[p, 1] - before[p, 1], m2 + x[p, 2] - before[p, 2]
+    m0, m1, m2 = m0 / len(points), m1 / len(points), m2 / len(points)
+    longest = 0.0
+    for p in points:
+        d0, d1, d2 = x[p, 0] - before[p, 0] - m0, x[p, 1] - before[p, 1] - m1, x[p, 2] - before[p, 2] - m2
+        square = d0 * d0 + d1 * d1 + d2 * d2
+        longest = square if not square <= longest else longest
+    return math.sqrt(longest)
 
 
 class OwnPairs:
@@ -49,6 +71,7 @@ class OwnPairs:
         own[len(vertices) :, ::2], others[1:, 1::2] = seats, ends
         self._own, self._others = own, np.concatenate([faces, others])
         self._start = np.repeat([0, len(faces) + 1], [len(vertices), len(seats)])
+        self._margin, self._within, self._searched = MARGIN * body.size, -np.inf, points.at(body.rest)
 
     def look(
         self,
@@ -60,11 +83,37 @@ class OwnPairs:
     ) -> Nearest:
         """Return the nearest face of each vertex, and the edges in the seats of each edge.
 
-        ``before`` (k,) are the faces and edges of all pairs until now. The other arguments are those of
-        `OwnSurface.look`.
+        Args:
+            x: (n + p, 3) [m] positions; if they are not finite, nothing is found.
+            last: (n + p, 3) [m] positions of the last accepted state.
+            reach: [m] search distance.
+            before: (k,) faces and edges of all pairs until now; -1 for none.
+            sunk: (k,) whether each surface vertex already penetrated at ``last``; None if none did.
         """
-        seats = before[self._vertices :]
-        return _joined(self.surface.look(x, last, reach, sunk), self.edges.look(x, last, reach, seats))
+        self._find_candidates(x, reach)
+        sunk = np.zeros(self._vertices, dtype=np.bool_) if sunk is None else sunk
+        return _joined(self.surface.nearest(x, last, *self._faces, reach, sunk), self.cross(x, last, reach, before))
+
+    def cross(
+        self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, before: NDArray[np.int64]
+    ) -> Nearest:
+        """Return the edges that cross each other, as `look` does."""
+        self._find_candidates(x, reach)
+        return self.edges.cross(x, last, self._edges, reach, before[self._vertices :])
+
+    def motion(self, x: NDArray[np.float64], before: NDArray[np.float64]) -> float:
+        """Return the largest displacement [m] of a point of the surface, relative to the surface's mean."""
+        return relative_motion(x, before, self.surface.topology.vertices)
+
+    def _find_candidates(self, x: NDArray[np.float64], reach: float) -> None:
+        """Find the candidates again if the points have moved too far, relative to each other, for those at hand."""
+        if reach + 2.0 * self.motion(x, self._searched) <= self._within:
+            return
+        finite = bool(np.isfinite(x).all())
+        self._searched, self._within = x.copy(), reach + self._margin if finite else -np.inf
+        none = np.zeros(0, np.int64)
+        self._faces = self.surface.search(x, self._within) if finite else (none, none)
+        self._edges = self.edges.search(x, self._within) if finite else np.zeros((0, 2), np.int64)
 
     def nearest_to(self, x: NDArray[np.float64], pairs: NDArray[np.int64], others: NDArray[np.int64]) -> Nearest:
         """Return the closest points of some ``pairs`` (p,) and their given faces or edges ``others`` (p,)."""

@@ -57,18 +57,6 @@ class OwnPoints:
         own = np.where(driven, 0.0, 1.0 / diagonal)
         return np.concatenate([own, compliances(self.corners, self.weights, driven, diagonal)])
 
-    def carried(
-        self, ends: NDArray[np.int32], ways: NDArray[np.float64]
-    ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """Return vertices (k, c) and factors (k, c, 3) that equal factors (k, e, 3) of the points ``ends`` (k, e)."""
-        if not len(self.corners):
-            return ends, ways
-        lined, k = ends >= self.count, np.maximum(ends - self.count, 0)
-        corners = np.where(lined[..., None], self.corners[k], ends[..., None])
-        weights = np.where(lined[..., None], self.weights[k], np.eye(1, 8))
-        spread = weights[..., None] * ways[:, :, None]
-        return corners.reshape(len(ends), 8 * ends.shape[1]), spread.reshape(len(ends), 8 * ends.shape[1], 3)
-
     def about(self, cells: NDArray[np.int32], chosen: NDArray[np.int32]) -> sparse.csr_matrix:
         """Return the points (k, n + p) of all cells that share a vertex with each of the ``chosen`` cells (k, c).
 

@@ -27,7 +27,7 @@ class DifferentiableOwnContact(OwnContact):
     """Self-contact that can be linearised at a converged solve. The pairs then keep their faces.
 
     The multipliers of a pair are, in this order: its normal force, its normal, the weights of its face's corners, its
-    friction force, the weights of the corners on which friction acts, its support, and the change of its offset.
+    friction force, its support, and the change of its offset.
     """
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
@@ -37,7 +37,7 @@ class DifferentiableOwnContact(OwnContact):
     @property
     def delicate(self) -> bool:
         """Whether friction acts between pairs that touch."""
-        return self._on and self.reals[law.FRICTION] > 0.0
+        return self.near and self.friction > 0.0
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Prepare the linearisation of a solve: choose the pairs that press at its end, with their forces.
@@ -45,8 +45,7 @@ class DifferentiableOwnContact(OwnContact):
         The direction of slip must be defined. A slipping pair that has hardly moved therefore gets a slip of `SLIP`
         times the body's size in the direction of its friction force.
         """
-        self._on = bool(found["press"].any())
-        if not self._on:
+        if not found["press"].any():
             self._chosen = self._face = np.zeros(0, dtype=np.int64)
             self._weights, self.integers[law.COUNT] = np.zeros((0, 4)), 0
             return
@@ -54,32 +53,21 @@ class DifferentiableOwnContact(OwnContact):
         near = self.pairs.look(x, x, REACH * self._body.size, found["face"].astype(np.int64))
         near.face[~(found["press"] > 0.0)] = -1
         on = near.face >= 0
-        self._hold, self._hold_weights = found["face"].astype(np.int64), found["weights"].copy()
-        axes = frames(x, self.pairs.carriers(np.flatnonzero(on), self._hold[on]))
-        self._press, self._normal = found["press"].copy(), found["normal"]
-        self._shear, self._offset = np.zeros_like(found["shear"]), np.zeros_like(found["offset"])
+        axes = frames(x, self.pairs.carriers(np.flatnonzero(on), found["face"][on].astype(np.int64)))
+        self._press, self._normal, self._shear = found["press"].copy(), found["normal"], np.zeros_like(found["shear"])
         self._shear[on] = np.einsum("kij,kj->ki", axes, found["shear"][on])
-        self._offset[on] = np.einsum("kij,kj->ki", axes, found["offset"][on])
+        self._from = self.points.at(self._last.positions)
         self._pack(near, x)
-        self._moved()[...], self._from = 0.0, self.points.at(self._last.positions)
+        self._moved()[...] = 0.0
         self._slips = found["slips"][self._chosen] > 0.0
         self._set_anchors(x)
-        self._kept = ~self._slips & (saved["slips"][self._chosen] == 0.0)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
         """Update the anchors of the chosen pairs; keep the choice of pairs."""
-        if not self._on:
+        if not self.near:
             return
-        x, self._from = self.points.at(positions), self.points.at(self._last.positions)
-        chosen, rows = self._chosen, self._rows()
-        kept, slips, face = self._kept, self._slips, self._hold[chosen]
-        weights = self._nearest(self._from, face).weights
-        weights[kept] = saved["weights"][chosen[kept]]
-        rows[~slips, law.HOLD : law.OFFSET] = self._hold_weights[chosen[~slips]] = weights[~slips]
-        axes = frames(x, self.pairs.carriers(chosen[kept], face[kept]))
-        rows[kept, law.OFFSET : law.SUPPORT] = np.einsum("kij,kj->ki", axes, saved["offset"][chosen[kept]])
-        moved = self._slid(x, rows) - self._anchors
-        rows[slips, law.OFFSET : law.SUPPORT] = (self._ends + moved)[slips]
+        self._from, rows = self.points.at(self._last.positions), self._rows()
+        rows[:, law.OFFSET : law.SUPPORT] = self._ends + self._slid(rows) - self._anchors
 
     @property
     def multipliers(self) -> NDArray[np.float64]:
@@ -95,19 +83,17 @@ class DifferentiableOwnContact(OwnContact):
         """
         topology, rows = self.surface.topology, self._rows()
         scales = np.full((len(rows), law.STRIDE), DEPTH / topology.depth)
-        scales[:, law.PRESS] = rows[:, law.PENALTY]
-        scales[:, law.SHEAR : law.HOLD] = rows[:, law.PENALTY, None]
+        scales[:, law.PRESS] = rows[:, law.SCALE]
+        scales[:, law.SHEAR : law.OFFSET] = rows[:, law.SCALE, None]
         scales[:, law.SUPPORT] = 1.0 / topology.rim
         return np.hstack([scales[:, HELD], np.ones((len(rows), 3))]).ravel()
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the multipliers (`WIDTH` k,); a sticking pair keeps the weights of the corners on which friction acts."""
+        """Set the multipliers (`WIDTH` k,)."""
         rows, given = self._rows(), multipliers.reshape(-1, WIDTH)
         if not len(rows):
             return
-        stuck = rows[~self._slips, law.HOLD : law.OFFSET].copy()
         rows[:, HELD] = given[:, : len(HELD)]
-        rows[~self._slips, law.HOLD : law.OFFSET] = stuck
         rows[:, law.OFFSET : law.SUPPORT] += given[:, len(HELD) :] - self._moved()
         self._moved()[...] = given[:, len(HELD) :]
 
@@ -116,44 +102,40 @@ class DifferentiableOwnContact(OwnContact):
         held = self.multipliers
         if not len(held):
             return held
-        law.update_pairs(positions, self.reals, self.integers)
+        law.project_pairs(positions, self.reals, self.integers)
         x = self.points.at(positions)
-        found, near, slips = self._rows().copy(), self._nearest(x, self._face), self._slips
+        found, near = self._rows().copy(), self._nearest(x, self._face)
         self.hold(held)
         on = near.face >= 0  # a vertex that leaves its face sideways keeps its normal
         found[on, law.NORMAL : law.WEIGHTS], found[on, law.WEIGHTS : law.SHEAR] = near.normal[on], near.weights[on]
         found[on, law.SUPPORT] = near.support[on]
-        found[:, law.SHEAR : law.HOLD] = tangential(found[:, law.SHEAR : law.HOLD], found[:, law.NORMAL : law.WEIGHTS])
-        found[:, law.HOLD : law.OFFSET] = self._hold_weights[self._chosen]
-        found[slips, law.HOLD : law.OFFSET] = found[slips, law.WEIGHTS : law.SHEAR]
-        moved = (self._slid(x, found) - self._anchors) * slips[:, None]
-        return np.hstack([found[:, HELD], moved]).ravel()
+        shears, normals = found[:, law.SHEAR : law.OFFSET], found[:, law.NORMAL : law.WEIGHTS]
+        found[:, law.SHEAR : law.OFFSET] = tangential(shears, normals)
+        return np.hstack([found[:, HELD], self._slid(found) - self._anchors]).ravel()
 
     def _nearest(self, x: NDArray[np.float64], face: NDArray[np.int64]) -> Nearest:
         """Return the nearest points on the given faces ``face`` (k,) to the vertices of the chosen pairs."""
         return self.pairs.nearest_to(x, self._chosen, face).of(self._chosen)
 
-    def _slid(self, x: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _slid(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tangential vectors (k, 3) [m] from face points to vertices in the last state.
 
-        They are rotated with the faces to the points ``x`` (n + p, 3) [m]. The face points have the corner weights of
-        ``rows``.
+        The face points have the corner weights of ``rows``.
         """
-        weights = rows[:, law.HOLD : law.OFFSET]
-        before = self._before(x, self._chosen, self._hold[self._chosen], weights)
+        before = self._before(self._chosen, self._face, rows[:, law.WEIGHTS : law.SHEAR])
         return tangential(before, rows[:, law.NORMAL : law.WEIGHTS])
 
     def _set_anchors(self, x: NDArray[np.float64]) -> None:
-        """Set the offsets of slipping pairs at the points ``x`` (n + p, 3) [m].
+        """Set the offsets at the points ``x`` (n + p, 3) [m].
 
-        Each slip has the direction of the friction force. Its length is the length in the solve, but at least `SLIP`
-        times the body's size.
+        The slip of a slipping pair has the direction of the friction force. Its length is the length in the solve, but
+        at least `SLIP` times the body's size.
         """
-        chosen, rows, slips = self._chosen, self._rows(), self._slips
-        self._anchors = self._slid(x, rows)
-        away = self._away(x, chosen, self._hold[chosen], self._hold_weights[chosen])
+        rows, slips, corners = self._rows(), self._slips, self.pairs.carriers(self._chosen, self._face)
+        self._anchors = self._slid(rows)
+        away = x[self.pairs.first[self._chosen]] - np.einsum("ka,kai->ki", self._weights, x[corners])
         slid = tangential(away - self._anchors, rows[:, law.NORMAL : law.WEIGHTS])
-        shears = rows[:, law.SHEAR : law.HOLD]
+        shears = rows[:, law.SHEAR : law.OFFSET]
         length = np.linalg.norm(shears, axis=1)[:, None]
         far = np.maximum(np.linalg.norm(slid, axis=1), SLIP * self._body.size)[:, None]
         ends = away - far * shears / np.where(length > 0.0, length, 1.0)

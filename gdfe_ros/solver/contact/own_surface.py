@@ -21,10 +21,6 @@ DEPTH, RIM = 0.25, 0.05
 """Two distances divided by the shortest edge. A vertex up to `DEPTH` behind a face touches this face even if it was
 never in front of it. A vertex up to `RIM` beside a face still counts as above it.
 """
-MARGIN = 0.01
-"""Candidate pairs are searched up to this distance, divided by the body's size, beyond the search distance. They are
-searched again after the points have moved by half of it relative to each other.
-"""
 
 
 class Topology(NamedTuple):
@@ -123,44 +119,21 @@ class OwnSurface:
             depth=DEPTH * shortest,
             rim=RIM * shortest,
         )
-        self._searched, self._within, self._margin = whole, -np.inf, MARGIN * body.size
 
-    def look(
-        self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, sunk: NDArray[np.bool_] | None = None
-    ) -> Nearest:
-        """Return the nearest face that each vertex can touch within a distance.
+    def search(self, x: NDArray[np.float64], within: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the vertices and faces (p,) that come within a distance [m] at the positions ``x`` (n + p, 3) [m].
 
-        A vertex deep behind a face touches this face only if it was in front of it at ``last``. Vertices on the far
-        side of a wall are thus excluded.
-
-        Args:
-            x: (n + p, 3) [m] positions.
-            last: (n + p, 3) [m] positions of the last accepted state.
-            reach: [m] search distance.
-            sunk: (k,) whether each surface vertex already penetrated at ``last``; None if none did.
+        Vertices are indices into the surface's vertices.
         """
-        surface = self.topology
-        sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk
-        centres = x[surface.quads].mean(axis=1)
-        radius = float(np.sqrt(np.square(x[surface.quads] - centres[:, None]).sum(axis=2).max()))
-        if not reach + radius + self._moved(x) <= self._within:
-            self._find_candidates(x, centres, reach + radius)
-        return self.nearest(x, last, *self._candidates, reach, sunk)
-
-    def _moved(self, x: NDArray[np.float64]) -> float:
-        """Return an upper bound of the change [m] of the distance between any two points since the last search."""
-        moved = x - self._searched
-        return 2.0 * float(np.sqrt(np.square(moved - moved.mean(axis=0)).sum(axis=1).max()))
-
-    def _find_candidates(self, x: NDArray[np.float64], centres: NDArray[np.float64], reach: float) -> None:
-        """Find the pairs of vertices and faces that can touch now, or after a small motion."""
-        self._searched, self._within = x.copy(), reach + self._margin
+        corners = x[self.topology.quads]
+        centres = corners.mean(axis=1)
+        radius = float(np.sqrt(np.square(corners - centres[:, None]).sum(axis=2).max(initial=0.0)))
         tree, found = cKDTree(x[self.topology.vertices]), cKDTree(centres)
-        near = tree.sparse_distance_matrix(found, self._within, output_type="ndarray")
+        near = tree.sparse_distance_matrix(found, within + radius, output_type="ndarray")
         pairs, faces = np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"])
         apart = np.empty(len(near), dtype=np.bool_)
         are_apart(pairs, faces, self.topology, apart)
-        self._candidates = pairs[apart], faces[apart]
+        return pairs[apart], faces[apart]
 
     def nearest(
         self,
@@ -172,6 +145,9 @@ class OwnSurface:
         sunk: NDArray[np.bool_],
     ) -> Nearest:
         """Return, for each surface vertex, the nearest of the candidate faces that it can touch.
+
+        A vertex deep behind a face touches this face only if it was in front of it at ``last``. Vertices on the far
+        side of a wall are thus excluded.
 
         Args:
             x: (n + p, 3) [m] positions.

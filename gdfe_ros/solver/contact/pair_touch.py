@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
-from gdfe_ros.materials.tensor import perpendicular
 from gdfe_ros.mesh.triples import along, corner, cross, minus
 from gdfe_ros.solver.contact.gap import unit
 from gdfe_ros.solver.contact.touch import Touch
@@ -75,17 +74,6 @@ def touching_points(
         shears=rub[on],
         slips=slip[on] > 0.0,
     )
-
-
-@kernel
-def across(normals):
-    """Return two unit tangents (k, 3) of the planes with unit normals (k, 3), perpendicular to each other."""
-    first, second = np.empty((len(normals), 3)), np.empty((len(normals), 3))
-    for k in range(len(normals)):
-        normal = corner(normals, k)
-        tangent = perpendicular(normal)
-        first[k], second[k] = tangent, cross(normal, tangent)
-    return first, second
 
 
 def tangential(vectors: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, solid_angle
 from gdfe_ros.solver.contact.cell_place import corner_shape, place_in_cell
-from gdfe_ros.solver.contact.closest import among, closest_on, point_on
+from gdfe_ros.solver.contact.closest import EQUAL, among, closest_on, point_on
 
-EQUAL = 1e-9
-"""Two distances count as equal if they differ by less than this fraction."""
 MOST_BINS = 4
 """Largest number of bins of the search grid, divided by the number of vertices."""
 

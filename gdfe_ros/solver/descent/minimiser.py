@@ -131,7 +131,7 @@ class Minimiser:
         status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
         self._spent = 0
         if self.impulses is not None:
-            self.impulses.left = 0.0
+            self.impulses.begin()
         self.tangent = tangent or self.rest
         if self.tangent is not None:
             self.level.load(self.tangent)
@@ -193,6 +193,9 @@ class Minimiser:
             self._show(work, begins=True)  # other forces have another energy
             if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
                 return iteration
+            if not impulses.settles(work):
+                numbers(work)["ended"] = End.GIVEN_UP
+                return iteration + 1
         return limit
 
     def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:

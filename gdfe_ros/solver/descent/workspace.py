@@ -29,7 +29,7 @@ class End(IntEnum):
     RUNAWAY = 5
     """The energy has no lower bound: an unstable law or load."""
     GIVEN_UP = 6
-    """The body leaves its branch of equilibria, and a shorter increment may end before that."""
+    """The body leaves its branch of equilibria, or faces that touch do not settle: a shorter increment may succeed."""
 
 
 STATUS = np.dtype(

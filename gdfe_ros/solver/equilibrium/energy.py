@@ -14,7 +14,6 @@ from gdfe_ros.compiled import start_threads
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.impulses import Impulses
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Minimiser, Observer, Task
@@ -91,7 +90,7 @@ class EquilibriumSolver:
         self._whole = ActiveSet.whole(body, self.matrix, rigid=not self.actuation.growths, skip=skip)
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving = predictor is not None
-        touching = [contact for contact in self.actuation.contacts if isinstance(contact, Contact)]
+        touching = self.actuation.contacts
         impulses = Impulses(touching, len(body.rest), body.unknowns) if touching else None
         self.minimiser = Minimiser(body, stiffness, level, moving=moving, impulses=impulses)
         self._model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)

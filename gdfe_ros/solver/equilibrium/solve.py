@@ -38,8 +38,8 @@ SLOW = 10
 """If this number of updates of exact minimisations does not settle the constraints, the minimisations become finer."""
 MOST_UPDATES = 200
 """Limit of the updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need most."""
+UNSETTLED = "the faces that touch each other do not settle"
 TOO_STRONG = "a load or an actuator is so strong that the rounding of its energy hides the energy of the body"
-TOO_DEEP = "surfaces that were apart entered each other so deeply that contact could not separate them"
 
 
 class Solve:
@@ -159,16 +159,12 @@ class Solve:
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
         self._schedule = self._scheduled(updates=updates)
         self._settled, self._exact, self.iterations, self._cut = not updates, 0, 0, False
-        if self._actuation.hopeless:
-            task.evaluate()
-            return
         for _ in range(MOST_UPDATES):
             aim, left = self._schedule.aim(confirms=self._settled and updates), limit - self.iterations
             went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=self._settled and updates)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
             failed = went.cut or self._failed(active)
-            updates |= not failed and self._actuation.reached(active.workspace.x)
-            if failed or not updates or self._actuation.hopeless:
+            if failed or not updates:
                 break
             if self._balanced(active, still=went.iterations == 0):
                 break
@@ -183,7 +179,7 @@ class Solve:
         first = max(FIRST_TOLERANCE, tolerance) if updates and self.anew else tolerance
         if resumed is not None:
             first = max(resumed.tolerance, tolerance)
-        return DescentSchedule(self._actuation, tolerance, first=first, patient=not self._moving)
+        return DescentSchedule(tolerance, first=first)
 
     def _failed(self, active: ActiveSet) -> bool:
         """Return whether the last minimisation ran away or was given up, so that updates are useless."""
@@ -207,7 +203,6 @@ class Solve:
         self._exact += last
         if last and not self._settled and (still or self._exact % SLOW == 0):
             self._schedule.refine()  # the positions are not accurate enough for the constraints
-        self._actuation.hasten(np.inf if self._settled else self.problem.tolerance)
         faint = max(error, change) <= FAINT and not self._actuation.contacts
         return self._settled and (still or faint or self._moving)
 
@@ -267,7 +262,7 @@ class Solve:
             iterations=self.iterations,
             cut=self._cut and not converged,
             exhausted=active.ended is End.EXHAUSTED and not converged,
-            buried=self._actuation.buried,
+            entered=bool(flaw),
             began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,
         )
@@ -305,8 +300,6 @@ class Solve:
 
     def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
         """Return whether the solution is an equilibrium, the error estimate, and a message about the defect."""
-        if self._actuation.hopeless:
-            return False, np.inf, TOO_DEEP
         if ROUNDING * float(active.status["outside"]) > self._body.strain_energy_scale:
             return False, np.inf, TOO_STRONG
         tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active)
@@ -324,6 +317,9 @@ class Solve:
         if estimate <= tolerance:
             text = "contact forces, pressures, commanded lengths or volumes, or hourglass scales have not settled"
             return False, estimate, f"{text} in {MOST_UPDATES} updates, although the positions hardly move any more"
+        if active.ended is End.GIVEN_UP and impulses is not None:
+            far = float(active.status["step"]) / self._body.size
+            return False, estimate, f"{UNSETTLED}: the last step was {far:.3g} of the size"
         if not np.isfinite(estimate):
             text = "the distance to equilibrium is not known: the body is at the edge of its stability"
             return False, estimate, f"{text}; smaller steps, or other commands, lead past it"

@@ -47,8 +47,8 @@ class Attempt:
 
     @property
     def sound(self) -> bool:
-        """Whether no element is folded or inverted, and no surface penetrates another deeply."""
-        return self.solution.min_det > 0.0 and not self.solution.buried
+        """Whether no element is folded or inverted, and no surface penetrates another."""
+        return self.solution.min_det > 0.0 and not self.solution.entered
 
     @property
     def snapped(self) -> bool:
@@ -90,5 +90,5 @@ class Attempt:
             return inflated(way.unstable, self.began.commands, way.aim[1])
         if self.solution.diverged and not way.folded:
             return message
-        what = ENTERS if self.solution.buried and self.solution.min_det > 0.0 else FOLDS
+        what = ENTERS if self.solution.entered and self.solution.min_det > 0.0 else FOLDS
         return f"{what} beyond {way.done:.3g} of the way to the command; {message}".rstrip("; ")

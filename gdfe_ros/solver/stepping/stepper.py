@@ -54,8 +54,6 @@ class Stepper:
         if settings.policy is Policy.ENERGY:
             options = {"skip": settings.skip, "threads": settings.threads}
             self.equilibrium = EquilibriumSolver(body, self.actuation, **options)
-            for contact in self.actuation.contacts:
-                contact.gives_up = True
         else:
             self.equilibrium = RelativeEquilibrium(body, self.actuation)
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Springs in a kept tangent: stiffnesses that couple vertices which no element couples.
 
-Touching parts, a commanded cable length and a commanded chamber volume act like springs. The length of a spring is
-linear in small displacements: d = a . x. A spring of stiffness k adds k a a^T to the tangent. These entries may couple
-any vertices, and would fill the factor. The rows sqrt(k) a of all springs therefore form a separate matrix G, with
+A commanded cable length and a commanded chamber volume act like springs. The length of a spring is linear in small
+displacements: d = a . x. A spring of stiffness k adds k a a^T to the tangent. These entries may couple any vertices,
+and would fill the factor. The rows sqrt(k) a of all springs therefore form a separate matrix G, with
 which `substitution` corrects the solutions of the factor without springs.
 """
 

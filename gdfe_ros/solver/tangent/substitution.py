@@ -5,7 +5,7 @@ Six rows of the factor (two vertices) are processed at a time. Inner loops count
 negative index would cost a test in each iteration and prevent SIMD.
 
 Two corrections follow, if a body needs them. First, handles with a free axis have rigid rows in addition to the rows of
-the factor. Their Schur complement S is dense. Second, springs between touching parts add G^T G to K, which would fill
+the factor. Their Schur complement S is dense. Second, springs of lengths and volumes add G^T G to K, which would fill
 the factor. With W = K^-1 G^T, the solution x without springs becomes x - W (1 + G W)^-1 G x (Sherman, Morrison and
 Woodbury).
 """
@@ -48,7 +48,7 @@ class Plan(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """A factor for the kernels, with q rigid rows and m springs between touching parts.
+    """A factor for the kernels, with q rigid rows and m springs.
 
     Attributes:
         plan: the index arrays.
@@ -139,7 +139,7 @@ def solve_rigid(harmonic, schur, right, out):
 
 @vector_internal
 def connect(springs, reach, inner, out):
-    """Correct ``out``, a solution without springs between touching parts, for the effect of the springs."""
+    """Correct ``out``, a solution without springs, for the effect of the springs."""
     count = len(springs)
     lengths = np.empty(count)
     for k in range(count):

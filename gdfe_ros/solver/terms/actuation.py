@@ -24,8 +24,6 @@ from gdfe_ros.solver.terms.term import Term, TermTable
 
 LOAD_FACTOR = 1.0
 """Default command of a load."""
-FINEST = 1e-9
-"""Lower bound of `Actuation.resolution`, which is a length divided by the body's size."""
 ROUNDING = 1e-9
 """Fraction of a cable's length that counts as zero."""
 
@@ -115,40 +113,9 @@ class Actuation:
         misses = [term.update(positions) for term in self.terms if term.updates]
         return max(misses, default=0.0) / self._body.size
 
-    def hasten(self, near: float) -> None:
-        """Extrapolate the contact multipliers if the last update's error exceeds ``near`` times the body's size."""
-        for term in self.contacts:
-            term.hasten(near * self._body.size)
-
-    @property
-    def resolution(self) -> float:
-        """Tolerance of a minimisation that contact forces require, divided by the body's size; inf without contacts."""
-        if not self.contacts:
-            return np.inf
-        return max(FINEST, min(contact.resolution for contact in self.contacts) / self._body.size)
-
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a message if ``positions`` (n, 3) [m] of a solve are not acceptable; empty if they are."""
         return "; ".join(text for term in self.contacts if (text := term.flaw(positions)))
-
-    @property
-    def missed(self) -> float:
-        """Largest error of a self-contact pair at the last update, divided by the body's size."""
-        return max((contact.missed for contact in self.contacts), default=0.0) / self._body.size
-
-    @property
-    def buried(self) -> bool:
-        """Whether the penetration that `flaw` reported is deep; a depth just above the tolerance does not count."""
-        return any(term.buried for term in self.contacts)
-
-    @property
-    def hopeless(self) -> bool:
-        """Whether surfaces that were apart before the solve have penetrated too deeply for contact to separate them."""
-        return any(term.hopeless for term in self.contacts)
-
-    def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Include contacts that were left out and that the minimisation has closed; return whether there were any."""
-        return any([term.reached(positions) for term in self.contacts])
 
     def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
         """Return a dict from term name to the state to store after a solve that ended at ``positions`` (n, 3) [m]."""

@@ -144,13 +144,6 @@ class Term:
         """Update the multipliers between minimisations; return the largest error [m] of the constraints."""
         return 0.0
 
-    def hasten(self, near: float) -> None:
-        """Extrapolate the multipliers if the error after the last update exceeds ``near`` [m]."""
-
-    def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Include contacts that were left out and that the minimisation has closed; return whether there were any."""
-        return False
-
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store after a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
         return {}

@@ -12,7 +12,7 @@ G = 9.81
 def solved(w, q, mu, start=None):
     """Return forces and displacements that keep the laws."""
     force = np.zeros(len(q)) if start is None else start.copy()
-    left = solve_laws(np.ascontiguousarray(w), np.asarray(q, float), np.asarray(mu, float), force, 1e-13)
+    left = solve_laws(np.ascontiguousarray(w), np.asarray(q, float), np.asarray(mu, float), force, 1e-13, 1e-13)
     assert left <= 1e-13
     return force, q + w @ force
 

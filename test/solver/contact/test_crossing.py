@@ -17,6 +17,8 @@ from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.document import write_document
 from gdfe_ros.solver.contact.crossing import PARALLEL, SEATS
+from gdfe_ros.solver.contact.own_edges import OwnEdges
+from gdfe_ros.solver.contact.own_surface import Nearest
 
 HALF = math.sqrt(0.5) * 0.01
 """Half of the diagonal of the bars' cross-section [m]."""
@@ -73,6 +75,12 @@ def clearance(simulation: Simulation) -> float:
     return float(np.interp(place[1], above[:, 1], above[:, 2]) - np.interp(place[0], low[:, 0], low[:, 2]))
 
 
+def crossed(edges: OwnEdges, x: np.ndarray, last: np.ndarray, reach: float) -> Nearest:
+    """Return the edges within a distance [m] that cross each edge at positions (n, 3) [m]."""
+    none = np.full(SEATS * len(edges.topology.ends), -1)
+    return edges.cross(x, last, edges.search(x, reach), reach, none)
+
+
 def press(simulation: Simulation, *depths: float) -> float:
     """Move the upper bar down to each depth [m]; return the last force on the lower bar [N]."""
     for depth in depths:
@@ -125,13 +133,12 @@ def test_almost_parallel_edges_are_left_to_vertices_and_faces() -> None:
     """Two edges that make a smaller angle than the limit have no common normal, and find no partner."""
     simulation = crossing()
     edges, rest = simulation.stepper.actuation.contacts[-1].pairs.edges, simulation.state.positions
-    none = np.full(SEATS * len(edges.topology.ends), -1)
-    assert (edges.look(rest, rest, 2.0 * GAP, none).face >= 0).sum() == 1
+    assert (crossed(edges, rest, rest, 2.0 * GAP).face >= 0).sum() == 1
     beside, high = rest.copy(), upper(simulation)
     middle, turn = np.array([0.045, 0.0]), np.pi / 2 - 0.5 * np.arcsin(PARALLEL)
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     beside[high, :2] = (rest[high, :2] - middle) @ rotation.T + middle
-    assert (edges.look(beside, beside, 2.0 * GAP, none).face < 0).all()
+    assert (crossed(edges, beside, beside, 2.0 * GAP).face < 0).all()
 
 
 def test_the_gradient_is_that_of_the_energy_and_sums_to_nothing(pair_slopes: Callable[..., np.ndarray]) -> None:
@@ -169,7 +176,6 @@ def test_bars_pushed_through_each_other_in_a_step_are_told(angle: int, friction:
     simulation = crossing(meshes=bars, materials={"rubber": rubber}, **entries)
     result = simulation.step(down(0.0205))
     edges = simulation.stepper.actuation.contacts[-1].pairs.edges
-    none, rest = np.full(SEATS * len(edges.topology.ends), -1), simulation.mesh.vertices
-    gaps = edges.look(result.positions, rest, 0.03, none).gap
+    gaps = crossed(edges, result.positions, simulation.mesh.vertices, 0.03).gap
     assert not result.converged or gaps.min() > -2e-4 * simulation.mesh.size
     assert result.converged or result.message

@@ -10,7 +10,7 @@ from benchmarks.self_contact import stack
 from benchmarks.torture.bodies import distance
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact.own_contact import BURIED, DEEPEST, OwnContact
+from gdfe_ros.solver.contact.own_contact import DEEPEST, OwnContact
 
 BLOCKS = """
 name: blocks
@@ -97,7 +97,7 @@ def test_a_coarse_block_does_not_end_inside_of_another(friction: float) -> None:
         result = simulation.step(Command(handles={"high": Pose(way, tuple(random.uniform(-0.3, 0.3, 3)))}))
         assert np.isfinite(result.positions).all()
         assert result.converged or result.message
-        assert deepest(simulation) < (DEEPEST if result.converged else BURIED)
+        assert deepest(simulation) < (DEEPEST if result.converged else 10.0 * DEEPEST)
         assert result.min_det > 0.0
     for _ in range(3):
         result = simulation.step(Command(handles={"high": Pose()}))
@@ -114,7 +114,7 @@ def test_a_step_that_ends_inside_says_who_where_and_how_deep() -> None:
     assert "m inside of mesh" in result.message
     assert "deepest at [50" in result.message or "deepest at [49.9" in result.message
     assert "remedy" in result.message
-    assert deepest(simulation) < BURIED
+    assert deepest(simulation) < 10.0 * DEEPEST
 
 
 def test_what_is_put_inside_comes_out_or_says_so_again() -> None:

@@ -14,7 +14,7 @@ from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.own_points import OwnPoints
-from gdfe_ros.solver.contact.own_surface import OwnSurface
+from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
 from gdfe_ros.steppers import scene_body
 
 
@@ -30,10 +30,16 @@ def skin_of(name: str) -> tuple[Body, OwnSurface]:
     return body, OwnSurface(body, OwnPoints.of(body), scene.mesh.surface())
 
 
+def faced(surface: OwnSurface, x: np.ndarray, last: np.ndarray, reach: float) -> Nearest:
+    """Return the nearest face within a distance [m] that each vertex can touch at positions (n, 3) [m]."""
+    sunk = np.zeros(len(surface.topology.vertices), dtype=bool)
+    return surface.nearest(x, last, *surface.search(x, reach), reach, sunk)
+
+
 def test_cells_across_a_notch_face_each_other() -> None:
     """In a pneumatic actuator, vertices find the wall 2 mm away across a notch, and no face through their own wall."""
     body, surface = skin_of("pneunet")
-    found = surface.look(body.rest, body.rest, 2.1e-3)
+    found = faced(surface, body.rest, body.rest, 2.1e-3)
     on = found.face >= 0
     assert on.sum() > 300
     np.testing.assert_allclose(found.gap[on], 2e-3, rtol=1e-9)
@@ -45,7 +51,7 @@ def test_cells_across_a_notch_face_each_other() -> None:
 def test_a_finger_at_rest_is_near_to_nothing() -> None:
     """No vertex finds a face in a body whose parts are farther apart than the search reach, however thin it is."""
     body, surface = skin_of("tendon_finger")
-    assert (surface.look(body.rest, body.rest, 3e-3).face < 0).all()
+    assert (faced(surface, body.rest, body.rest, 3e-3).face < 0).all()
 
 
 def test_what_has_passed_a_face_is_remembered() -> None:
@@ -54,9 +60,9 @@ def test_what_has_passed_a_face_is_remembered() -> None:
     surface, rest = the_contact(simulation).surface, simulation.mesh.vertices
     deep = rest.copy()
     deep[27:, 2] -= 0.015
-    before = surface.look(deep, rest, 0.02)
+    before = faced(surface, deep, rest, 0.02)
     assert before.gap[before.face >= 0].min() == pytest.approx(-0.0148)
-    never = surface.look(deep, deep, 0.02)
+    never = faced(surface, deep, deep, 0.02)
     assert (never.gap > -surface.topology.depth).all()
 
 
@@ -72,7 +78,7 @@ def test_a_vertex_leaves_a_face_over_its_edge_by_and_by() -> None:
         x = rest.copy()
         x[27:, 0] -= beside * surface.topology.rim
         x[27:, 2] -= 3e-4
-        found = surface.look(x, rest, 0.02)
+        found = faced(surface, x, rest, 0.02)
         shares.append(float(found.support[corner[0]]))
     assert shares == pytest.approx([1.0, 0.75, 1.0 - 0.99**2, 0.0], abs=1e-9)
 
@@ -84,7 +90,7 @@ def test_rims_that_meet_press_across_and_not_along_their_ends() -> None:
     high, rim = np.arange(len(rest)) >= 27, rest[27:].min(axis=0)
     tilt = Rotation.from_euler("y", -0.3).as_matrix()
     x = np.where(high[:, None], (rest - rim) @ tilt.T + rim + [1e-7, 0.0, -3e-4], rest)
-    found = surface.look(x, rest, 0.002)
+    found = faced(surface, x, rest, 0.002)
     corners = np.isin(surface.topology.vertices, np.flatnonzero(high & (rest[:, 0] == rim[0]) & (rest[:, 2] == rim[2])))
     assert found.gap[corners] == pytest.approx(-1e-4)
     np.testing.assert_allclose(found.normal[corners], np.broadcast_to([0.0, 0.0, 1.0], (3, 3)), atol=1e-12)
