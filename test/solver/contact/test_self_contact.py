@@ -15,6 +15,16 @@ from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import SolverSettings
 
+TUBE = """
+name: tube
+mesh: {tube: {inner: 0.006, outer: 0.01, length: 0.02, cells: [2, 32, 8]}}
+materials: {rubber: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1100}}
+regions: [{material: rubber}]
+handles:
+  low: {where: {box: {y: [-1, -0.0085]}}, fixed: true}
+  top: {where: {box: {y: [0.0085, 1]}}}
+self_contact: {friction: 0.3}
+"""
 SHOT = """
 name: shot
 mesh: {bar: {size: [0.09, 0.03, 0.03], cells: [9, 3, 3], cut: [{box: {x: [0.03, 0.05]}}]}}
@@ -36,15 +46,14 @@ def pressed(simulation: Simulation, depth: float, *, slide: float = 0.0) -> Step
 
 @pytest.mark.parametrize(("low", "high"), [(4, 4), (4, 3), (2, 5)])
 def test_pressure_is_uniform_where_blocks_are_pressed(low: int, high: int) -> None:
-    """Two cubes pressed on each other have the same pressure at every vertex, within 2 %, on any two meshes."""
+    """Two cubes pressed on each other have the same pressure at every vertex, within 1e-6, on any two meshes."""
     simulation = stack(low, high)
     result = pressed(simulation, PRESSED)
     for side in pressures(simulation, result):
-        np.testing.assert_allclose(side, side.mean(), rtol=0.02)
-    # With 2 and 5 cells 140 to 186 on ten shifted meshes, 196 unshifted; 246 and 368 without extrapolated multipliers.
-    assert result.iterations < 240
+        np.testing.assert_allclose(side, side.mean(), rtol=1e-6)
+    assert result.iterations <= 5  # 196 with penalties and their updates
     alike = stack(4, 4)
-    assert result.reactions["high"][2] == pytest.approx(pressed(alike, PRESSED).reactions["high"][2], rel=1e-4)
+    assert result.reactions["high"][2] == pytest.approx(pressed(alike, PRESSED).reactions["high"][2], rel=1e-6)
 
 
 def test_what_acts_acts_back() -> None:
@@ -63,11 +72,7 @@ def test_what_acts_acts_back() -> None:
 
 
 def test_a_block_sticks_to_a_block_and_slips_beyond() -> None:
-    """A block pushed sideways sticks like one body until friction reaches mu times the normal force, and then slips.
-
-    Where all sticking vertices start to slip at once, updates converge slowly: in 323 to 655 iterations on twelve
-    meshes that differ by 1e-13 of the size. At a tolerance of 1e-5 it was 488 to 853 on ten, more than 2000 on two.
-    """
+    """A block pushed sideways sticks like one body until friction reaches mu times the normal force, and then slips."""
     scenes = [stack(3, 3, friction=friction).scene for friction in (0.2, 50.0)]
     loose, tied = (Simulation(scene, settings=SolverSettings()) for scene in scenes)
     for simulation in (loose, tied):
@@ -78,27 +83,24 @@ def test_a_block_sticks_to_a_block_and_slips_beyond() -> None:
         assert sticking[0].reactions["high"][0] == pytest.approx(sticking[1].reactions["high"][0], rel=0.01)
     touch = pressed(loose, PRESSED, slide=0.008).contacts[NAME]
     assert touch.slips.all()
-    np.testing.assert_allclose(np.linalg.norm(touch.shears, axis=1), 0.2 * touch.presses, rtol=0.02)
+    np.testing.assert_allclose(np.linalg.norm(touch.shears, axis=1), 0.2 * touch.presses, rtol=1e-3)
     assert not pressed(tied, PRESSED, slide=0.008).contacts[NAME].slips.any()
 
 
 def test_what_slides_without_friction_is_where_it_is_said_to_be() -> None:
-    """A frictionless block sliding over a block of other cells converges within five tolerances of the equilibrium.
+    """A frictionless block that slides over a block of other cells stays where a step ended if it is asked again.
 
-    Earlier it did not converge in 4000 iterations: as the block slides, the normals under it turn, and all forces too.
-
-    Five tolerances are promised (docs/index.md). Three repetitions of the command moved the body by 0.7 to 1.2
-    tolerances after the first step on twelve meshes that differed by 1e-13 of the size, and by 0.14 to 0.39 after the
-    others. The second step took 506 to 649 iterations on eleven of them and 1359 on one, the third 279 to 322.
+    As the block slides, the normals under it turn, and all forces too: with penalties, a step took 500 to 4000
+    iterations.
     """
     scene = stack(4, 3).scene
     simulation = Simulation(replace(scene, solver=replace(scene.solver, tolerance=1e-4, skip=())))
     for slide in (0.0, 0.002, 0.02):
         result = pressed(simulation, PRESSED, slide=slide)
-        assert result.iterations < 4000  # three times the most of twelve: where normals turn, paths are chaotic
+        assert result.iterations < 100
         for _ in range(3):
             again = pressed(simulation, PRESSED, slide=slide)
-            assert np.abs(again.positions - result.positions).max() < 5e-4 * simulation.mesh.size
+            assert np.abs(again.positions - result.positions).max() < 1e-4 * simulation.mesh.size
 
 
 def test_a_notch_closes_and_holds() -> None:
@@ -108,11 +110,22 @@ def test_a_notch_closes_and_holds() -> None:
         result = simulation.step(Command(actuators={"flexor": tension}))
         assert result.converged, result.message
         tips[tension], touch = result.positions[-1], result.contacts[NAME]
-        assert tension != 9.0 or result.iterations < 250  # 654 if the tangent knows nothing of what touches
+        assert tension != 9.0 or result.iterations < 150
         assert touch.gaps.min(initial=0.0) > -1e-4 * simulation.mesh.size
         assert (len(touch.presses) > 10) == (tension > 3.0)
     assert np.linalg.norm(tips[12.0] - tips[9.0]) < 0.05 * np.linalg.norm(tips[6.0] - tips[3.0])
     assert result.min_det > 0.0
+
+
+def test_a_tube_is_pressed_flat_node_on_node() -> None:
+    """A tube whose wall meets itself, vertex on vertex, is pressed flat in few iterations, with friction."""
+    simulation, iterations = Simulation(scene_from_text(TUBE)), 0
+    for k in range(1, 29):
+        result = simulation.step(Command(handles={"top": Pose((0.0, -5e-4 * k, 0.0))}))
+        assert result.converged, result.message
+        iterations += result.iterations
+    assert result.contacts[NAME].presses.sum() > 10.0
+    assert iterations < 400  # more than 4000 with penalties and their updates
 
 
 @pytest.mark.parametrize(("scheme", "swing"), [("newmark", 1e-6), ("generalised_alpha", 0.015), ("bdf2", 1e-6)])
