@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contact compared with other solvers and theory: a cube on a ball, a ball between plates, a slab on a slope, grips.
 
-``make bench-contact`` writes a report into runs/bench and prints the tables of docs/theory/contact.md.
+``make bench-contact`` writes a report into runs/bench and prints the tables of docs/theory/contact_measured.md.
 """
 
 from __future__ import annotations

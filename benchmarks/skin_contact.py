@@ -31,7 +31,7 @@ obstacles:
 """
 CALCULIX = {0.06: 6.027, 0.1: 13.586}
 """Dict from approach of each plate, divided by the radius, to CalculiX' force [N] with the neo-Hookean law
-(docs/theory/contact.md).
+(docs/theory/contact_measured.md).
 """
 GAP = 1e-5
 """Gap [m] between two balls before they are pressed on each other."""

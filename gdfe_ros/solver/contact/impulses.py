@@ -44,7 +44,7 @@ NEARLY = 5e-2
 REVERSED, MOST_INERTIA, FADING = 0.7, 64.0, 0.7
 """A step reverses the last one if the cosine between both is below minus the first number. Forces and steps then get an
 inertia of at least 1 and at most the second number, which fades by the last one in each step that does not reverse the
-last one. It is the compliance against a change of a force, divided by that of the body at the point, and the share
+last one. It is the compliance against a change of a force, divided by that of the body at the point, and the fraction
 1 / (1 + inertia) of each step is made.
 """
 LEAST_SLOPE = 0.1

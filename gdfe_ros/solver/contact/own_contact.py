@@ -134,7 +134,7 @@ class OwnContact(ContactTerm):
     def follow(self, positions: NDArray[np.float64]) -> None:
         """Search the pairs again at ``positions`` (n, 3) [m]; pairs that persist keep their forces.
 
-        After a long way, the pairs of the last state serve for one iteration: it moves entered vertices back.
+        After a large displacement, the pairs of the last state serve for one iteration: it moves entered vertices back.
         """
         if self._begins:
             self._begins = False
