@@ -129,18 +129,23 @@ class OwnContact(ContactTerm):
         before, after = (frames(at, self.pairs.carriers(every[on], found.face[on])) for at in (last, x))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
         self._pack(found, x)
-        self._deepest = 2.0 * far
+        self._deepest, self._clear = 2.0 * far, self._clear - 2.0 * far
 
     def follow(self, positions: NDArray[np.float64]) -> None:
         """Search the pairs again at ``positions`` (n, 3) [m]; pairs that persist keep their forces.
+
+        Nothing is searched while no pair presses, and the points have moved relative to each other by at most half of
+        the smallest gap.
 
         After a large displacement, the pairs of the last state serve for one iteration: it moves entered vertices back.
         """
         if self._begins:
             self._begins = False
             return
-        x = self.points.at(positions)
+        x, self.changed = self.points.at(positions), False
         rows, chosen = self._rows(), self._chosen
+        if not rows[:, law.PRESS].any() and 4.0 * self.pairs.motion(x, self._seen) < self._clear:
+            return
         self._press[chosen], self._shear[chosen] = rows[:, law.PRESS], rows[:, law.SHEAR : law.OFFSET]
         self._set_reach(x, self._deepest)
         found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
@@ -257,7 +262,8 @@ class OwnContact(ContactTerm):
         lost = ~on | turned
         self._press[lost], self._shear[lost] = 0.0, 0.0
         self._normal, self._partners = found.normal, found.face
-        self._deepest = -float(found.gap.min(initial=0.0))
+        self._clear = min(float(found.gap.min(initial=np.inf)), self._reach)
+        self._deepest = max(0.0, -self._clear)
         chosen = np.flatnonzero(on)
         normal = found.normal[chosen]
         shear = tangential(self._shear[chosen], normal)
