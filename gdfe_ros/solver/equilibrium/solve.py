@@ -229,12 +229,13 @@ class Solve:
         if not (converged and least.min() > 0.0):
             converged, message = False, "; ".join(text for text in (message, flattened(least)) if text)
         outside = work.outside if self._actuation.terms else None
+        others = self._actuation.contacts, self._actuation.grips
         summary = Summary(
             converged=converged,
             error_estimate=estimate,
             energy=float(stored.sum()),
             min_det=float(least.min()),
-            reactions=handle_reactions(self._body, positions, work.force, outside, self._actuation.contacts),
+            reactions=handle_reactions(self._body, positions, work.force, outside, *others),
             actuators=self._actuation.states(positions, problem.commands, self._operators),
             terms=self._actuation.reports(positions),
             message=message,

@@ -120,6 +120,7 @@ class TangentLevel:
         """
         stiffness, motion = self._elements.at(problem, x), self._motion(u, problem.frame)
         added, here = [term.tangents(x) for term in self._terms], {"positions": x.copy(), **self._springs(x)._asdict()}
+        here["stages"] = self._stages()
         tangent = self._assembly.blocks([stiffness, *added])
         tangent += self._even
         shift = 0.0
@@ -157,6 +158,15 @@ class TangentLevel:
             self._loaded, self._kept = self._rest
         if self._loaded.ways is not tangent.ways:
             self._connect(tangent)
+
+    def outdated(self, tangent: Tangent | None) -> bool:
+        """Return whether a term has come to another stage since a tangent was taken; None stands for stages of 0."""
+        before = np.zeros(0, np.int32) if tangent is None else tangent.stages
+        return not np.array_equal(before, self._stages())
+
+    def _stages(self) -> NDArray[np.int32]:
+        stages = np.array([term.stage for term in self._terms], dtype=np.int32)
+        return stages if stages.any() else stages[:0]
 
     @property
     def kept(self) -> Kept:

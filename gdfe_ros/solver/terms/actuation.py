@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Growth, Mode
+from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth, Mode
 from gdfe_ros.actuators.load import Load
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
@@ -19,6 +19,7 @@ from gdfe_ros.solver.state import Balance, Saved, State
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
 from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
+from gdfe_ros.solver.terms.grip import GripTerm
 from gdfe_ros.solver.terms.growth import Growths
 from gdfe_ros.solver.terms.term import Term, TermTable
 
@@ -35,7 +36,7 @@ class Actuation:
 
     Args:
         body: the discretised body.
-        actuators: cables, chambers and growths.
+        actuators: cables, chambers, growths and grips.
         loads: dead loads; the command of each is its factor.
         terms: further terms.
 
@@ -44,6 +45,7 @@ class Actuation:
         table: all terms in the layout of the kernels.
         strung: cables between fixed points. Their length cannot be smaller than the distance between these points.
         growths: the growths, which change the elements' rest shape.
+        grips: the grips.
         neutral: dict from actuator or load name to the command without effect.
         loaded: names of the loads.
         contacts: contact terms of the obstacles, and the self-contact term.
@@ -61,12 +63,13 @@ class Actuation:
         self._cables = [CableTerm(item, body) for item in self.actuators if isinstance(item, Cable)]
         self.strung = [cable for cable in self._cables if cable.strung]
         self._chambers = [ChamberTerm(item, body) for item in self.actuators if isinstance(item, Chamber)]
+        self.grips = [GripTerm(item, body) for item in self.actuators if isinstance(item, Grip)]
         self.contacts = contacts_of(body)
         self._more = tuple(terms)
-        self.terms: tuple[Term, ...] = (*self._loads, *self._cables, *self._chambers, *self.contacts, *self._more)
+        self.terms: tuple[Term, ...] = (*self._loads, *self._cables, *self._chambers, *self.grips, *self.contacts, *self._more)
         self.table = TermTable.pack(self.terms)
         self.growths = Growths(body, self.actuators)
-        self._driven = {term.name: term for term in (*self._cables, *self._chambers)}
+        self._driven = {term.name: term for term in (*self._cables, *self._chambers, *self.grips)}
         self.loaded = tuple(item.name for item in self._loads)
         self.neutral = {item.name: 0.0 for item in (*self.actuators, *self._loads)}
         self.neutral.update({name: term.neutral_command for name, term in self._driven.items()})
@@ -189,6 +192,24 @@ class Actuation:
                 )
         return ""
 
+    def holding(self, state: State) -> list[str]:
+        """Return the names of the grips that hold something in ``state``."""
+        return [grip.name for grip in self.grips if grip.holds(state.terms[grip.name])]
+
+    def out_of_reach(self, state: State, commands: Mapping[str, float]) -> dict[str, str]:
+        """Return a dict from each grip that takes hold at ``commands`` of something too far away to a message."""
+        found = {}
+        for grip in self.grips:
+            takes = commands[grip.name] > 0.0 and state.commands[grip.name] == 0.0
+            if takes and (distance := grip.distance(state)) > grip.actuator.reach:
+                item = grip.actuator
+                held = f"body {item.held!r}" if item.held else "what it holds"
+                found[grip.name] = (
+                    f"grip {grip.name!r} cannot take hold: {held} is {distance:.3g} m from {item.holder!r}; allowed: "
+                    f"up to its `reach`, {item.reach:g} m; remedy: bring them nearer first, or another reach"
+                )
+        return found
+
     def states(
         self, positions: NDArray[np.float64], commands: Mapping[str, float], operators: Operators
     ) -> dict[str, ActuatorState]:
@@ -212,7 +233,7 @@ class Actuation:
         """
         found = {
             term.name: term.potential(positions, commands[term.name])
-            for term in (*self._loads, *self._cables, *self._chambers)
+            for term in (*self._loads, *self._cables, *self._chambers, *self.grips)
         }
         more = sum(term.energy(positions) for term in self._more)
         return Balance(

@@ -86,12 +86,14 @@ class Term:
         inside: whether the body was inside of the term's obstacle at the beginning of the solve.
         delicate: whether the term's forces change within tiny displacements, as at the onset of slip.
         exact: whether `tangents`, `springs` and `stiffness` are the whole second derivative of the term's energy.
+        stage: number of a stage in which `tangents` change little; at another stage, the kept tangent is taken anew.
         even: whether `stiffness` is the term's whole tangent, acts on x, y and z alike, and never changes. Kept
             tangents then use it directly.
     """
 
     kernel: TermKernel | None = None
     updates, even, exact, inside, delicate = False, False, False, False, False
+    stage = 0
 
     def __init__(self, name: str, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         self.name, self.reals, self.integers = name, reals, integers
