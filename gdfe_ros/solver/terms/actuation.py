@@ -66,7 +66,14 @@ class Actuation:
         self.grips = [GripTerm(item, body) for item in self.actuators if isinstance(item, Grip)]
         self.contacts = contacts_of(body)
         self._more = tuple(terms)
-        self.terms: tuple[Term, ...] = (*self._loads, *self._cables, *self._chambers, *self.grips, *self.contacts, *self._more)
+        self.terms: tuple[Term, ...] = (
+            *self._loads,
+            *self._cables,
+            *self._chambers,
+            *self.grips,
+            *self.contacts,
+            *self._more,
+        )
         self.table = TermTable.pack(self.terms)
         self.growths = Growths(body, self.actuators)
         self._driven = {term.name: term for term in (*self._cables, *self._chambers, *self.grips)}
