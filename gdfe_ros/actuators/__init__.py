@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth, Mode
 from gdfe_ros.actuators.embedding import Embedding, embed
-from gdfe_ros.actuators.load import AttachedMass, Gravity, Load, PointLoad, SurfaceLoad, total_gravity
+from gdfe_ros.actuators.load import AttachedMass, Gravity, Load, PointLoad, PressureLoad, SurfaceLoad, total_gravity
 from gdfe_ros.actuators.reading import Readings
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "Load",
     "Mode",
     "PointLoad",
+    "PressureLoad",
     "Readings",
     "SurfaceLoad",
     "embed",

@@ -22,6 +22,7 @@ from gdfe_ros.actuators import (
     Load,
     Mode,
     PointLoad,
+    PressureLoad,
     SurfaceLoad,
     embed,
 )
@@ -33,6 +34,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cavities import inside_volume
+from gdfe_ros.mesh.faces import turned
 from gdfe_ros.mesh.skin_selection import select_skin
 from gdfe_ros.scene.actuator_schema import (
     AnchorModel,
@@ -42,6 +44,7 @@ from gdfe_ros.scene.actuator_schema import (
     GrowthModel,
     LoadModel,
     PlaceModel,
+    PressureLoadModel,
 )
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.chambers import chamber, on_skin
@@ -246,6 +249,8 @@ def _load(
     if model.point is not None:
         point = _embedded(mesh, model.point.mesh, [model.point.at], path, report, key="at")
         return None if point is None else PointLoad(name=name, point=point, force=np.array(model.point.force))
+    if model.pressure is not None:
+        return _pressure(name, model.pressure, mesh, path, report)
     traction = model.surface.traction
     lined = traction is not None and mesh.filling is not None and mesh.skin is not None
     if traction is not None and mesh.filling is not None and not lined:
@@ -261,6 +266,18 @@ def _load(
     if traction is None:
         traction = np.array(model.surface.force) / corner_areas(mesh.vertices, quads).sum()
     return SurfaceLoad(name=name, quads=quads, traction=np.array(traction), points=points)
+
+
+def _pressure(
+    name: str, model: PressureLoadModel, mesh: HexMesh, path: KeyPath, report: Defects
+) -> PressureLoad | None:
+    """Return a follower pressure; None if its faces are not on the surface, or there are none, which is reported."""
+    if mesh.filling is not None:
+        text = "faces of cut cells lie beside the surface; remedy: a `chamber` on the skin, or cells: whole"
+        report.add((*path, "where"), text, value=NO_VALUE)
+        return None
+    faces = select(select_faces, mesh, model.where, (*path, "where"), "boundary face", report)
+    return None if faces is None else PressureLoad(name=name, quads=turned(faces), pressure=model.pressure)
 
 
 def _gravity(

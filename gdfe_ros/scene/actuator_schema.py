@@ -22,6 +22,7 @@ _ACCELERATION = Quantity("acceleration [x, y, z]", "m/s^2", least=-1e6, most=1e6
 _FORCE = Quantity("force [x, y, z]", "N", least=-1e9, most=1e9, count=3)
 _TRACTION = Quantity("traction [x, y, z], force per undeformed area", "Pa", least=-1e12, most=1e12, count=3)
 
+_PRESSURE = Quantity("pressure at factor 1; positive pushes into the material", "Pa", least=-1e12, most=1e12)
 _REACH = Quantity("largest distance from which it takes hold", "m", above=0.0, most=1e3)
 
 Point3 = Annotated[tuple[float, float, float], _POINT]
@@ -189,9 +190,19 @@ class SurfaceLoadModel(Entry):
         return self
 
 
+class PressureLoadModel(Entry):
+    """A pressure that follows the faces on which it acts, with any edges: Abaqus' `*DSLOAD P`."""
+
+    where: WhereModel = Field(
+        description="the loaded faces: all faces with all four vertices in this place, e.g. {face: z+}"
+    )
+    pressure: Annotated[float, _PRESSURE]
+
+
 class LoadModel(Choice):
-    """A dead load (constant in size and direction), with exactly one of these keys."""
+    """A dead load (constant in size and direction) or a follower pressure, with exactly one of these keys."""
 
     gravity: Annotated[tuple[float, float, float], _ACCELERATION] | None = None
     point: PointLoadModel | None = None
     surface: SurfaceLoadModel | None = None
+    pressure: PressureLoadModel | None = None

@@ -261,7 +261,9 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "gravity: [0, 0, -9.81]",
         "point: {at: [0.2, 0.0, 0.0], force: [0, 0, -1]}",
         "surface: {where: {face: z+}, force: [0, 0, -1]}",
+        "pressure: {where: {face: z+}, pressure: 2.0e3}",
     ),
+    actuator_schema.PressureLoadModel: ("{where: {face: z+}, pressure: 2.0e3}",),
     actuator_schema.PointLoadModel: (
         "{at: [0.2, 0.0, 0.0], force: [0, 0, -1]}",
         "{mesh: left, at: [0.08, 0.0, 0.0], force: [0, 0, -1]}",

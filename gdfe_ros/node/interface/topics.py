@@ -49,8 +49,8 @@ ACTUATION = TopicSpec(
     name="~/actuation",
     type="sensor_msgs/msg/JointState",
     meaning="commands of actuators and loads by name. Actuators: `effort` is a tension [N] or pressure [Pa], "
-    "`position` a length or shortening [m], a volume [m^3], a growth [1] or a grip [1]. Loads: `position` is the factor [1] on "
-    "the load. Joints of arms: `position` [rad], [m]",
+    "`position` a length or shortening [m], a volume [m^3], a growth or a grip [1]. Loads: `position` is the factor "
+    "[1] on the load. Joints of arms: `position` [rad], [m]",
     delivery=Delivery.COMMAND,
 )
 ACTUATOR_COMMANDS = TopicSpec(
@@ -81,8 +81,8 @@ JOINT_COMMAND = TopicSpec(
 ATTACH = TopicSpec(
     name="~/attach",
     type="std_msgs/msg/String",
-    meaning="name of a grip, which takes hold with the next step; refused if it holds already. If nothing is within its "
-    "`reach`, the step refuses it. The same as command 1 on ~/actuation. Only in scenes with grips",
+    meaning="name of a grip, which takes hold with the next step; refused if it holds already. If nothing is within "
+    "its `reach`, the step refuses it. The same as command 1 on ~/actuation. Only in scenes with grips",
     delivery=Delivery.COMMAND,
 )
 RELEASE = TopicSpec(

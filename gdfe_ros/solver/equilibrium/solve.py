@@ -172,6 +172,8 @@ class Solve:
                 break
             if self._balanced(active, still=went.iterations == 0):
                 break
+            if self.problem.divisible and self._actuation.wanders:
+                break
             self._schedule.tighten()
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:

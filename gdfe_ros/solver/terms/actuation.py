@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth, Mode
-from gdfe_ros.actuators.load import Load
+from gdfe_ros.actuators.load import Load, PressureLoad
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.pairs import contacts_of
@@ -21,6 +21,7 @@ from gdfe_ros.solver.terms.chamber import ChamberTerm
 from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
 from gdfe_ros.solver.terms.grip import GripTerm
 from gdfe_ros.solver.terms.growth import Growths
+from gdfe_ros.solver.terms.pressure import PressureTerm
 from gdfe_ros.solver.terms.term import Term, TermTable
 
 LOAD_FACTOR = 1.0
@@ -37,7 +38,7 @@ class Actuation:
     Args:
         body: the discretised body.
         actuators: cables, chambers, growths and grips.
-        loads: dead loads; the command of each is its factor.
+        loads: dead loads and follower pressures; the command of each is its factor.
         terms: further terms.
 
     Attributes:
@@ -59,7 +60,7 @@ class Actuation:
         terms: Sequence[Term] = (),
     ) -> None:
         self._body, self.actuators = body, tuple(actuators)
-        self._loads = [DeadLoadTerm(load, body) for load in loads]
+        self._loads = [(PressureTerm if isinstance(load, PressureLoad) else DeadLoadTerm)(load, body) for load in loads]
         self._cables = [CableTerm(item, body) for item in self.actuators if isinstance(item, Cable)]
         self.strung = [cable for cable in self._cables if cable.strung]
         self._chambers = [ChamberTerm(item, body) for item in self.actuators if isinstance(item, Chamber)]
@@ -155,6 +156,11 @@ class Actuation:
     def hopeless(self) -> bool:
         """Whether surfaces that were apart before the solve have penetrated too deeply for contact to separate them."""
         return any(term.hopeless for term in self.contacts)
+
+    @property
+    def wanders(self) -> bool:
+        """Whether updates of a term do not settle, so that the increment should be shorter."""
+        return any(term.wanders for term in self.terms)
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Include contacts that were left out and that the minimisation has closed; return whether there were any."""

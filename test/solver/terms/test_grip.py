@@ -106,7 +106,9 @@ def test_a_held_face_has_the_shape_and_force_of_a_handle() -> None:
         turned = np.array([-0.0051 * np.cos(0.1 * k), -0.0051 * np.sin(0.1 * k), 0.0]) - arm
         one = held.step(Command(handles={"hand": Pose(tuple(shift), turn)}))
         two = driven.step(Command(handles={"tip": Pose(tuple(shift + turned), turn)}))
-        assert one.converged and two.converged and one.stable
+        assert one.converged
+        assert two.converged
+        assert one.stable
         np.testing.assert_allclose(one.positions, two.positions, atol=1e-9)
         np.testing.assert_allclose(one.reactions["hand"][:3], two.reactions["tip"][:3], atol=1e-6)
         np.testing.assert_allclose(one.reactions["hand"][:3], -one.reactions["base"][:3], atol=1e-6)
@@ -187,7 +189,7 @@ def test_what_cannot_be_gripped_is_refused() -> None:
         "to: hand": ("to: hnd", "there is no such handle, obstacle or body"),
         "body: box": ("body: bax", "there is no such body"),
         "{to: hand, body: box}": ("{to: box, body: box}", "cannot hold itself"),
-        "body: box": ("body: box, where: {face: x+}", "exactly one of body"),
+        ", body: box": (", body: box, where: {face: x+}", "exactly one of body"),
     }
     for key, (text, said) in wrong.items():
         with pytest.raises(SceneError, match=said):
@@ -242,7 +244,8 @@ def test_an_environment_grips_what_is_within_reach() -> None:
         )
         env.reset(seed=0)
         *_, truncated, info = env.step([1.0])
-        assert not truncated and info["applied"] == [holds]
+        assert not truncated
+        assert info["applied"] == [holds]
         fallen = env.simulation.handle_pose("box").translation[2]
         assert (abs(fallen) < 1e-9) == bool(holds)
         env.step([0.0])
