@@ -103,6 +103,7 @@ class Stability:
             exact,
         )
         self._noise = np.random.default_rng(0).standard_normal(3 * body.unknowns.rows)
+        self._noise[body.unknowns.fixed] = 0.0
 
     def judged(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
         """Return a converged solution with its stability, which is proved anew only where that is due.
