@@ -172,7 +172,7 @@ class Solve:
                 break
             if self._balanced(active, still=went.iterations == 0):
                 break
-            if self.problem.divisible and self._actuation.wanders:
+            if self._actuation.wanders:
                 break
             self._schedule.tighten()
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
@@ -325,8 +325,14 @@ class Solve:
             text = f"{reason}: the distance to equilibrium is not known yet; the last step was {far:.3g} of the size"
             return False, np.inf, f"{text}; the next step goes on from here"
         if estimate <= tolerance:
-            text = "contact forces, pressures, commanded lengths or volumes, or hourglass scales have not settled"
-            return False, estimate, f"{text} in {MOST_UPDATES} updates, although the positions hardly move any more"
+            text = (
+                "contact forces, pressures, grips, commanded lengths or volumes, or hourglass scales have not settled"
+            )
+            return (
+                False,
+                estimate,
+                f"{text} in up to {MOST_UPDATES} updates, although the positions hardly move any more",
+            )
         if not np.isfinite(estimate):
             text = "the distance to equilibrium is not known: the body is at the edge of its stability"
             return False, estimate, f"{text}; smaller steps, or other commands, lead past it"

@@ -12,6 +12,7 @@ from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber,
 from gdfe_ros.actuators.load import Load, PressureLoad
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.pairs import contacts_of
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -119,6 +120,8 @@ class Actuation:
         for term in self.terms:
             if poses is not None:
                 term.aim(poses, last)
+            if self.grips and isinstance(term, Contact):  # grips come before contacts
+                term.leave_out([pair for grip in self.grips for pair in grip.pairs])
             term.begin(commands, saved[term.name], positions, ratio)
 
     def update(self, positions: NDArray[np.float64]) -> float:

@@ -29,6 +29,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.overlap import Placed
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
+from gdfe_ros.solver.terms.multiplier import wander
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 ACTS, STIFFNESS, HEAD = range(3)
@@ -111,7 +112,7 @@ class GripTerm(Term):
         )
         self._hold, self._command, self._penalty = Hold.OFF, 0.0, 0.0
         self._poses, self._last = {grip.holder: Pose()}, None
-        self._kept, self._updated = self.neutral(), None
+        self._kept, self._updated, self._errors = self.neutral(), None, []
 
     @property
     def _carried(self) -> bool:
@@ -127,6 +128,14 @@ class GripTerm(Term):
     def updates(self) -> bool:
         """Whether multipliers keep points in their places."""
         return self._hold is Hold.HOLDS
+
+    @property
+    def pairs(self) -> list[tuple[str, NDArray[np.int32]]]:
+        """Names of things, each with the vertices that keep their places on it; empty if nothing is held."""
+        if not self.updates:
+            return []
+        found = [(self.actuator.holder, self._points)]
+        return [*found, (self.actuator.held, self._holder.vertices)] if self._carried else found
 
     @property
     def stage(self) -> int:
@@ -175,7 +184,7 @@ class GripTerm(Term):
         elif self._hold is Hold.OFF:
             kept = self.neutral()
             pull = kept["pull"]
-        self._kept, self._updated, rows = kept, None, self._rows
+        self._kept, self._updated, self._errors, rows = kept, None, [], self._rows
         self.reals[ACTS] = self._hold is not Hold.OFF
         self.reals[STIFFNESS] = self._penalty if self._hold is Hold.HOLDS else 0.0
         rows[:, WEIGHTS:PLACE], rows[:, PULL:] = kept["weights"], pull
@@ -226,7 +235,13 @@ class GripTerm(Term):
         """Update the forces that keep the points in their places; return their change as a displacement [m]."""
         self._rows[:, PULL:] = self._pulls(positions)
         self._updated = positions[self._points]
-        return STIFF / FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max())
+        self._errors.append(STIFF / FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
+        return self._errors[-1]
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the points cannot keep their places, as when two grips pull one body apart."""
+        return wander(self._errors, self._body.size)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: command, places and forces."""

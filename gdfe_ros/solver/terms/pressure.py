@@ -23,6 +23,7 @@ from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
+from gdfe_ros.solver.terms.multiplier import wander
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume_curvature import PRODUCTS, Products, volume_curvature
 
@@ -36,10 +37,6 @@ FINE = 1e-2
 """Allowed displacement by the last change of the forces p b, divided by the tolerance."""
 GROWTH = 1e3
 """The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
-PATIENCE, LESS = 6, 1.0
-"""After this number of updates, the forces must change by less than this fraction of their first change. Otherwise the
-increment is too long: they go to and fro.
-"""
 ZERO = 1e-9
 """A vector b counts as zero below this fraction of the area of all faces."""
 
@@ -141,7 +138,7 @@ class PressureTerm(Term):
             np.concatenate([head, self._edge]).astype(np.int32),
         )
         self.exact = self.conservative = not len(self._edge)
-        self._rest, self._softness, self._last = body.rest, 0.0, None
+        self._rest, self._size, self._softness, self._last = body.rest, body.size, 0.0, None
 
     @property
     def updates(self) -> bool:
@@ -213,13 +210,13 @@ class PressureTerm(Term):
         change = (self._beside(positions) - self._held).ravel()
         self._held[...] = self._anderson.next(self._held.ravel(), change).reshape(-1, 3)
         moved = abs(self.reals[PRESSURE]) * np.linalg.norm(change.reshape(-1, 3), axis=1).sum()
-        self._changes.append(float(moved))
-        return float(moved) * self._softness / FINE
+        self._changes.append(float(moved) * self._softness / FINE)
+        return self._changes[-1]
 
     @property
     def wanders(self) -> bool:
         """Whether the forces at open edges do not settle."""
-        return len(self._changes) >= PATIENCE and self._changes[-1] > LESS * self._changes[0]
+        return wander(self._changes, self._size)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: the volume that the faces have swept, and the vectors b."""

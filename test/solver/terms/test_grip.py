@@ -200,6 +200,74 @@ def test_what_cannot_be_gripped_is_refused() -> None:
         scene_from_text(HAND.replace("where: {face: x+}", "where: {face: y+}"))
 
 
+@pytest.mark.parametrize("place", ["0.0149999", "-0.0150001"])
+def test_contact_adds_nothing_to_the_force_of_a_grip(place: str) -> None:
+    """A held body that touches the hand from below, or rests on it, is held by its weight, step after step."""
+    simulation = Simulation(scene_from_text(CARRY.replace("0.0151", place)))
+    for k in range(40):
+        result = _still(
+            simulation, 1, Command(actuators={"cup": 1.0}, handles={"hand": Pose((0, 1e-4 * min(k, 20), 0))})
+        )
+    np.testing.assert_allclose(result.reactions["hand"][:3], [0, 0, 0.981], atol=1e-6)
+    _still(simulation, 5, OFF)
+
+
+def test_a_face_that_is_pressed_and_gripped_is_pulled_and_let_go() -> None:
+    """A hand that presses a face, grips, pulls and tilts it has the base's reaction, and leaves the face at rest."""
+    simulation = Simulation(scene_from_text(HAND.replace("0.0451, 0, 0]", "0.0451, 0, 0], friction: 0.5")))
+    pressed = simulation.step(Command(handles={"hand": Pose((-0.0015, 0, 0))})).reactions["hand"]
+    assert pressed[0] < -1.0
+    np.testing.assert_allclose(simulation.step(ON).reactions["hand"], pressed, atol=1e-7)
+    for k in range(1, 5):
+        result = simulation.step(Command(handles={"hand": Pose((-0.0015 + 0.001 * k, 0, 0), (0, 0, 0.05 * k))}))
+        assert result.converged, result.message
+        np.testing.assert_allclose(result.reactions["hand"][:3], -result.reactions["base"][:3], atol=1e-6)
+        force = simulation.actuator_states()["cup"].effort
+        assert force == pytest.approx(np.linalg.norm(result.reactions["hand"][:3]), abs=1e-6)
+    free = simulation.step(OFF)
+    assert free.converged, free.message
+    np.testing.assert_allclose(free.positions, simulation.mesh.vertices, atol=1e-8)
+
+
+TWO_CUPS = CARRY.replace("obstacles: {", "obstacles: {hook: {box: {size: [0.02, 0.02, 0.01]}, at: [0.2, 0, -0.0151]}, ")
+TWO_CUPS = TWO_CUPS.replace("body: box}}}", "body: box}}, cap: {grip: {to: hook, body: box}}}")
+
+
+def test_two_grips_share_a_body_and_cannot_pull_it_apart() -> None:
+    """Two grips bear one weight together; a step in which they pull the body apart fails soon, and says why."""
+    simulation = Simulation(scene_from_text(TWO_CUPS))
+    result = _still(simulation, 20, Command(actuators={"cup": 1.0, "cap": 1.0}))
+    assert result.reactions["hand"][2] + result.reactions["hook"][2] == pytest.approx(0.981, abs=1e-6)
+    apart = simulation.step(Command(handles={"hand": Pose((0, 0, 1e-3))}), dt=0.002)
+    assert not apart.converged
+    assert "grips" in apart.message
+    assert apart.iterations < 5000
+
+
+def test_a_body_holds_another_body() -> None:
+    """A ball that a falling box holds keeps its place on it, also when they hit something and spin."""
+    text = (
+        BAR
+        + """
+bodies:
+  box: {box: {size: [0.02, 0.02, 0.02]}, mass: 0.1, at: [0.2, 0, 0]}
+  ball: {sphere: {radius: 0.01}, mass: 0.05, at: [0.2, 0, 0.0202]}
+obstacles: {pad: {sphere: {radius: 0.01}, at: [0.206, 0, -0.03]}}
+actuators: {cup: {grip: {to: box, body: ball}}}
+loads: {w: {gravity: [0, 0, -9.81]}}
+dynamics: {step: 0.002, scheme: bdf2}
+"""
+    )
+    simulation = Simulation(scene_from_text(text))
+    _still(simulation, 60, ON)
+    box, ball = simulation.handle_pose("box"), simulation.handle_pose("ball")
+    arm = np.array([0.0, 0.0, 0.0202])
+    np.testing.assert_allclose(ball.rotation, box.rotation, atol=1e-9)
+    moved = Pose(box.translation, box.rotation).apply(arm[None], np.zeros(3))[0]
+    np.testing.assert_allclose(arm + ball.translation, moved, atol=1e-9)
+    assert abs(box.rotation[1]) > 0.1
+
+
 def test_resets_let_go() -> None:
     """After a reset, and after a reset of the shape, nothing is held; the grip can take hold anew."""
     simulation = Simulation(scene_from_text(CARRY))
