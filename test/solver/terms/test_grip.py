@@ -133,6 +133,7 @@ def test_derivatives_while_a_face_is_held() -> None:
     np.testing.assert_allclose(found.of("probes.middle", "obstacles.hand.y"), (above - below) / 2e-5, atol=1e-5)
     np.testing.assert_allclose(found.of("reactions.hand", "obstacles.hand.y")[:3], (up - down) / 2e-5, atol=0.05)
     np.testing.assert_array_equal(found.of("probes.middle", "actuators.cup"), 0.0)
+    np.testing.assert_array_equal(simulation.jacobian(), np.zeros((1, 3, 1)))
 
 
 SOFT = (
