@@ -317,6 +317,9 @@ def test_an_environment_grips_what_is_within_reach() -> None:
         assert info["applied"] == [holds]
         fallen = env.simulation.handle_pose("box").translation[2]
         assert (abs(fallen) < 1e-9) == bool(holds)
+        seen = env.step([1.0])[0]
+        assert seen[4] == env.simulation.actuator_states()["cup"].effort
+        assert (seen[4] > 0.9) == bool(holds)
         env.step([0.0])
         assert env.simulation.actuator_states()["cup"].extent == 0.0
 
