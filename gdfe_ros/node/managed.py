@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import threading
 import traceback
@@ -26,6 +27,8 @@ from gdfe_ros.node.throttle import Throttle
 
 _KEPT = 2
 """Number of turns (`ManagedNode.turn`) for which a destroyed subscription or timer stays in memory."""
+_TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
+"""Function of glibc that returns free memory to the system; None with another C library, which has no such pools."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
@@ -143,12 +146,14 @@ class ManagedNode(EventlessNode, LifecycleNode):
 
     @staticmethod
     def collect() -> None:
-        """Free the memory of a dropped simulation, which is part of reference cycles.
+        """Free the memory of a dropped simulation, which is part of reference cycles, and return it to the system.
 
         Python would collect these only after many allocations, of which a node makes few, whatever the size of its
-        arrays.
+        arrays. glibc would keep freed memory in pools of threads that have ended: 50 MB after 1000 changes of `grasp`.
         """
         gc.collect()
+        if _TRIM is not None:
+            _TRIM(0)
 
     def destroy_node(self) -> None:
         """Destroy the node and its state machine at once.
