@@ -22,6 +22,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from gdfe_ros.node.eventless import NO_PUBLISHER_EVENTS, EventlessNode
+from gdfe_ros.node.plain_log import PlainLog
 from gdfe_ros.node.standard_answers import ResultCode, failed
 from gdfe_ros.node.throttle import Throttle
 
@@ -79,6 +80,10 @@ class ManagedNode(EventlessNode, LifecycleNode):
         self._service_change_state.callback = self._checked(self._service_change_state.callback)
         for service in self.services:
             self._shield(service)
+
+    def get_logger(self) -> PlainLog:
+        """Return the node's logger, whose entries have no control characters and limited length."""
+        return PlainLog(super().get_logger())
 
     @property
     def lifecycle_state(self) -> str:

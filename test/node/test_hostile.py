@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from benchmarks.node import flood, hostile
 
@@ -45,6 +45,34 @@ def test_good_commands_work_among_bad_ones(client: Any, start: Callable, coarse:
     client.wait(lambda: client.mesh()[:, 5].max() == pytest.approx(0.06, abs=1e-6))
     values = client.diagnostics()
     assert (values["commands refused"], values["commands taken"]) == ("200", "2")
+
+
+@pytest.mark.parametrize(
+    "text", ["\x1b[2J\a\r\n[ERROR] [1.0] [gdfe_sim]: forged", "\u202ereversed", "z" * 2_000_000, "x" * 300]
+)
+def test_texts_of_requests_are_plain_in_the_log(client: Any, start: Callable, coarse: dict, text: str) -> None:
+    """Control characters, forged entries and megabytes in names, labels and paths do not reach the log.
+
+    Before, a path erased the terminal, a label of 2 MB became an entry of 2 MB, and the log had a forged error.
+    """
+    process = start(**coarse)
+    client.wait(client.records)
+    refused = not text.isprintable() or len(text) > 4096
+    for name in ("bag_path", "state_path"):
+        assert client.set(**{name: text})[0].successful is not refused
+    client.call(SetBool, "record", SetBool.Request(data=True))
+    assert client.transition(text) is False
+    for label in ("deactivate", "cleanup"):
+        assert client.transition(label)
+    client.set(scene=text, scene_overrides=[text])
+    client.transition("configure")
+    client.wait(lambda: "configuring scene" in process.log)
+    client.diagnostics()
+    lines = process.log.splitlines()
+    assert all(line.isprintable() for line in lines)
+    assert max(map(len, lines)) < 25_000
+    assert not any(line.startswith("[ERROR] [1.0]") for line in lines)
+    assert "Traceback" not in process.log
 
 
 def test_wild_commands_at_a_thousand_a_second_leave_finite_meshes(client: Any, start: Callable, coarse: dict) -> None:

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Texts of strangers in the log and in parameters: of limited length, without control characters, no forged lines.
+
+Names, paths and labels of requests reach the log. A terminal obeys control characters, a text with a line feed could
+look like an entry of its own, and a text may have megabytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from gdfe_ros.errors import GdfeError
+
+_LONGEST_ENTRY = 20_000
+"""Largest number of characters of an entry of the log."""
+_LONGEST_TEXT, _LONGEST_LIST = 4096, 1_000_000
+"""Largest number of characters of a parameter that is a text, which is that of a path, and of a list of texts."""
+
+
+def shorten(text: str, most: int) -> str:
+    """Return a text without its middle if it has more than ``most`` characters, and with control characters escaped."""
+    return _escape(_without_middle(text, most))
+
+
+def plain_entry(text: object) -> str:
+    """Return the text of an entry of the log: lines after the first are indented, so that none looks like an entry."""
+    return "\n    ".join(map(_escape, _without_middle(str(text), _LONGEST_ENTRY).split("\n")))
+
+
+def _without_middle(text: str, most: int) -> str:
+    if len(text) <= most:
+        return text
+    half = most // 2
+    return f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"
+
+
+def _escape(text: str) -> str:
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+
+
+class PlainLog:
+    """A logger of rclpy whose entries are plain (`plain_entry`).
+
+    Args:
+        logger: logger of rclpy; its other methods can be used, too.
+    """
+
+    def __init__(self, logger: Any) -> None:
+        self._logger = logger
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._logger, name)
+
+    # rclpy distinguishes callers by their lines, and each may have only one severity.
+    def info(self, text: object, **options: Any) -> bool:
+        """Log an entry for information."""
+        return self._logger.info(plain_entry(text), **options)
+
+    def warning(self, text: object, **options: Any) -> bool:
+        """Log a warning."""
+        return self._logger.warning(plain_entry(text), **options)
+
+    def error(self, text: object, **options: Any) -> bool:
+        """Log an error."""
+        return self._logger.error(plain_entry(text), **options)
+
+
+def require_plain(name: str, value: str | Sequence[str]) -> None:
+    """Check the value of a parameter with texts.
+
+    Raises:
+        GdfeError: it has control characters (in a list, line feeds and tabulators are allowed), or is too long.
+    """
+    texts, most = ([value], _LONGEST_TEXT) if isinstance(value, str) else (value, _LONGEST_LIST)
+    allowed: Callable[[str], bool] = str.isprintable if isinstance(value, str) else _is_text
+    length = sum(map(len, texts))
+    if length > most:
+        raise GdfeError(f"parameter {name} has {length} characters; allowed: up to {most}")
+    if wrong := next((text for text in texts if not allowed(text)), None):
+        raise GdfeError(f"parameter {name} has {shorten(wrong, 80)!r}; allowed: no control characters")
+
+
+def _is_text(text: str) -> bool:
+    return text.translate({9: None, 10: None}).isprintable()
