@@ -64,10 +64,10 @@ def test_texts_of_requests_are_plain_in_the_log(client: Any, start: Callable, co
     assert client.transition(text) is False
     for label in ("deactivate", "cleanup"):
         assert client.transition(label)
-    client.set(scene=text, scene_overrides=[text])
-    client.transition("configure")
-    client.wait(lambda: "configuring scene" in process.log)
-    client.diagnostics()
+    for name, value in (("scene", text), ("scene_overrides", [text])):
+        client.set(**{name: value})
+        if client.transition("configure"):
+            assert client.transition("cleanup")
     lines = process.log.splitlines()
     assert all(line.isprintable() for line in lines)
     assert max(map(len, lines)) < 25_000
