@@ -22,12 +22,14 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from gdfe_ros.node.eventless import NO_PUBLISHER_EVENTS, EventlessNode
-from gdfe_ros.node.plain_log import PlainLog
+from gdfe_ros.node.plain_log import PlainLog, log_throttle
 from gdfe_ros.node.standard_answers import ResultCode, failed
 from gdfe_ros.node.throttle import Throttle
 
 _KEPT = 2
 """Number of turns (`ManagedNode.turn`) for which a destroyed subscription or timer stays in memory."""
+_MOST_ENTRIES = 10_000
+"""Largest number of entries in a list of a request; rclpy's answer for 500000 names of parameters takes 15 s."""
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
 """Function of glibc that returns free memory to the system; None with another C library, which has no such pools."""
 _PRIMARY = ("unconfigured", "inactive", "active")
@@ -73,7 +75,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def __init__(self, name: str, **options: Any) -> None:
         self._preparation: threading.Thread | None = None
         self._destroyed = False
-        self._turns = 0
+        self._turns, self._log_throttle = 0, log_throttle()
         self._destroyed_last: deque[tuple[int, Subscription | Timer]] = deque()
         self.faults = Faults(lambda text: self.get_logger().error(text))
         super().__init__(name, **options)
@@ -82,8 +84,8 @@ class ManagedNode(EventlessNode, LifecycleNode):
             self._shield(service)
 
     def get_logger(self) -> PlainLog:
-        """Return the node's logger, whose entries have no control characters and limited length."""
-        return PlainLog(super().get_logger())
+        """Return the node's logger: entries of limited number and length, without control characters."""
+        return PlainLog(super().get_logger(), self._log_throttle)
 
     @property
     def lifecycle_state(self) -> str:
@@ -186,11 +188,14 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def _shield(self, service: Service) -> None:
         """Make a service answer with a failure if its callback raises, and send a ``Future`` response once it is set.
 
-        Exceptions of the callback and of sending are counted and logged as faults.
+        A request with a too long list is refused. Exceptions are counted and logged as faults.
         """
         callback, send, place = service.callback, service.send_response, f"the service {service.srv_name}"
 
         def answer(request: Any, response: Any) -> Any:
+            if text := _describe_excess(request):
+                self.get_logger().warning(f"a request to {service.srv_name} is refused: {text}")
+                return _failure(request, type(response)(), text)
             try:
                 return callback(request, response)
             except Exception as error:
@@ -302,13 +307,21 @@ def _ignore_call() -> None:
     """Receive a call of a destroyed timer."""
 
 
+def _describe_excess(request: Any) -> str:
+    """Return which list of a request is too long; empty if none is."""
+    for name, kind in request.get_fields_and_field_types().items():
+        if kind.startswith("sequence") and (count := len(getattr(request, name))) > _MOST_ENTRIES:
+            return f"{name} has {count} entries; allowed: up to {_MOST_ENTRIES}"
+    return ""
+
+
 def _failure(request: Any, response: Any, text: str) -> Any:
     """Put the reason of a failure into every suitable field of a response, and return the response."""
     refused = SetParametersResult(successful=False, reason=text)
     if hasattr(response, "message"):
         response.message = text
     if hasattr(response, "results"):
-        response.results = [refused for _ in request.parameters]
+        response.results = [refused] * min(len(request.parameters), _MOST_ENTRIES)
     if hasattr(response, "result") and isinstance(response.result, SetParametersResult):
         response.result = refused
     elif hasattr(response, "result") and hasattr(response.result, "error_message"):

@@ -2,7 +2,7 @@
 """Texts of strangers in the log and in parameters: of limited length, without control characters, no forged lines.
 
 Names, paths and labels of requests reach the log. A terminal obeys control characters, a text with a line feed could
-look like an entry of its own, and a text may have megabytes.
+look like an entry of its own, a text may have megabytes, and a flood of requests would fill the disk.
 """
 
 from __future__ import annotations
@@ -11,9 +11,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.throttle import Throttle
 
 _LONGEST_ENTRY = 20_000
 """Largest number of characters of an entry of the log."""
+_BURST = 100
+"""Largest number of entries of the same severity in five seconds."""
 _LONGEST_TEXT, _LONGEST_LIST = 4096, 1_000_000
 """Largest number of characters of a parameter that is a text, which is that of a path, and of a list of texts."""
 
@@ -39,15 +42,21 @@ def _escape(text: str) -> str:
     return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
 
 
+def log_throttle() -> Throttle:
+    """Return the limit on the number of entries of a node's log, by severity."""
+    return Throttle(_BURST, what="entries left out")
+
+
 class PlainLog:
-    """A logger of rclpy whose entries are plain (`plain_entry`).
+    """A logger of rclpy whose entries are plain (`plain_entry`), and of limited number.
 
     Args:
         logger: logger of rclpy; its other methods can be used, too.
+        throttle: limit on the number of entries.
     """
 
-    def __init__(self, logger: Any) -> None:
-        self._logger = logger
+    def __init__(self, logger: Any, throttle: Throttle) -> None:
+        self._logger, self._throttle = logger, throttle
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._logger, name)
@@ -55,15 +64,22 @@ class PlainLog:
     # rclpy distinguishes callers by their lines, and each may have only one severity.
     def info(self, text: object, **options: Any) -> bool:
         """Log an entry for information."""
-        return self._logger.info(plain_entry(text), **options)
+        entry = self._due("info", text)
+        return entry is not None and self._logger.info(entry, **options)
 
     def warning(self, text: object, **options: Any) -> bool:
         """Log a warning."""
-        return self._logger.warning(plain_entry(text), **options)
+        entry = self._due("warning", text)
+        return entry is not None and self._logger.warning(entry, **options)
 
     def error(self, text: object, **options: Any) -> bool:
         """Log an error."""
-        return self._logger.error(plain_entry(text), **options)
+        entry = self._due("error", text)
+        return entry is not None and self._logger.error(entry, **options)
+
+    def _due(self, severity: str, text: object) -> str | None:
+        more = self._throttle.due(severity)
+        return None if more is None else plain_entry(text) + more
 
 
 def require_plain(name: str, value: str | Sequence[str]) -> None:
