@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from gdfe_ros.bounded_text import is_plain
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.throttle import Throttle
 
@@ -89,13 +90,9 @@ def require_plain(name: str, value: str | Sequence[str]) -> None:
         GdfeError: it has control characters (in a list, line feeds and tabulators are allowed), or is too long.
     """
     texts, most = ([value], _LONGEST_TEXT) if isinstance(value, str) else (value, _LONGEST_LIST)
-    allowed: Callable[[str], bool] = str.isprintable if isinstance(value, str) else _is_text
+    allowed: Callable[[str], bool] = str.isprintable if isinstance(value, str) else is_plain
     length = sum(map(len, texts))
     if length > most:
         raise GdfeError(f"parameter {name} has {length} characters; allowed: up to {most}")
     if wrong := next((text for text in texts if not allowed(text)), None):
         raise GdfeError(f"parameter {name} has {shorten(wrong, 80)!r}; allowed: no control characters")
-
-
-def _is_text(text: str) -> bool:
-    return text.translate({9: None, 10: None}).isprintable()
