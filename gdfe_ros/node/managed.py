@@ -150,6 +150,9 @@ class ManagedNode(EventlessNode, LifecycleNode):
             released = True
         if released:
             self.collect()
+            # rclpy keeps a weak reference to each destroyed entity.
+            entities = self.default_callback_group.entities
+            entities.difference_update([each for each in list(entities) if each() is None])
 
     @staticmethod
     def collect() -> None:
