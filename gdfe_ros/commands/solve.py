@@ -20,6 +20,7 @@ from gdfe_ros.commands.output_file import require_folder, require_picture
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.commands.play_progress import PlayProgress
 from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.contacts import contact_points, total_forces
 from gdfe_ros.entry import INTERRUPTED
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
@@ -163,6 +164,9 @@ def _table(simulation: Simulation, results: list[StepResult], wall_time: float) 
         if handle.section == "bodies":
             shift = simulation.handle_pose(handle.name).translation
             table.add_row(f"{handle.name}: moved by", "  ".join(f"{value:.5g}" for value in shift), "m")
+    if last.contacts:
+        for name, force in total_forces(contact_points(last.contacts), simulation.scene.handles).items():
+            table.add_row(f"{name}: total force on it", "  ".join(f"{value:.5g}" for value in force), "N")
     for name, state in last.actuators.items():
         table.add_row(f"{name}: command, {state.mode.value}", f"{state.command:.6g}", state.unit)
         for what, value, unit in state.readings():
