@@ -88,14 +88,14 @@ def stopped(results: list[StepResult], *, beyond: bool = False) -> str:
 
     Args:
         results: results of the steps; the last one failed.
-        beyond: whether the failed step went back to the last equilibrium on its way.
+        beyond: whether the failed step went back to the last equilibrium before its commands.
     """
     found = [result for result in results if result.converged or (beyond and result is results[-1])]
     if not found:
         return "no equilibrium was found; remedy: smaller commands, or --keep-going"
     states = found[-1].actuators.items()
     commands = [f"{name} = {state.command:.4g} {state.unit}".strip() for name, state in states]
-    place = f"{'on the way to ' * beyond}t = {found[-1].time:.4g} s"
+    place = f"{'before ' * beyond}t = {found[-1].time:.4g} s"
     text = f"no equilibrium found beyond {', '.join([*commands, place])}"
     if "lost its stability" in results[-1].message:
         text += "; the chamber's pressure falls with its volume there: command the volume"
@@ -105,7 +105,7 @@ def stopped(results: list[StepResult], *, beyond: bool = False) -> str:
 
 
 def _withdrawn(simulation: Simulation, last: StepResult) -> bool:
-    """Return whether a failed step went back to an equilibrium on its way, whose commands are not yet the program's."""
+    """Return whether a failed step went back to an equilibrium whose commands are not yet the program's."""
     program = simulation.scene.program
     if last.converged or program is None or not 0.0 <= last.error_estimate <= simulation.settings.tolerance:
         return False
