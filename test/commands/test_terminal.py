@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -20,6 +21,8 @@ from gdfe_ros.testing import NodeProcess
 def node() -> Iterator[NodeProcess]:
     """Give a node with a coarse bar that waits for commands."""
     with NodeProcess({"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"], "clock": "lockstep"}) as node:
+        while "active, clock lockstep" not in node.log:
+            time.sleep(0.1)
         yield node
 
 
