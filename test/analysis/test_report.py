@@ -254,3 +254,10 @@ def test_the_histogram_counts_every_cell() -> None:
     assert edges[-1] == pytest.approx(0.5)
     np.testing.assert_allclose(shares.sum(axis=0), 1.0)
     assert shares[0].tolist() == pytest.approx([1.0, 0.55], abs=0.01)
+
+
+def test_a_page_without_html_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A page whose name does not end with .html, which no browser would open, is refused before the bag is read."""
+    assert main(["report", str(tmp_path / "no_bag"), "--out", str(tmp_path / "page")]) == 2
+    assert "a page ends with .html" in capsys.readouterr().err
+    assert not (tmp_path / "page").exists()
