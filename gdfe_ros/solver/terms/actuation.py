@@ -261,8 +261,8 @@ class Actuation:
 def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]) -> str:
     """Return the message that a chamber lost its stability between two pressures."""
     return (
-        f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: it would inflate "
-        "without bound; remedy: command its volume instead of its pressure, or stiffen its walls"
+        f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: its pressure "
+        "falls with its volume there; remedy: command its volume instead of its pressure, or stiffen its walls"
     )
 
 
