@@ -25,14 +25,16 @@ def share_files() -> list[tuple[str, list[str]]]:
     return sorted(found.items())
 
 
+RECORDING = ["mcap>=1.6", "lz4>=4.3", "zstandard>=0.22"]
 EXTRAS = {
     # ROS 2 Jazzy from wheels. Never in install_requires: with ROS from apt they would be fetched twice.
     "ros": [
         "ros-jazzy-rclpy==7.1.6",
         "ros-jazzy-rmw-fastrtps-cpp==8.4.3",
         "ros-jazzy-common-interfaces==5.3.6",
+        *RECORDING,  # the node imports its recorder
     ],
-    "mcap": ["mcap>=1.6", "lz4>=4.3", "zstandard>=0.22", "rosbags>=0.11"],
+    "mcap": [*RECORDING, "rosbags>=0.11"],
     # Kinematics and Newton-Euler of arms. Its name on PyPI is pin; apt has ros-jazzy-pinocchio.
     # trimesh and pycollada read the shapes of links.
     "arm": ["pin>=3.0", "trimesh>=4.0", "pycollada>=0.8"],
@@ -61,6 +63,7 @@ EXTRAS = {
         "pytest-xdist>=3.5",
         "hypothesis>=6.100",
         "ruff==0.17.5",
+        "build>=1.2",
         "mcap-ros2-support>=0.6",
         "catkin-pkg>=1.0",
         "docutils>=0.20",
@@ -84,7 +87,8 @@ setup(
     name=NAME,
     version=MANIFEST.findtext("version"),
     description=MANIFEST.findtext("description"),
-    long_description=MANIFEST.findtext("description"),
+    long_description=(HERE / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
     license="Apache-2.0",
     license_files=["LICENSE"],
     maintainer=MANIFEST.findtext("maintainer"),

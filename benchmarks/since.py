@@ -135,13 +135,23 @@ class Player:
         self._process.wait()
 
 
-def checkout(commit: str) -> Path:
-    """Return the tree of a commit with its package installed; it is created if it does not exist."""
+def archived(commit: str) -> Path:
+    """Return the tree of a commit, or the directory of that name; it is written if it does not exist."""
+    if Path(commit).is_dir():
+        return Path(commit).resolve()
     command = ["git", "rev-parse", "--short", f"{commit}^{{commit}}"]
     short = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
     tree = ROOT / "build" / "since" / short
     if not tree.exists():
-        subprocess.run(["git", "worktree", "add", "--detach", tree, short], cwd=ROOT, check=True)
+        archive = subprocess.run(["git", "archive", short], cwd=ROOT, check=True, capture_output=True).stdout
+        tree.mkdir(parents=True)
+        subprocess.run(["tar", "xf", "-"], cwd=tree, input=archive, check=True)
+    return tree
+
+
+def checkout(commit: str) -> Path:
+    """Return the tree of a commit with its package installed; it is created if it does not exist."""
+    tree = archived(commit)
     own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}  # it would import this tree
     subprocess.run(["make", "install"], cwd=tree, env=own, check=True)
     return tree

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gdfe_ros.scene.loader import load_scene
     from gdfe_ros.simulation import Command, Simulation
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = ["Command", "Pose", "Simulation", "__version__", "load_scene"]
 
 _HOMES = {

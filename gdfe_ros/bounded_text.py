@@ -26,6 +26,8 @@ LONGEST_NUMBER = 100
 LARGEST_XML = 2_000_000
 """Largest number of characters of an XML text."""
 
+_HARMLESS = dict.fromkeys((9, 10, 0xA0, 0x2009, 0x202F, 0x3000))
+"""Tabulator, line feed and spaces, which `str.isprintable` does not accept."""
 _NUMBER_LIKE = re.compile(r"[-+.:_\deE]*\Z")
 _TEXT_TAGS = ("tag:yaml.org,2002:str", "!")
 
@@ -177,15 +179,35 @@ def load_json(text: str | bytes, *, largest: int = LARGEST_TEXT) -> Any:
 
 
 def load_json_object(text: str | bytes, *, largest: int = LARGEST_TEXT) -> dict[str, Any]:
-    """Return the data of a JSON text whose outermost value is an object.
+    """Return the data of a JSON text whose outermost value is an object, and whose texts a terminal can show.
 
     Raises:
-        ValueError: as for `load_json`, or the outermost value is no object.
+        ValueError: as for `load_json`, or the outermost value is no object, or a text has control characters.
     """
     data = load_json(text, largest=largest)
     if not isinstance(data, dict):
         raise ValueError(f"its outermost value is a {type(data).__name__}; allowed: an object")
+    if not text.isascii() or (b"\\" if isinstance(text, bytes) else "\\") in text:
+        _require_plain(data)
     return data
+
+
+def is_plain(text: str) -> bool:
+    """Return whether a text has no control characters except line feeds and tabulators; a terminal obeys them."""
+    return text.translate(_HARMLESS).isprintable()
+
+
+def _require_plain(data: Any) -> None:
+    """Raise a ValueError if a key or a text of JSON data has control characters."""
+    waiting = [data]
+    while waiting:
+        match waiting.pop():
+            case dict() as found:
+                waiting += [*found, *found.values()]
+            case list() as found:
+                waiting += found
+            case str() as found if not is_plain(found):
+                raise ValueError(f"the text {found[:80]!r} has control characters")
 
 
 def parse_xml(text: str) -> ElementTree.Element:

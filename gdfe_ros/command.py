@@ -196,7 +196,7 @@ class Orders:
             if not actuator.low <= value <= actuator.high:
                 raise CommandError(f"actuator {name!r}: {actuator.mode.value} {value!r}; allowed: {_range(actuator)}")
             self._require_room(actuator, float(value))
-            values[name] = float(value)
+            values[name] = float(value >= 0.5) if actuator.mode is Mode.GRIP else float(value)
         for name, value in (command.loads if command else {}).items():
             if name not in self._loads:
                 raise CommandError(f"no load {name!r} in scene {self._scene.name!r}; loads: {_list(self._loads)}")

@@ -93,6 +93,27 @@ def contact_points(contacts: Mapping[str, Touch]) -> NDArray[np.void]:
     return np.concatenate(rows) if rows else np.zeros(0, POINT)
 
 
+def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> dict[str, NDArray[np.float64]]:
+    """Return the total contact force (3,) [N] on each obstacle and rigid body, by name.
+
+    The forces of soft bodies and of rigid bodies are counted; those in `StepResult.reactions` are on soft bodies only.
+
+    Args:
+        points: contact points (k,) as `POINT`, or a dict from each of its fields to an array (k,).
+        handles: the scene's handles.
+    """
+    touched = [handle for handle in handles if isinstance(handle, Obstacle)]
+    pairs = [(None, thing) for thing in touched] + list(rigid_pairs(touched))
+    forces = np.stack([points[push] + points[shear] for push, shear in zip(_PUSH, _SHEAR, strict=True)], axis=1)
+    totals = {thing.name: np.zeros(3) for thing in touched}
+    for number, (rigid, thing) in enumerate(pairs):
+        force = forces[points["contact"] == number].sum(axis=0, dtype=np.float64)
+        totals[thing.name] -= force
+        if rigid is not None:
+            totals[rigid.name] += force
+    return totals
+
+
 def _points(number: int, touch: Touch) -> NDArray[np.void]:
     points = np.zeros(len(touch.presses), POINT)
     pushes = touch.presses[:, None] * touch.normals

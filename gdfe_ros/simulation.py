@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from numbers import Integral
 from typing import TYPE_CHECKING
@@ -165,6 +165,8 @@ class Simulation:
         """
         if not self._carriers:
             raise CommandError(f"scene {self.scene.name!r} has no arms; ~/reset goes back to rest as a whole")
+        if holding := self.stepper.actuation.holding(self.state):
+            raise CommandError(f"grips hold something: {', '.join(holding)}; remedy: let go first, command 0")
         motions = self._carriers.at_rest()
         poses = self._carriers.advance(motions, {}, 0.0, {}).poses
         moved, positions = moved_along(self.stepper.body, self.stepper.equilibrium.handles, self.state, poses)
@@ -249,6 +251,7 @@ class Simulation:
         targets |= moved.poses
         commands = self._orders.values(command, self.commands)
         limited = self._orders.within_rates(commands, self.state.commands, dt)
+        self._require_grips(limited, places)
         rests = not places and self._rests(moved.motions, targets, limited)
         if moves and not rests:
             require_countable(dt=dt, step=moves.step)
@@ -267,6 +270,16 @@ class Simulation:
         given = {"time": self.time, "origin": self.origin, "settings": self.settings}
         self.result = step_result(self.stepper, self.state, march, **given, started=started, limit=limit)
         return self.result
+
+    def _require_grips(self, commands: Mapping[str, float], places: Collection[str]) -> None:
+        """Raise CommandError if a grip would take hold from too far away, or if a held body is put elsewhere."""
+        actuation = self.stepper.actuation
+        if texts := actuation.out_of_reach(self.state, commands):
+            raise CommandError("; ".join(texts.values()))
+        holding = actuation.holding(self.state)
+        for grip in (each.actuator for each in actuation.grips if each.name in holding):
+            if moved := sorted({grip.held, grip.holder} & set(places)):
+                raise CommandError(f"body {moved[0]!r} is held by grip {grip.name!r}; remedy: let go first, command 0")
 
     def _rests(self, motions: Motions, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether body and yielding joints are at rest, and would stay at rest at these commands."""

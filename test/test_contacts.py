@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.contacts import POINT, contact_names, contact_points
+from gdfe_ros.contacts import POINT, contact_names, contact_points, total_forces
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene.loader import scene_from_text
 
@@ -74,6 +74,22 @@ def test_names_are_those_of_the_results() -> None:
     names = contact_names(simulation.scene.handles)
     assert names == list(simulation.step().contacts)
     assert names[-3:] == ["two on lid", "two on far", "two on one"]
+
+
+def test_the_force_on_a_table_counts_rigid_bodies() -> None:
+    """The total force on a lid that carries a box is the box' weight; the reaction, of the slab only, is zero."""
+    box = {"one": {"box": {"size": [0.02, 0.02, 0.02]}, "density": 800, "at": [0.05, 0.0, -0.05]}}
+    lid = {"lid": {"plane": [0, 0, 1], "at": [0, 0, -0.06], "friction": 0.3}}
+    more = {"loads.weight": {"gravity": [0, 0, -9.81]}, "dynamics": {"scheme": "bdf2", "step": 0.005}}
+    given = {"obstacles": lid, "bodies": box, "sensors": {}, "handles.base.where": {"face": "z+"}, **more}
+    simulation = Simulation(scene_from_text(SLAB, overrides=given))
+    for _ in range(20):
+        result = simulation.step(dt=0.005)
+    totals = total_forces(contact_points(result.contacts), simulation.scene.handles)
+    weight = 800 * 0.02**3 * 9.81
+    assert totals["lid"] == pytest.approx([0.0, 0.0, -weight], abs=1e-3 * weight)
+    assert totals["one"] == pytest.approx([0.0, 0.0, weight], abs=1e-3 * weight)
+    assert not result.reactions["lid"].any()
 
 
 def test_nothing_touches_where_there_is_nothing_to_touch() -> None:

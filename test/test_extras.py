@@ -39,6 +39,7 @@ def _run(modules: tuple[str, ...], arguments: list[str], code: str) -> subproces
         ("gdfe", ["pub", "/topic"], _ROS, "ros"),
         ("gdfe", ["echo", "/topic"], _ROS, "ros"),
         ("gdfe", ["call", "/service"], _ROS, "ros"),
+        ("gdfe", ["params", "/node"], _ROS, "ros"),
         ("gdfe", ["demo", "bend5"], _ROS, "ros"),
         ("gdfe", ["replay", "bags/bend5"], ("mcap", "rosbags"), "mcap"),
         ("gdfe", ["live", "bend5"], ("viser",), "live"),

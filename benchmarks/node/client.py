@@ -32,9 +32,17 @@ RISE = 1e-3
 HIGHEST = 200
 """Number of commands from the lowest to the highest position of the tip."""
 
+_COMPILATION = 1800.0
+"""Longest wait for a node [s]; the first one of another commit compiles all its kernels, beside other work."""
+
 
 class Client:
-    """A subscriber of the given topics; a context manager.
+    """A subscriber of the given topics of a node; a context manager.
+
+    Args:
+        topics: topics to receive.
+        keep: topics whose messages are kept.
+        namespace: namespace of the node and of its diagnostics, e.g. ``/left``; empty for none.
 
     Attributes:
         counts: dict from topic, without the node's name, to the number of received messages.
@@ -44,10 +52,11 @@ class Client:
         solved: number of steps and total time of the solves [s] since the node's start, from its diagnostics.
     """
 
-    def __init__(self, *topics: TopicSpec, keep: tuple[TopicSpec, ...] = ()) -> None:
+    def __init__(self, *topics: TopicSpec, keep: tuple[TopicSpec, ...] = (), namespace: str = "") -> None:
+        self._name = f"{namespace}/{NODE_NAME}"
         self._context = rclpy.Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("bench", context=self._context)
+        self._node = rclpy.create_node("bench", namespace=namespace or None, context=self._context)
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
         self.counts = dict.fromkeys((spec.name for spec in topics), 0)
@@ -57,10 +66,10 @@ class Client:
         self.solved = (0, 0.0)
         state = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for spec in topics:
-            topic = spec.name.replace("~", f"/{NODE_NAME}")
+            topic = spec.name.replace("~", self._name)
             callback = self._counter(spec.name)
             self._node.create_subscription(interface_class(spec.type), topic, callback, state, raw=True)
-        self._node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._diagnose, 10)
+        self._node.create_subscription(DiagnosticArray, namespace + DIAGNOSTICS.name, self._diagnose, 10)
 
     def wait(self, done: Callable[[], Any], *, seconds: float = PATIENCE) -> None:
         """Spin until ``done`` returns a true value.
@@ -87,16 +96,17 @@ class Client:
 
     def publisher(self, topic: str, kind: type) -> Any:
         """Return a publisher of a command topic, which is named without the node's name."""
-        return self._node.create_publisher(kind, f"/{NODE_NAME}/{topic}", 1000)
+        return self._node.create_publisher(kind, f"{self._name}/{topic}", 1000)
 
     def wait_for_node(self) -> None:
         """Wait until the node is active, subscribes to the tip's target, and has published on every topic."""
-        self.wait(lambda: self.values.get("state") == "active" and self._target.get_subscription_count())
+        ready = lambda: self.values.get("state") == "active" and self._target.get_subscription_count()  # noqa: E731
+        self.wait(ready, seconds=_COMPILATION)
         self.wait(lambda: all(self.counts.values()))
 
     def pause(self) -> None:
         """Pause the node, and wait until its diagnostics report the pause."""
-        service = self._node.create_client(SetBool, f"/{NODE_NAME}/pause")
+        service = self._node.create_client(SetBool, f"{self._name}/pause")
         self.wait(service.service_is_ready)
         while self.values.get("clock") != "paused":  # asked again: an answer may be lost before both know each other
             service.call_async(SetBool.Request(data=True))

@@ -67,4 +67,6 @@ def _record_and_kill(bag: Path, seconds: float, home: Path | None) -> None:
 
 def _gdfe(home: Path | None, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "gdfe_ros.cli", *arguments]
-    return subprocess.run(command, env=package_environment(home), capture_output=True, text=True, check=False)
+    # Python's -m searches the working directory first.
+    environment = package_environment(home)
+    return subprocess.run(command, env=environment, cwd=home, capture_output=True, text=True, check=False)

@@ -172,7 +172,8 @@ def _solve(problem: Problem, work: Workspace, metric: Metric) -> None:
 
 def _rotate(problem: Problem, work: Workspace, metric: Metric) -> None:
     """Compute the rotations of the vertices."""
-    given = problem.unknowns.free, metric.held, metric.sums, metric.kept.frames
+    rows = problem.unknowns.free, problem.unknowns.fixed
+    given = rows, metric.held, metric.sums, metric.kept.frames
     vertex_rotations(work.x, metric.before, problem.shape, *given)
 
 

@@ -56,6 +56,8 @@ ROWS = (
         f"{_FILES}::test_xml_files_of_vtk"),
     Row("mesh files that are cut off", "gmsh, VTK", "refused within 10 s, with a remedy",
         f"{_FILES}::test_a_file_that_is_cut_off_is_refused_soon"),
+    Row("surfaces (STL, PLY, OBJ, OFF) that are cut off or wrong", "trimesh", "refused by what they are, with a remedy",
+        f"{_FILES}::test_a_damaged_surface_is_told"),
     Row("Abaqus: instances, moved and turned", "this test", "bounds and volume",
         f"{_ABAQUS}::test_instances_are_placed"),
     Row("Abaqus: sets of nodes", "this test", "number of nodes", f"{_ABAQUS}::test_sets_of_nodes"),

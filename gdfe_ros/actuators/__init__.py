@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Actuators and loads of a body: cables, chambers, growth, gravity, forces and tractions."""
+"""Actuators and loads of a body: cables, chambers, growth, grips, gravity, forces and tractions."""
 
 from __future__ import annotations
 
-from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Growth, Mode
+from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth, Mode
 from gdfe_ros.actuators.embedding import Embedding, embed
-from gdfe_ros.actuators.load import AttachedMass, Gravity, Load, PointLoad, SurfaceLoad, total_gravity
+from gdfe_ros.actuators.load import AttachedMass, Gravity, Load, PointLoad, PressureLoad, SurfaceLoad, total_gravity
 from gdfe_ros.actuators.reading import Readings
 
 __all__ = [
@@ -16,10 +16,12 @@ __all__ = [
     "Chamber",
     "Embedding",
     "Gravity",
+    "Grip",
     "Growth",
     "Load",
     "Mode",
     "PointLoad",
+    "PressureLoad",
     "Readings",
     "SurfaceLoad",
     "embed",

@@ -22,6 +22,7 @@ class Mode(str, Enum):
     PRESSURE = "pressure"
     VOLUME = "volume"
     GROWTH = "growth"
+    GRIP = "grip"
 
     @property
     def unit(self) -> str:
@@ -129,6 +130,33 @@ class Growth(Actuator):
     stretch: NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Grip(Actuator):
+    """A hold of a handle, an obstacle or a rigid body on vertices of the body, or on another rigid body.
+
+    At command 1 the held points keep the places on the holder that they have when the command becomes 1, at command 0
+    nothing is held. Other commands count as the nearer of the two.
+
+    Attributes:
+        holder: name of the handle, the obstacle or the rigid body that holds.
+        held: name of the rigid body that is held; empty if vertices of the body are held.
+        vertices: (k,) int32 held vertices of the body; empty if a rigid body is held.
+        reach: largest distance [m] from which it takes hold.
+    """
+
+    holder: str
+    held: str = ""
+    vertices: NDArray[np.int32]
+    reach: float
+    low: float = 0.0
+    high: float = 1.0
+
+    @property
+    def constrains(self) -> bool:
+        """Whether the command is a constraint: always, on the places of the held points."""
+        return True
+
+
 @dataclass(frozen=True)
 class ActuatorState:
     """State of an actuator at the present equilibrium.
@@ -136,8 +164,10 @@ class ActuatorState:
     Attributes:
         mode: quantity that the command prescribes.
         command: present command, in the unit of the mode.
-        extent: length of a cable [m], volume of a chamber [m^3], mean of det G over the cells of a growth.
-        effort: tension of a cable [N], pressure of a chamber relative to its surroundings [Pa], 0 for a growth.
+        extent: length of a cable [m], volume of a chamber [m^3], mean of det G over the cells of a growth, 1 for a grip
+            that holds (else 0).
+        effort: tension of a cable [N], pressure of a chamber relative to its surroundings [Pa], 0 for a growth, size of
+            the whole force of a grip [N].
     """
 
     mode: Mode
@@ -154,6 +184,8 @@ class ActuatorState:
         """Return the values to report for the actuator, as a list of (quantity, value, unit)."""
         if self.mode is Mode.GROWTH:
             return [("volume over that at rest", self.extent, "")]
+        if self.mode is Mode.GRIP:
+            return [("holds", self.extent, ""), ("force", self.effort, "N")]
         if self.mode in (Mode.PRESSURE, Mode.VOLUME):
             return [("volume", self.extent, "m^3"), ("pressure", self.effort, "Pa")]
         return [("length", self.extent, "m"), ("tension", self.effort, "N")]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dead loads: forces whose size and direction stay constant while the body moves."""
+"""Loads: forces whose size and direction stay constant while the body moves, and pressures that follow it."""
 
 from __future__ import annotations
 
@@ -129,7 +129,26 @@ class SurfaceLoad:
         return _collect(len(rest), self.points.corners, self.points.weights[..., None] * pulls[:, None])
 
 
-Load = Gravity | PointLoad | SurfaceLoad
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PressureLoad:
+    """A follower pressure: it acts along the normals of faces as they move, on their deformed area.
+
+    Attributes:
+        name: name, unique among the actuators and loads of the scene.
+        quads: int32 vertex ids of the faces, (q, 4), or (q, 6) for tetrahedra; normals point into the material.
+        pressure: pressure [Pa], finite; positive pushes into the material.
+    """
+
+    name: str
+    quads: NDArray[np.int32]
+    pressure: float
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.pressure):
+            raise ValueError(f"load {self.name!r}: pressure must be a finite number, got {self.pressure!r}")
+
+
+Load = Gravity | PointLoad | SurfaceLoad | PressureLoad
 
 
 def corner_volumes(

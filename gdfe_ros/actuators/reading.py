@@ -15,7 +15,7 @@ class Readings:
     """Converter of actuator states to positions.
 
     The position of a cable is its shortening [m] if the command is a shortening, else its length [m]. The position of a
-    chamber is its volume [m^3], and the position of a growth is its command.
+    chamber is its volume [m^3], and the position of a growth or a grip is its command.
 
     Args:
         actuators: actuators of a scene.
@@ -34,6 +34,6 @@ class Readings:
         return np.array([self._position(name, state) for name, state in states.items()])
 
     def _position(self, name: str, state: ActuatorState) -> float:
-        if state.mode is Mode.GROWTH:
+        if state.mode in (Mode.GROWTH, Mode.GRIP):
             return state.command
         return self._lengths[name] - state.extent if state.mode is Mode.SHORTENING else state.extent

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Iterable, Iterator
 from functools import cached_property
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.analysis.message_values import cloud_values
+from gdfe_ros.contacts import total_forces
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.recording.decoding import array_decoder
@@ -94,6 +96,26 @@ class BagRun:
             name = f"sensor {name}" if section == "sensors" else name
             wrenches[name] = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
         return wrenches
+
+    def last_places(self, pattern: str) -> dict[str, tuple[float, float, float]]:
+        """Return the last position (3,) [m] of each topic of poses whose role matches a pattern, e.g. ``probe/*``.
+
+        Returns:
+            Dict from the part of the role in the place of ``*``.
+        """
+        names = {role: re.fullmatch(pattern.replace("*", "([^/]+)"), role) for role in sorted(self.roles)}
+        places = {}
+        for role, found in names.items():
+            if found:
+                place = _last(self.messages(f"/{role}"))[1].pose.position
+                places[found[1]] = place.x, place.y, place.z
+        return places
+
+    def last_total_forces(self) -> dict[str, NDArray[np.float64]]:
+        """Return the last total contact force (3,) [N] on each obstacle and rigid body; empty without contact."""
+        if not self.topics("/contacts"):
+            return {}
+        return total_forces(cloud_values(_last(self.messages("/contacts"))[1]), self.scene.handles)
 
 
 def _roles(topics: Iterable[TopicInfo]) -> dict[str, str]:

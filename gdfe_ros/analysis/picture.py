@@ -179,5 +179,6 @@ def frame(axes: Axes3D, points: NDArray[np.float64]) -> None:
     axes.tick_params(labelsize=7)
     for name, width in zip("xyz", span, strict=True):
         bins = max(1, round(TICKS * width / span.max()))
-        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(nbins=bins, min_n_ticks=min(3, bins)))
+        locator = MaxNLocator(nbins=bins, min_n_ticks=min(3, bins), steps=[1, 2, 5, 10])
+        getattr(axes, f"{name}axis").set_major_locator(locator)
     axes.view_init(**VIEW)

@@ -152,7 +152,7 @@ def _wrench(reaction: NDArray[np.float64]) -> Values:
 
 
 def _extent(state: ActuatorState) -> float:
-    return state.command if state.mode is Mode.GROWTH else state.extent
+    return state.command if state.mode in (Mode.GROWTH, Mode.GRIP) else state.extent
 
 
 def _entries(path: str, values: Collection[float]) -> Iterator[tuple[str, np.ndarray]]:

@@ -79,6 +79,8 @@ def _table(scene: Scene, bag: BagRun, first: float) -> Table:
     table.add_row("node start to first step", f"{first:.2f}", "s")
     table.add_row("steps commanded, taken", f"{round(scene.program.duration / records[0].dt)}, {len(records)}", "")
     table.add_row("solve time a step, median", f"{1e3 * np.median(times):.2f}", "ms")
+    speed = sum(record.dt for record in records) / times.sum()
+    table.add_row("speed, times real time", f"{speed:.3g}", "")
     table.add_row("iterations a step, mean", f"{np.mean([record.iterations for record in records]):.1f}", "")
     table.add_row("converged", convergence(records), "")
     table.add_row("strain energy", f"{last.energy:.6g}", "J")
@@ -86,5 +88,12 @@ def _table(scene: Scene, bag: BagRun, first: float) -> Table:
     for name, (force, moment) in wrenches.items():
         table.add_row(f"{name}: force", "  ".join(f"{value:.4g}" for value in force), "N")
         table.add_row(f"{name}: moment", "  ".join(f"{value:.4g}" for value in moment), "N m")
+    for what, places, unit in (
+        ("total force on it", bag.last_total_forces(), "N"),
+        ("moved by", bag.last_places("bodies/*/pose"), "m"),
+        ("position", bag.last_places("probe/*"), "m"),
+    ):
+        for name, vector in places.items():
+            table.add_row(f"{name}: {what}", "  ".join(f"{value:.4g}" for value in vector), unit)
     table.add_row("messages in the bag", str(bag.message_count), "")
     return table

@@ -145,6 +145,15 @@ def _relative(path: Path, folder: Path) -> str:
     return str(path.relative_to(folder)) if path.is_relative_to(folder) else str(path)
 
 
+def _far_end(mesh: Mesh, axis: int) -> list[float]:
+    """Return the vertex [m] that is nearest to the middle of the body's upper end along an axis."""
+    vertices = mesh.vertices
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    middle = 0.5 * (low + high)
+    middle[axis] = high[axis]
+    return [float(value) for value in vertices[np.linalg.norm(vertices - middle, axis=1).argmin()]]
+
+
 def _scene(name: str, material: str, mesh_entry: dict, mesh: Mesh) -> dict:
     """Return a scene in which the lower end of the body's longest axis is fixed, with a chamber for each cavity."""
     axis = int(np.argmax(np.ptp(mesh.vertices, axis=0)))
@@ -158,6 +167,7 @@ def _scene(name: str, material: str, mesh_entry: dict, mesh: Mesh) -> dict:
         "materials": {"body": {"preset": material}},
         "regions": [{"material": "body"}],
         "handles": {"base": {"where": {"face": f"{'xyz'[axis]}-"}, "fixed": True}},
+        "probes": {"tip": _far_end(mesh, axis)},
     }
     if not chambers:
         return scene

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe pub``: publish one message on a topic that has a subscriber."""
+"""``gdfe pub``: publish one message on a topic that has a subscriber, and print refusals."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 
 from gdfe_ros.node.message_text import parse
 from gdfe_ros.node.peer import full_name, open_peer
+
+REFUSED = 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,9 +21,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Publish the message, and return 0 once every subscriber has received it."""
+    """Publish the message; return 0 once every subscriber has received it, or 1 if one of them refused it."""
     values = parse(arguments.message)
     with open_peer() as peer:
-        count = peer.publish(arguments.topic, values)
+        count, refusals = peer.publish(arguments.topic, values)
     print(f"published on {full_name(arguments.topic)} to {count} listener{'s' if count > 1 else ''}")
-    return 0
+    for refusal in refusals:
+        print(f"refused: {refusal}", file=sys.stderr)
+    return REFUSED if refusals else 0

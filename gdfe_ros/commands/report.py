@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import bag_directory
 
 BESIDE = Path()
@@ -46,6 +47,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.mp4:
         require_video()
+    if arguments.out is not None and arguments.out.suffix.lower() not in (".html", ".htm"):
+        text = "a page ends with .html, or no browser opens it"
+        raise GdfeError(f"--out {arguments.out}: {text}; remedy: {arguments.out}.html")
     bag = bag_directory(arguments.bag.resolve())
     out = arguments.out or bag.with_name(f"{bag.stem}_report.html")
     console, started = Console(soft_wrap=True), time.perf_counter()

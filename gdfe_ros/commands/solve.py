@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 import sys
 import time
 from pathlib import Path
@@ -19,6 +20,7 @@ from gdfe_ros.commands.output_file import require_folder, require_picture
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.commands.play_progress import PlayProgress
 from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.contacts import contact_points, total_forces
 from gdfe_ros.entry import INTERRUPTED
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
@@ -73,24 +75,43 @@ def run(arguments: argparse.Namespace) -> int:
         _draw(arguments.picture, simulation, last)
     print_failures(results)
     if not last.converged and not arguments.keep_going:
-        Console(stderr=True, soft_wrap=True).print(stopped(results), style="red", markup=False, highlight=False)
+        text = stopped(results, beyond=_withdrawn(simulation, last))
+        Console(stderr=True, soft_wrap=True).print(text, style="red", markup=False, highlight=False)
     if interrupted:
         print(f"gdfe solve: interrupted after t = {last.time:.4g} s", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(result.converged for result in results) else NOT_CONVERGED
 
 
-def stopped(results: list[StepResult]) -> str:
-    """Return a line about a run that a failed step ended: the last equilibrium and its commands, and a remedy."""
-    found = [result for result in results if result.converged]
+def stopped(results: list[StepResult], *, beyond: bool = False) -> str:
+    """Return a line about a run that a failed step ended: the last equilibrium and its commands, and a remedy.
+
+    Args:
+        results: results of the steps; the last one failed.
+        beyond: whether the failed step went back to the last equilibrium before its commands.
+    """
+    found = [result for result in results if result.converged or (beyond and result is results[-1])]
     if not found:
         return "no equilibrium was found; remedy: smaller commands, or --keep-going"
     states = found[-1].actuators.items()
     commands = [f"{name} = {state.command:.4g} {state.unit}".strip() for name, state in states]
-    text = f"no equilibrium found beyond t = {found[-1].time:.4g} s" + "".join(f", {each}" for each in commands)
-    if any(state.mode is Mode.PRESSURE for _, state in states):
+    place = f"{'before ' * beyond}t = {found[-1].time:.4g} s"
+    text = f"no equilibrium found beyond {', '.join([*commands, place])}"
+    if "lost its stability" in results[-1].message:
+        text += "; the chamber's pressure falls with its volume there: command the volume"
+    elif any(state.mode is Mode.PRESSURE for _, state in states):
         text += "; if the pressure falls with the volume there, command the volume"
     return f"{text}; --keep-going plays the rest of the program"
+
+
+def _withdrawn(simulation: Simulation, last: StepResult) -> bool:
+    """Return whether a failed step went back to an equilibrium whose commands are not yet the program's."""
+    program = simulation.scene.program
+    if last.converged or program is None or not 0.0 <= last.error_estimate <= simulation.settings.tolerance:
+        return False
+    wanted = program.actuator_values(last.time)
+    reached = {name: state.command for name, state in last.actuators.items() if name in wanted}
+    return last.min_det > 0.0 and any(not math.isclose(value, wanted[name]) for name, value in reached.items())
 
 
 def _settings(scene: Scene, arguments: argparse.Namespace) -> SolverSettings:
@@ -119,6 +140,8 @@ def _play(simulation: Simulation, *, keep_going: bool) -> tuple[list[StepResult]
 def _table(simulation: Simulation, results: list[StepResult], wall_time: float) -> Table:
     last, mesh = results[-1], simulation.mesh
     failed = "" if last.converged else ": the last step did not converge, its values are no equilibrium"
+    if _withdrawn(simulation, last):
+        failed = ": the last step failed, the values are those of the last equilibrium before its command"
     table = Table(
         title=f"{simulation.scene.name}, policy {last.policy.value}{failed}", title_justify="left", min_width=64
     )
@@ -141,6 +164,9 @@ def _table(simulation: Simulation, results: list[StepResult], wall_time: float) 
         if handle.section == "bodies":
             shift = simulation.handle_pose(handle.name).translation
             table.add_row(f"{handle.name}: moved by", "  ".join(f"{value:.5g}" for value in shift), "m")
+    if last.contacts:
+        for name, force in total_forces(contact_points(last.contacts), simulation.scene.handles).items():
+            table.add_row(f"{name}: total force on it", "  ".join(f"{value:.5g}" for value in force), "N")
     for name, state in last.actuators.items():
         table.add_row(f"{name}: command, {state.mode.value}", f"{state.command:.6g}", state.unit)
         for what, value, unit in state.readings():

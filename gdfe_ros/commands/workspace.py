@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from gdfe_ros.actuators import Mode
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.commands.workers_option import add_workers
@@ -26,7 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", help="a name in config/scenes or the path of a YAML file")
     parser.add_argument("--probe", help="name of the probe (default: the scene's first)")
     parser.add_argument(
-        "--actuators", nargs="+", metavar="NAME", help="names of the actuators that are moved (default: all)"
+        "--actuators",
+        nargs="+",
+        metavar="NAME",
+        help="names of the actuators that are moved (default: all except grips)",
     )
     parser.add_argument(
         "--range",
@@ -53,7 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
     started = time.perf_counter()
     with waiting(f"loading {arguments.scene}"):
         scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
-    names = arguments.actuators or [actuator.name for actuator in scene.actuators]
+    moved = [actuator.name for actuator in scene.actuators if actuator.mode is not Mode.GRIP]
+    names = arguments.actuators or moved
     if not names or not scene.probes:
         raise GdfeError(
             f"scene {scene.name!r} needs the keys `actuators`, which move it, and `probes`, whose reach is computed"

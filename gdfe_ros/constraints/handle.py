@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar
 
@@ -59,14 +59,8 @@ class Handle:
 
     @property
     def pieces(self) -> tuple[Handle, ...]:
-        """The parts that move as rigid bodies: each vertex on rollers by itself, otherwise the whole handle."""
-        if self.slide is None:
-            return (self,)
-        alone = zip(self.vertices[:, None], self.slide[:, None], strict=True)
-        return tuple(
-            replace(self, vertices=vertex, free=tuple(axis for axis in Axis if row[0, axis]), slide=row)
-            for vertex, row in alone
-        )
+        """The parts that move as rigid bodies: the whole handle; none of vertices on rollers."""
+        return (self,) if self.slide is None else ()
 
     def seen_from(self, origin: NDArray[np.float64]) -> Handle:
         """Return this handle for positions relative to ``origin`` (3,) [m]: handles do not depend on the origin."""

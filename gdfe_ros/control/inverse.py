@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gdfe_ros.actuators import Mode
 from gdfe_ros.control.jacobian import KeptJacobian
 from gdfe_ros.control.limits import CommandLimits
 from gdfe_ros.control.programme import least_squares
@@ -70,7 +71,7 @@ class InverseControl:
     Args:
         simulation: the model, without dynamics; each command leads to an equilibrium.
         targets: targets to control; a probe's name means its position along all axes.
-        actuators: names of the actuators; None: all.
+        actuators: names of the actuators; None: all except grips.
         tolerance: distance [m] at which a goal counts as reached.
 
     Raises:
@@ -94,7 +95,8 @@ class InverseControl:
         require_equilibria(scene)
         require_positive("the tolerance of inverse control", tolerance, "m")
         self._stack = Stack(simulation, targets, tolerance)
-        self.names = tuple(simulation.actuator_names if actuators is None else actuators)
+        usual = [each.name for each in simulation.scene.actuators if each.mode is not Mode.GRIP]
+        self.names = tuple(usual if actuators is None else actuators)
         self._limits = CommandLimits.of_scene(scene, self.names)
         self.simulation, self._trust = simulation, 1.0
         self._jacobian = KeptJacobian(self._exact)

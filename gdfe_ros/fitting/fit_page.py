@@ -25,15 +25,20 @@ _PAGE = """<!DOCTYPE html>
 <script>@@plotly@@</script>
 <script>
 "use strict";
-for (const chart of JSON.parse(document.getElementById("chart-data").textContent)) {
+const charts = JSON.parse(document.getElementById("chart-data").textContent);
+const places = charts.map((chart) => {
   const section = document.createElement("section");
   const head = section.appendChild(document.createElement("h2"));
   head.textContent = chart.title;
   const place = section.appendChild(document.createElement("div"));
   place.className = "chart";
   document.getElementById("charts").appendChild(section);
-  Plotly.newPlot(place, chart.data, chart.layout, {displaylogo: false, responsive: true});
-}
+  return place;
+});
+// Drawn once all sections are there, because each further one may make the others narrower.
+const drawn = charts.map((chart, k) =>
+  Plotly.newPlot(places[k], chart.data, chart.layout, {displayModeBar: false, responsive: true}));
+Promise.all(drawn).then(() => { document.body.dataset.ready = "yes"; });
 </script></body></html>
 """
 
@@ -76,10 +81,10 @@ def _chart(curve: ComparedColumn) -> dict[str, Any]:
     ]
     unit = f" [{curve.unit}]" if curve.unit else ""
     layout = {
-        "margin": {"l": 60, "r": 10, "t": 6, "b": 40},
-        "xaxis": {"title": {"text": "time [s]"}},
-        "yaxis": {"domain": [0.36, 1.0], "title": {"text": f"value{unit}"}},
-        "yaxis2": {"domain": [0.0, 0.28], "title": {"text": "residual"}},
+        "margin": {"l": 84, "r": 10, "t": 6, "b": 40},
+        "xaxis": {"anchor": "y2", "title": {"text": "time [s]"}},
+        "yaxis": {"domain": [0.36, 1.0], "title": {"text": f"value{unit}"}, "exponentformat": "e"},
+        "yaxis2": {"domain": [0.0, 0.28], "title": {"text": "residual"}, "exponentformat": "e", "nticks": 4},
         "legend": {"orientation": "h", "y": 1.1},
     }
     return {"title": f"{curve.recording}: {curve.series} ({word})", "data": traces, "layout": layout}

@@ -15,10 +15,10 @@ def parameter_rows(fit: Fit) -> list[tuple[str, str, str, str]]:
     """Return a row for each parameter: key, value, 95 % interval, correlations with the parameters above it."""
     rows = []
     for place, item in enumerate(fit.known.estimates):
-        interval = f"at its bound ({item.bound})" if item.bound else f"{item.low:.5g} to {item.high:.5g}"
+        interval = f"at its bound ({item.bound})" if item.bound else f"{item.low:.7g} to {item.high:.7g}"
         above = fit.known.correlations[place][:place]
         correlations = "  ".join("-" if np.isnan(value) else f"{value:+.2f}" for value in above)
-        rows.append((item.key, f"{item.value:.5g}", interval, correlations))
+        rows.append((item.key, f"{item.value:.7g}", interval, correlations))
     return rows
 
 

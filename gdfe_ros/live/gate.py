@@ -74,7 +74,8 @@ class Gate:
             return "The name of this host is not one of this server's."
         if len(origins) > 1 or (origins and origins[0] not in (f"http://{hosts[0]}", f"https://{hosts[0]}")):
             return "The request comes from another page than this server's."
-        if not any(hmac.compare_digest(each.encode(), self.token.encode()) for each in _tokens(request, port)):
+        given = [each.encode(errors="replace") for each in _tokens(request, port)]
+        if not any(hmac.compare_digest(each, self.token.encode()) for each in given):
             return "The token of this page is missing or wrong."
         return ""
 

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.arm_link import ArmLink
+from gdfe_ros.constraints.form import Plane
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.contacts import contact_names
@@ -29,13 +30,21 @@ from gdfe_ros.node.orders import PoseOrder, TeleportOrder
 from gdfe_ros.scene.scene import Scene
 
 HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
-ARMS = "arms"
+ARMS, GROUND = "arms", "ground"
 CONTROL = 0.22
 """Length of the arrows of a handle's control, divided by the body's size."""
 GOAL = 0.14
 """Length of the arrows of a probe's control, divided by the body's size."""
 _EYE = np.array([-0.55, -1.15, 0.65])
 """Position of the camera relative to the centre of the scene, divided by the extent of the scene."""
+_SQUARE = 0.3
+"""Edge of a square of the ground, at most, divided by the body's extent; the edge is 1, 2 or 5 times a power of ten."""
+_DEPTH = 0.6
+"""Distance of the ground below the undeformed body, divided by the body's extent; bent bodies are above it."""
+_SQUARES = 16
+"""Number of squares along each side of the ground."""
+_FAINT = 0.45
+"""Opacity of the controls of probes, which would hide the place that they move."""
 _TRACE = 400
 """Largest number of points of a probe's trace."""
 _GRAIN = 2e-3
@@ -91,10 +100,13 @@ class Stage:
             CONTACTS: self._touching,
             SOLIDS: any(isinstance(each, Obstacle) and not isinstance(each, ArmLink) for each in scene.handles),
             ARMS: scene.arms,
+            GROUND: not any(isinstance(each, Obstacle) and isinstance(each.form, Plane) for each in scene.handles),
         }
         self._groups = {
             name: self._space.add_frame(_path(name), show_axes=False) for name, wanted in there.items() if wanted
         }
+        if GROUND in self._groups:
+            self._add_ground()
         self._rests = {handle.name: handle.centre(scene.mesh.vertices) for handle in scene.handles}
         self._touched: dict[str, float] = {}
         self._bodily = [body.name for body in scene.rigid_bodies]
@@ -183,6 +195,27 @@ class Stage:
         self._space.add_light_hemisphere("/light/sky", intensity=1.6)
         self._space.add_light_directional("/light/sun", position=(-1.0, -2.0, 3.0), intensity=1.6)
 
+    def _add_ground(self) -> None:
+        """Draw squares below the undeformed body, and the length of their edges."""
+        mesh = self._scene.mesh
+        edge, middle = round_length(_SQUARE * mesh.extent), mesh.bounds.mean(axis=0)
+        middle[2] = mesh.bounds[0, 2] - _DEPTH * mesh.extent
+        side, line = _SQUARES * edge * self._scale, (205, 210, 218)
+        self._space.add_grid(
+            "/ground/squares",
+            width=side,
+            height=side,
+            cell_size=edge * self._scale,
+            section_size=side,
+            cell_color=line,
+            section_color=line,
+            shadow_opacity=0.0,
+            position=self._scale * middle,
+        )
+        corner = middle - (0.0, 0.5 * np.ptp(mesh.bounds[:, 1]) + 2.0 * edge, 0.0)
+        text = f"squares of {1e3 * edge:g} mm" if edge < 1.0 else f"squares of {edge:g} m"
+        self._space.add_label("/ground/edge", text, position=self._scale * corner)
+
     def _control(self, handle: Handle) -> viser.TransformControlsHandle:
         """Add a control that moves a handle or obstacle, or teleports a rigid body."""
         name, kind = handle.name, TeleportOrder if isinstance(handle, RigidBody) else PoseOrder
@@ -212,6 +245,7 @@ class Stage:
             disable_sliders=True,
             disable_rotations=True,
             depth_test=False,
+            opacity=_FAINT,
             position=self._scale * place,
         )
 
@@ -261,6 +295,12 @@ def _is_dragged(handle: Handle) -> bool:
 def scale_of(mesh: HexMesh) -> float:
     """Return the factor from metres to the units of the view, in which the body's size is about 1."""
     return 10.0 ** round(-math.log10(mesh.size))
+
+
+def round_length(length: float) -> float:
+    """Return the largest length that is at most ``length``, of those that are 1, 2 or 5 times a power of ten."""
+    decade = 10.0 ** math.floor(math.log10(length))
+    return next(factor * decade for factor in (5.0, 2.0, 1.0) if factor * decade <= length * (1.0 + 1e-9))
 
 
 def first_view(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -18,7 +18,7 @@ from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.quality import QualityReport, check_mesh
 from gdfe_ros.mesh.shells import Shells, shells
 from gdfe_ros.mesh.size_field import default_size
-from gdfe_ros.mesh.step_file import STEP_SUFFIXES, step_bounds, step_facts, step_surface
+from gdfe_ros.mesh.step_file import STEP_SUFFIXES, solid_facts, step_bounds, step_facts, step_surface
 from gdfe_ros.mesh.surface_findings import SurfaceFindings, solid_findings, surface_findings
 from gdfe_ros.mesh.tetmesh import TetMesh
 from gdfe_ros.mesh.units import LONGEST, SHORTEST, guess_unit, unit_defects
@@ -121,7 +121,9 @@ def _surface(path: Path, scale: float | None, size: float | None) -> Inspection:
 
 def _solids(path: Path, size: float | None) -> Inspection:
     facts, bounds = step_facts(path), step_bounds(path)
-    found = solid_findings(*step_surface(path), size=size or default_size(bounds))
+    surface = step_surface(path)
+    found = solid_findings(*surface, size=size or default_size(bounds))
+    facts += solid_facts(path, *surface)
     defects = []
     if unit_defects(diagonal := float(np.linalg.norm(bounds[1] - bounds[0])), None):
         text = f"the body's diagonal is {diagonal:g} m; usual for a soft robot: {SHORTEST:g} to {LONGEST:g} m"

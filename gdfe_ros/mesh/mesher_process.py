@@ -47,13 +47,14 @@ def too_many(volume: float, size: float) -> str:
 
 
 def facts(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the number of solids, the number of surfaces, the volume [m^3] and the bounds [m] of a STEP file."""
+    """Return number and names of solids, number of surfaces, volume [m^3] and bounds [m] of a STEP file."""
     import gmsh
 
     solids = _imported(gmsh, request)
     return {
         "solids": np.array(len(solids)),
         "surfaces": np.array(len(gmsh.model.getEntities(2))),
+        "names": np.array([gmsh.model.getEntityName(3, tag) for _, tag in solids], dtype=str),
         "volume": np.array(sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids)),
         "bounds": np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3),
     }

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.mesher import run_mesher
+from gdfe_ros.mesh.shells import shells
 from gdfe_ros.mesh.walls import Walls, find_walls
 
 STEP_SUFFIXES = (".step", ".stp")
@@ -27,14 +28,39 @@ def step_bounds(path: str | Path) -> NDArray[np.float64]:
 def step_facts(path: str | Path) -> list[tuple[str, str]]:
     """Return pairs (name, value) of texts about a STEP file: kind, solids, surfaces, bounds in metres, volume."""
     raw = _facts(path)
-    low, high = raw["bounds"]
-    spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
     return [
         ("kind", "STEP, to be filled with `mesh: {tets: {step: ...}}`"),
         ("solids, surfaces", f"{int(raw['solids'])}, {int(raw['surfaces'])}"),
-        ("bounds in metres", spans),
+        ("bounds in metres", _spans(*raw["bounds"])),
         ("volume", f"{float(raw['volume']):.6g} m^3"),
     ]
+
+
+def solid_facts(
+    path: str | Path, vertices: NDArray[np.float64], triangles: NDArray[np.int64], solid: NDArray[np.int64]
+) -> list[tuple[str, str]]:
+    """Return a pair (name, text) for each solid of a STEP file: its volume, cavities, and bounds in metres.
+
+    Args:
+        path: the STEP file.
+        vertices: vertices (n, 3) [m] of the facets, as from `step_surface`.
+        triangles: facets (t, 3).
+        solid: number (t,) of the solid of each facet.
+    """
+    facts = []
+    for k, name in enumerate(_facts(path)["names"]):
+        own = triangles[solid == k]
+        found, points = shells(vertices, own), vertices[np.unique(own)]
+        inner = [volume for volume, depth in zip(found.volumes, found.depths, strict=True) if depth % 2]
+        cavities = f"cavities {', '.join(f'{volume:.4g}' for volume in sorted(inner, reverse=True))} m^3"
+        spans = _spans(points.min(axis=0), points.max(axis=0))
+        text = f"{found.volume:.4g} m^3, {cavities if inner else 'no cavity'}, {spans}"
+        facts.append((f"solid {k + 1} {str(name).rpartition('/')[2]}".rstrip(), text))
+    return facts
+
+
+def _spans(low: NDArray[np.float64], high: NDArray[np.float64]) -> str:
+    return ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
 
 
 def _facts(path: str | Path) -> dict[str, NDArray]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 
 from gdfe_ros.actuators import Actuator, Mode
@@ -20,6 +20,8 @@ from gdfe_ros.node.refusals import Reason, Refusal
 EFFORTS = (Mode.TENSION, Mode.PRESSURE)
 """Modes whose command is in the field ``effort`` of a JointState. All other modes have it in ``position``."""
 
+LONGEST = 80
+"""Largest number of characters of an unknown name in a refusal."""
 LATEST_START = 60.0
 """Longest allowed time [s] until a trajectory starts. Meanwhile the node makes steps, even without other commands."""
 
@@ -61,6 +63,26 @@ class ActuatorOrders:
             if not math.isnan(array[place]):  # ros2_control's "no command"
                 values[name] = self._checked(name, array[place])
         return ActuatorOrder(values)
+
+    def from_grip(self, message: String, *, holds: float, present: Callable[[], Mapping[str, float]]) -> ActuatorOrder:
+        """Return the order by which the named grip takes hold (``holds`` 1) or lets go (0).
+
+        Args:
+            message: name of the grip.
+            holds: the command.
+            present: function that returns the commands of the last step.
+
+        Raises:
+            Refusal: there is no such grip, or it holds already, or it holds nothing.
+        """
+        grips = [name for name, actuator in self._actuators.items() if actuator.mode is Mode.GRIP]
+        name = message.data
+        if name not in grips:
+            raise Refusal(Reason.UNKNOWN, f"no grip {name[:LONGEST]!r}; grips: {', '.join(grips)}")
+        if present()[name] == holds:
+            text = "is attached already; remedy: ~/release first" if holds else "is attached to nothing"
+            raise Refusal(Reason.OUT_OF_ORDER, f"grip {name!r} {text}")
+        return ActuatorOrder({name: holds})
 
     def from_array(self, message: Float64MultiArray) -> ActuatorOrder:
         """Return the commands of an array with one value for each actuator, in the scene's order and each mode's unit.

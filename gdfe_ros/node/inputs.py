@@ -13,6 +13,7 @@ import numpy as np
 from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
+from gdfe_ros.actuators import Mode
 from gdfe_ros.node.actuator_orders import ActuatorOrders
 from gdfe_ros.node.following import Followers, Leader, followed_order, refuse_followed
 from gdfe_ros.node.freshness import Freshness
@@ -254,6 +255,11 @@ def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
                 orders.from_array,
                 stamped=False,
             )
+
+        if any(actuator.mode is Mode.GRIP for actuator in scene.actuators):
+            for spec, holds in ((topics.ATTACH, 1.0), (topics.RELEASE, 0.0)):
+                take = partial(orders.from_grip, holds=holds, present=lambda: run.simulation.commands)
+                yield Input(spec.key(), spec.name, spec, take, stamped=False)
 
         def follow(message: Any) -> Order:
             return orders.from_trajectory(message, now=run.simulation_time(run.now()), convert=run.simulation_time)

@@ -34,7 +34,8 @@ from std_msgs.msg import Float64MultiArray, Header, Int32MultiArray, MultiArrayD
 from gdfe_ros.actuators import Actuator, Embedding, Readings
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node.actuator_orders import EFFORTS
-from gdfe_ros.node.refusals import Refusal, shortened
+from gdfe_ros.node.plain_log import shorten
+from gdfe_ros.node.refusals import LONGEST, Refusal
 from gdfe_ros.node.step import Step
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.elements.fields import ElementFields
@@ -176,7 +177,7 @@ def actuation(actuators: Mapping[str, Actuator], values: Mapping[str, float]) ->
 
 def refused(source: str, refusal: Refusal) -> String:
     """Return the message about a command on topic ``source`` that was refused, as JSON text."""
-    entries = {"source": source, "reason": refusal.reason.value, "message": shortened(str(refusal))}
+    entries = {"source": source, "reason": refusal.reason.value, "message": shorten(str(refusal), LONGEST)}
     return String(data=json.dumps(entries))
 
 

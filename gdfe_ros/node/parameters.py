@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.plain_log import require_plain
 from gdfe_ros.node.specification import Changeable, ParameterSpec
 from gdfe_ros.spelling import did_you_mean
 
@@ -93,7 +94,7 @@ class NodeParameters:
 
 
 def require_allowed(spec: ParameterSpec, value: Any) -> None:
-    """Check the value of a parameter with choices or of type double, because rclpy does not check it.
+    """Check the value of a parameter of type double, with choices, or with texts, because rclpy does not check it.
 
     A double may be given as an integer (rate:=100).
 
@@ -105,6 +106,8 @@ def require_allowed(spec: ParameterSpec, value: Any) -> None:
         allowed = number and spec.least <= value <= spec.most
     else:
         allowed = not spec.choices or value in spec.choices
+        if isinstance(spec.default, str | list):
+            require_plain(spec.name, value)
     if not allowed:
         unit = f" {spec.unit}" if spec.unit else ""
         raise GdfeError(f"parameter {spec.name} is {value!r}; allowed: {spec.allowed}{unit}")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -14,6 +15,7 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from std_msgs.msg import String
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.message_text import fill
@@ -25,8 +27,12 @@ PATIENCE = 10.0
 """Longest wait until a topic or service is found, and until subscribers acknowledge a message [s]."""
 SETTLING = 0.2
 """Longest time between the arrivals of the first and the last stored message of a topic [s]."""
+REFUSING = 0.5
+"""Time [s] in which a node refuses a command that it received."""
 UNCHANGED = 4.0
 """If the discovered graph lacks a name and has not changed for this time [s], the name is reported as missing."""
+WHOLE = 1.0
+"""If the discovered graph has not changed for this time [s], it is listed."""
 
 
 class Peer:
@@ -42,19 +48,22 @@ class Peer:
         self._executor = make_executor(context)
         self._executor.add_node(self._node)
 
-    def publish(self, topic: str, values: object) -> int:
-        """Publish one message, and return the number of subscribers once each has received it.
+    def publish(self, topic: str, values: object) -> tuple[int, list[str]]:
+        """Publish one message; once each subscriber has received it, wait for refusals.
 
         Args:
             topic: name of the topic; the subscribers determine its type.
             values: fields of the message, as for `fill`.
+
+        Returns:
+            Number of subscribers, and the reasons of those that refused the message on their topic ``~/refused``.
 
         Raises:
             GdfeError: no node subscribes, a field is wrong, or a subscriber does not acknowledge.
         """
         topic = full_name(topic)
         others, kind = self._endpoints(topic, self._node.get_subscriptions_info_by_topic, "subscribes to")
-        message = fill(kind(), values)
+        message, heard = fill(kind(), values), self._refusals(topic)
         publisher = self._node.create_publisher(kind, topic, matching_qos(others, offered=True))
         if not self._wait(lambda: publisher.get_subscription_count() >= len(others)):
             count = publisher.get_subscription_count()
@@ -62,7 +71,31 @@ class Peer:
         publisher.publish(message)
         if not publisher.wait_for_all_acked(Duration(seconds=self._patience)):
             raise GdfeError(f"{topic}: not every subscriber acknowledged the message within {self._patience:g} s")
-        return len(others)
+        if heard is None:
+            return len(others), []
+        self._wait(lambda: heard, REFUSING)
+        return len(others), heard
+
+    def _refusals(self, topic: str) -> list[str] | None:
+        """Return a list to which refusals of messages on a topic will be added; None if no subscriber reports them."""
+        heard = list[str]()
+
+        def reporting() -> list[str]:  # the names of the nodes are discovered after their subscriptions
+            others = self._node.get_subscriptions_info_by_topic(topic)
+            names = {f"{other.node_namespace.rstrip('/')}/{other.node_name}/refused" for other in others}
+            return [name for name in names if self._node.count_publishers(name)]
+
+        def hear(message: String) -> None:
+            refusal = json.loads(message.data)
+            if refusal["source"] == topic:
+                heard.append(refusal["message"])
+
+        if not (names := self._wait(reporting, REFUSING)):
+            return None
+        for name in names:
+            self._node.create_subscription(String, name, hear, QoSProfile(depth=100))
+        self._wait(lambda: False, SETTLING)  # the nodes discover the subscription, too
+        return heard
 
     def listen(self, topic: str, *, patience: float) -> Iterator[Any]:
         """Yield the latest message of a topic, and the following ones.
@@ -105,6 +138,68 @@ class Peer:
         if not self._wait(future.done, patience):
             raise GdfeError(f"no answer from {service} within {patience:g} s; remedy: a longer --wait")
         return future.result()
+
+    def arrivals(self, topic: str, *, patience: float) -> Iterator[float]:
+        """Yield the time [s] of the arrival of each message of a topic, which is not decoded.
+
+        Args:
+            topic: name of the topic; the publishers determine its type.
+            patience: longest wait for each message [s].
+
+        Raises:
+            GdfeError: no node publishes, or no message comes.
+        """
+        topic, times = full_name(topic), list[float]()
+        others, kind = self._endpoints(topic, self._node.get_publishers_info_by_topic, "publishes")
+        qos = matching_qos(others, offered=False)
+        qos.durability = DurabilityPolicy.VOLATILE  # stored messages arrive at once
+        self._node.create_subscription(kind, topic, lambda _: times.append(time.monotonic()), qos, raw=True)
+        while self._wait(lambda: times, patience):
+            yield times.pop(0)
+        raise GdfeError(f"no message on {topic} within {patience:g} s")
+
+    def nodes(self) -> list[str]:
+        """Return the full names of the other nodes, sorted; a name of two nodes is there twice."""
+
+        def names() -> list[str]:
+            found = self._node.get_node_names_and_namespaces()
+            return sorted(f"{space.rstrip('/')}/{name}" for name, space in found if name != self._node.get_name())
+
+        return self._settled(names)
+
+    def topics(self) -> list[tuple[str, str, int, int]]:
+        """Return name, type, and numbers of publishers and subscriptions of each topic of other nodes, sorted."""
+        own = self._node.get_name()
+
+        def others(endpoints: list[TopicEndpointInfo]) -> int:
+            return sum(each.node_name != own for each in endpoints)
+
+        def entries() -> list[tuple[str, str, int, int]]:
+            look = self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic
+            found = self._node.get_topic_names_and_types()
+            rows = ((name, ", ".join(types), *(others(each(name)) for each in look)) for name, types in found)
+            return sorted(row for row in rows if any(row[2:]))
+
+        return self._settled(entries)
+
+    def _settled(self, look: Callable[[], list[Any]]) -> list[Any]:
+        """Return a part of the graph once it has not changed for `WHOLE`, and what was found after the patience.
+
+        Raises:
+            GdfeError: there is no other node.
+        """
+        known, since = list[Any](), time.monotonic()
+
+        def unchanged() -> bool:
+            nonlocal known, since
+            if (now := look()) != known:
+                known, since = now, time.monotonic()
+            return bool(known) and time.monotonic() - since > WHOLE
+
+        self._wait(unchanged)
+        if not known:
+            raise GdfeError(f"no other node was found in ROS domain {self._domain} within {self._patience:g} s")
+        return known
 
     def close(self) -> None:
         """Destroy the node."""

@@ -9,12 +9,11 @@ from collections.abc import Callable
 from enum import Enum
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.throttle import Throttle
 
-_LONGEST = 400
-"""Largest number of characters of a logged refusal."""
-
-
+LONGEST = 400
+"""Largest number of characters of a refusal in the log and on ~/refused."""
 LARGEST_MESSAGE = 1_000_000
 """Largest number of bytes of a message that is read; rclpy needs a second for each megabyte."""
 
@@ -80,24 +79,13 @@ class RefusalLog:
         if self._tell is not None:
             self._tell(source, refusal)
         if (more := self._throttle.due((source, refusal.reason))) is not None:
-            self._warn(f"command on {source} refused: {shortened(str(refusal))}{more}")
+            self._warn(f"command on {source} refused: {shorten(str(refusal), LONGEST)}{more}")
 
     def counts(self) -> dict[str, int]:
         """Return the counts for /diagnostics: commands accepted, refused, and refused for each reason so far."""
         with self._lock:
             by_reason = {f"refused: {reason.value}": count for reason, count in self._refused.items()}
             return {"commands taken": self._taken, "commands refused": self._refused.total(), **by_reason}
-
-
-def shortened(text: str) -> str:
-    """Return a text in one line, without its middle if it is longer than `_LONGEST`.
-
-    Values of a message may make it very long, and contain control characters, which a terminal obeys.
-    """
-    if len(text) > _LONGEST:
-        half = _LONGEST // 2
-        text = f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"
-    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
 
 
 def require_small(data: bytes) -> None:

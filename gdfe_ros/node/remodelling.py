@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.errors import OverlapError
+from gdfe_ros.errors import GdfeError, OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.scene.loader import scene_from_text
@@ -46,11 +46,17 @@ def with_moduli(
         old: present simulation; it is not changed.
         moduli: Young's modulus [Pa] of each material that changes.
         interrupted: as in ``Simulation.step``, for the solve for the new equilibrium.
+
+    Raises:
+        GdfeError: without dynamics, a grip holds something.
     """
     changed = Simulation(_with(old.scene, moduli))
     if old.scene.dynamics:
         changed.restore(carried(old.snapshot(), changed.snapshot()))
         return changed
+    if holding := old.stepper.actuation.holding(old.state):
+        text = f"grips hold something where it was taken, not at rest: {', '.join(holding)}"
+        raise GdfeError(f"{text}; remedy: let go before moduli change, or `dynamics`")
     movable = [handle for handle in old.scene.handles if not (handle.fixed or handle.carrier)]
     handles = {handle.name: old.targets[handle.name] for handle in movable}
     actuators = {name: old.commands[name] for name in old.actuator_names}

@@ -212,7 +212,7 @@ class SimNode(ManagedNode):
         self._problem = ""
         try:
             action()
-        except GdfeError as error:
+        except (GdfeError, OSError) as error:  # a path may be too long, forbidden, or on a disk that is full
             self._problem = f"{name} failed: {error}"
             self.get_logger().error(self._problem)
             return TransitionCallbackReturn.FAILURE

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from enum import Enum, auto
 
-from gdfe_ros.actuators import Actuator
+from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.simulation import Command
 
 _SLOWEST = 1.0 / 32.0
@@ -54,11 +54,12 @@ class Slew:
     Step records contain the limited commands, so that replays do not depend on this limit.
 
     Args:
-        actuators: actuators of the scene; commands of actuators without a finite range are not limited.
+        actuators: actuators of the scene; commands of grips, and of actuators without a finite range, are not limited.
     """
 
     def __init__(self, actuators: Iterable[Actuator]) -> None:
-        ranges = {actuator.name: actuator.high - actuator.low for actuator in actuators}
+        gradual = (actuator for actuator in actuators if actuator.mode is not Mode.GRIP)
+        ranges = {actuator.name: actuator.high - actuator.low for actuator in gradual}
         self._ranges = {name: span for name, span in ranges.items() if math.isfinite(span)}
         self.clear()
 

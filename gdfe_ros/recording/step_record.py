@@ -23,6 +23,9 @@ _LARGEST = 4_000_000
 _LONGEST_STEP = 1e9
 """Largest duration of a step [s]."""
 
+ENERGIES = {"kinetic", "elastic", "potential", "work", "dissipated"}
+"""Names of the energies of a step in motion, which may have more."""
+
 
 class Begin(str, Enum):
     """The state from which a step starts."""
@@ -145,6 +148,8 @@ def _require_sound(entries: dict[str, Any]) -> None:
             numbers = value if count else [value]
             if not isinstance(numbers, list) or len(numbers) != (count or 1) or not all(map(_is_finite, numbers)):
                 raise ValueError(f"the value of {name[:80]!r} in its {section} is not {count or 'a'} finite number(s)")
+    _require_numbers(entries.get("skipped", {}), "skipped work", set())
+    _require_numbers(entries.get("energies", {}), "energies", ENERGIES)
     for name, least, most in (("dt", 0.0, _LONGEST_STEP), ("time", -math.inf, math.inf)):
         value = entries[name]
         if not _is_finite(value) or not least <= value <= most:
@@ -153,6 +158,14 @@ def _require_sound(entries: dict[str, Any]) -> None:
         value = entries.get(name)
         if not (value is None or (isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63)):
             raise ValueError(f"its {name} is {str(value)[:80]}; allowed: an integer")
+
+
+def _require_numbers(given: object, noun: str, names: set[str]) -> None:
+    """Raise a ValueError for data that are no numbers by name, or, unless empty, lack one of ``names``."""
+    if not isinstance(given, dict) or not all(isinstance(value, int | float) for value in given.values()):
+        raise ValueError(f"its {noun} are no numbers by name")
+    if given and (missing := names - given.keys()):
+        raise ValueError(f"its {noun} lack {', '.join(sorted(missing))}")
 
 
 def _is_finite(value: object) -> bool:

@@ -17,22 +17,35 @@ from gdfe_ros.actuators import (
     Cable,
     Embedding,
     Gravity,
+    Grip,
     Growth,
     Load,
     Mode,
     PointLoad,
+    PressureLoad,
     SurfaceLoad,
     embed,
 )
 from gdfe_ros.actuators.embedding import HALF_A_CELL, SLACK
 from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cavities import inside_volume
+from gdfe_ros.mesh.faces import turned
 from gdfe_ros.mesh.skin_selection import select_skin
-from gdfe_ros.scene.actuator_schema import AnchorModel, CableModel, DriveModel, GrowthModel, LoadModel, PlaceModel
+from gdfe_ros.scene.actuator_schema import (
+    AnchorModel,
+    CableModel,
+    DriveModel,
+    GripModel,
+    GrowthModel,
+    LoadModel,
+    PlaceModel,
+    PressureLoadModel,
+)
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.chambers import chamber, on_skin
 from gdfe_ros.scene.document import KeyPath
@@ -59,6 +72,9 @@ def build_actuators(
     for name, model in draft.actuators.items() if mesh is not None else ():
         kind, value = model.chosen
         path = ("actuators", name, kind)
+        if kind == "grip":
+            built.append(_grip(name, value, mesh, handles, path, report))
+            continue
         low, high = _limits(value, model.mode, path, report)
         common = {"name": name, "mode": model.mode, "low": low, "high": high, "rate": value.rate or math.inf}
         make = {"cable": _cable, "chamber": partial(chamber, handles=handles), "growth": _growth}[kind]
@@ -187,6 +203,37 @@ def _growth(value: GrowthModel, mesh: HexMesh, common: dict, path: KeyPath, repo
     return Growth(cells=cells, stretch=0.5 * (stretch + stretch.T), **common)
 
 
+def _grip(
+    name: str, value: GripModel, mesh: HexMesh, handles: Sequence[Handle], path: KeyPath, report: Defects
+) -> Grip | None:
+    """Return a grip; None if its holder or what it holds is unknown or unsuitable, which is reported."""
+    known = {each.name: each for each in handles}
+    holder = known.get(value.to)
+    if holder is None:
+        report.add((*path, "to"), f"there is no such handle, obstacle or body{suggest(value.to, known)}")
+        return None
+    if holder.loose and not isinstance(holder, RigidBody):
+        text = f"handle {value.to!r} slides or turns freely; remedy: a handle without `free` and `slide`"
+        report.add((*path, "to"), text)
+        return None
+    common = {"name": name, "mode": Mode.GRIP, "holder": value.to, "reach": value.reach}
+    if value.body is not None:
+        bodies = [each.name for each in rigid_among(handles)]
+        if value.body not in bodies:
+            report.add((*path, "body"), f"there is no such body{suggest(value.body, bodies)}")
+            return None
+        return Grip(held=value.body, vertices=np.zeros(0, np.int32), **common)
+    vertices = select(select_vertices, mesh, value.where, (*path, "where"), "vertex", report)
+    if vertices is None:
+        return None
+    taken = [each.name for each in handles if np.isin(vertices, each.vertices).any()]
+    if taken:
+        text = f"handles hold some of these vertices already: {', '.join(taken)}; remedy: make the place smaller"
+        report.add((*path, "where"), text)
+        return None
+    return Grip(vertices=vertices, **common)
+
+
 def _load(
     name: str,
     model: LoadModel,
@@ -202,6 +249,8 @@ def _load(
     if model.point is not None:
         point = _embedded(mesh, model.point.mesh, [model.point.at], path, report, key="at")
         return None if point is None else PointLoad(name=name, point=point, force=np.array(model.point.force))
+    if model.pressure is not None:
+        return _pressure(name, model.pressure, mesh, path, report)
     traction = model.surface.traction
     lined = traction is not None and mesh.filling is not None and mesh.skin is not None
     if traction is not None and mesh.filling is not None and not lined:
@@ -217,6 +266,18 @@ def _load(
     if traction is None:
         traction = np.array(model.surface.force) / corner_areas(mesh.vertices, quads).sum()
     return SurfaceLoad(name=name, quads=quads, traction=np.array(traction), points=points)
+
+
+def _pressure(
+    name: str, model: PressureLoadModel, mesh: HexMesh, path: KeyPath, report: Defects
+) -> PressureLoad | None:
+    """Return a follower pressure; None if its faces are not on the surface, or there are none, which is reported."""
+    if mesh.filling is not None:
+        text = "faces of cut cells lie beside the surface; remedy: a `chamber` on the skin, or cells: whole"
+        report.add((*path, "where"), text, value=NO_VALUE)
+        return None
+    faces = select(select_faces, mesh, model.where, (*path, "where"), "boundary face", report)
+    return None if faces is None else PressureLoad(name=name, quads=turned(faces), pressure=model.pressure)
 
 
 def _gravity(

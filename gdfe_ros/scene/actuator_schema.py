@@ -22,6 +22,9 @@ _ACCELERATION = Quantity("acceleration [x, y, z]", "m/s^2", least=-1e6, most=1e6
 _FORCE = Quantity("force [x, y, z]", "N", least=-1e9, most=1e9, count=3)
 _TRACTION = Quantity("traction [x, y, z], force per undeformed area", "Pa", least=-1e12, most=1e12, count=3)
 
+_PRESSURE = Quantity("pressure at factor 1; positive pushes into the material", "Pa", least=-1e12, most=1e12)
+_REACH = Quantity("largest distance from which it takes hold", "m", above=0.0, most=1e3)
+
 Point3 = Annotated[tuple[float, float, float], _POINT]
 _MESH = "name of one of the `meshes`; the coordinates are then in its own frame"
 
@@ -126,18 +129,41 @@ class GrowthModel(DriveModel):
     )
 
 
+class GripModel(Entry):
+    """A suction cup, a vacuum or a magnet: it takes hold where things are, and lets go again.
+
+    At command 1, what it holds keeps its place on the holder; at 0 it is free.
+    """
+
+    to: str = Field(description="name of the handle, obstacle or rigid body that holds")
+    body: str | None = Field(None, description="name of the rigid body that is held")
+    where: WhereModel | None = Field(
+        None, description="the held vertices of the soft body, e.g. {face: x+}; with `to` a rigid body, a suction face"
+    )
+    reach: Annotated[float, _REACH] = 0.005
+
+    @model_validator(mode="after")
+    def _one_thing(self) -> GripModel:
+        if (self.body is None) == (self.where is None):
+            raise ValueError("give exactly one of body (a rigid body) and where (vertices of the soft body)")
+        if self.body == self.to:
+            raise ValueError(f"{self.to!r} cannot hold itself; `to` is what holds, `body` is what is held")
+        return self
+
+
 class ActuatorModel(Choice):
     """An actuator, with exactly one of these keys."""
 
     cable: CableModel | None = None
     chamber: ChamberModel | None = None
     growth: GrowthModel | None = None
+    grip: GripModel | None = None
 
     @property
     def mode(self) -> Mode:
         """Quantity that the command prescribes."""
         kind, value = self.chosen
-        return Mode.GROWTH if kind == "growth" else Mode(value.command)
+        return Mode(kind) if kind in ("growth", "grip") else Mode(value.command)
 
 
 class PointLoadModel(Entry):
@@ -164,9 +190,19 @@ class SurfaceLoadModel(Entry):
         return self
 
 
+class PressureLoadModel(Entry):
+    """A pressure that follows the faces on which it acts, with any edges: Abaqus' `*DSLOAD P`."""
+
+    where: WhereModel = Field(
+        description="the loaded faces: all faces with all four vertices in this place, e.g. {face: z+}"
+    )
+    pressure: Annotated[float, _PRESSURE]
+
+
 class LoadModel(Choice):
-    """A dead load (constant in size and direction), with exactly one of these keys."""
+    """A dead load (constant in size and direction) or a follower pressure, with exactly one of these keys."""
 
     gravity: Annotated[tuple[float, float, float], _ACCELERATION] | None = None
     point: PointLoadModel | None = None
     surface: SurfaceLoadModel | None = None
+    pressure: PressureLoadModel | None = None

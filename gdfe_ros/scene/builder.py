@@ -27,8 +27,6 @@ from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
 from gdfe_ros.scene.schema import Draft, HandleModel, JointPointModel, KeyframeModel, PointModel, ProgramModel
 from gdfe_ros.scene.where_schema import WhereModel
 
-MOST_ROLLERS = 1000
-"""Largest number of vertices on rollers: 289 prepare in 6 s, 625 in 40 s."""
 _TESTED = {
     "cell": "cell centroids",
     "point of the skin": "points about half a cell's edge apart",
@@ -85,10 +83,6 @@ def build_handles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[
         if not len(handle.vertices):
             text = "each of its vertices belongs to other handles; remedy: remove it"
             report.add(("handles", handle.name, "where"), text, value=NO_VALUE)
-    rolling = sum(len(handle.vertices) for handle in handles if handle.slide is not None)
-    if rolling > MOST_ROLLERS:
-        text = f"{rolling} vertices slide; allowed: up to {MOST_ROLLERS}, because preparation takes minutes"
-        report.add(("handles",), f"{text}; remedy: a coarser mesh at the planes of symmetry", value=NO_VALUE)
     for first, second in combinations(handles, 2):
         shared = np.intersect1d(first.vertices, second.vertices)
         if len(shared):

@@ -233,6 +233,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]]}",
         "chamber: {near: [0.1, 0.0, 0.0]}",
         "growth: {stretch: [0.92, 1.0, 1.0]}",
+        "grip: {to: flange, body: box}",
     ),
     actuator_schema.AnchorModel: ("{world: [-0.1, 0.0, 0.05]}",),
     actuator_schema.CableModel: (
@@ -251,11 +252,18 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     actuator_schema.GrowthModel: (
         "{stretch: [0.92, 1.0, 1.0], where: {box: {z: [0.0, 0.01]}}, range: [0.0, 1.0], rate: 0.5}",
     ),
+    actuator_schema.GripModel: (
+        "{to: flange, body: box, reach: 0.002}",
+        "{to: box, where: {face: x+}}   # a suction cup at the tip of a soft arm holds the box",
+        "{to: hook, where: {face: x+}}   # an obstacle takes the tip along",
+    ),
     actuator_schema.LoadModel: (
         "gravity: [0, 0, -9.81]",
         "point: {at: [0.2, 0.0, 0.0], force: [0, 0, -1]}",
         "surface: {where: {face: z+}, force: [0, 0, -1]}",
+        "pressure: {where: {face: z+}, pressure: 2.0e3}",
     ),
+    actuator_schema.PressureLoadModel: ("{where: {face: z+}, pressure: 2.0e3}",),
     actuator_schema.PointLoadModel: (
         "{at: [0.2, 0.0, 0.0], force: [0, 0, -1]}",
         "{mesh: left, at: [0.08, 0.0, 0.0], force: [0, 0, -1]}",

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load, Mode
+from gdfe_ros.actuators import Actuator, Cable, Chamber, Grip, Growth, Load, Mode
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
@@ -74,7 +74,11 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
         if isinstance(item, Cable) and item.points.moved:
             text = f"points beside the body were moved onto it, by up to {item.points.moved:.3g} m"
             notes.append(f"actuator {item.name!r}: {text}")
-    kept = [item.name for item in scene.actuators if item.constrains]
+    grips = [item.name for item in scene.actuators if isinstance(item, Grip)]
+    if grips and scene.dynamics is not None and scene.dynamics.scheme is not Scheme.BDF2:
+        text = f"the forces of {', '.join(grips)} oscillate with {scene.dynamics.scheme.value} after a sudden motion"
+        notes.append(f"dynamics: {text}; remedy: dynamics.scheme: bdf2")
+    kept = [item.name for item in scene.actuators if item.constrains and item.name not in grips]
     if kept and scene.dynamics is not None and scene.dynamics.scheme is Scheme.NEWMARK:
         text = (
             "newmark does not damp the force that holds the commanded length or volume of "
@@ -137,6 +141,7 @@ def unsolvable(
         *((("actuators", name), text) for name, text in held.items()),
         (("fibres",), _stiffened(fibres, policy)),
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
+        (("dynamics", "scheme"), _ringing(actuators, dynamics)),
         (("bodies",), _still(handles) if dynamics is None else _inside(handles, mesh)),
         (cut, _beside(handles, actuators, self_contact, policy, mesh) if cut else ""),
         (("mesh",), _tetrahedra(mesh, policy)),
@@ -212,6 +217,15 @@ def _forces(
         return ""
     text = f"the policy 'relative' has no forces and cannot take {', '.join(names)}"
     return f"{text}; remedy: policy: energy (growth works in both)"
+
+
+def _ringing(actuators: Sequence[Actuator], dynamics: Dynamics | None) -> str:
+    """Return a message about grips in a motion by `Scheme.NEWMARK`; empty if there are none."""
+    names = [item.name for item in actuators if isinstance(item, Grip)]
+    if not names or dynamics is None or dynamics.scheme is not Scheme.NEWMARK:
+        return ""
+    text = f"newmark does not damp the oscillating forces of grips: {', '.join(names)}"
+    return f"{text}; what they let go of would jump by some per cent of its momentum; remedy: bdf2"
 
 
 def _inertia(materials: Mapping[str, Material], policy: Policy) -> str:

@@ -13,18 +13,24 @@ GROWTH = 2.0
 
 
 class Anderson:
-    """Anderson acceleration of the iteration x <- x + f(x), from the last few pairs (x, f)."""
+    """Anderson acceleration of the iteration x <- x + f(x), from the last few pairs (x, f).
 
-    def __init__(self) -> None:
+    Args:
+        growth: largest factor by which the norm of the residual may grow without dropping the history. A large one
+            suits iterations that diverge by themselves, which only the history makes converge.
+    """
+
+    def __init__(self, growth: float = GROWTH) -> None:
+        self._growth = growth
         self._iterates: list[NDArray[np.float64]] = []
         self._residuals: list[NDArray[np.float64]] = []
 
     def next(self, x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the iterate that follows ``x`` with the residual ``f``; all are flat (k,).
 
-        If the norm of the residual has grown by more than ``GROWTH``, the history is dropped and x + f is returned.
+        If the norm of the residual has grown by more than ``growth``, the history is dropped and x + f is returned.
         """
-        if self._residuals and np.linalg.norm(f) > GROWTH * np.linalg.norm(self._residuals[-1]):
+        if self._residuals and np.linalg.norm(f) > self._growth * np.linalg.norm(self._residuals[-1]):
             self._iterates.clear()
             self._residuals.clear()
         self._iterates.append(x.copy())

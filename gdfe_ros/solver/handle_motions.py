@@ -78,7 +78,8 @@ class HandleMotions:
 
     def turning_vertices(self) -> NDArray[np.bool_]:
         """Return a mask (b,) of the prescribed vertices that belong to freely rotating handles."""
-        turning = [np.full(len(handle.vertices), bool(handle.turning)) for handle in self._body.handles]
+        handles = (handle for handle in self._body.handles if handle.slide is None)
+        turning = [np.full(len(handle.vertices), bool(handle.turning)) for handle in handles]
         return np.concatenate([np.zeros(0, dtype=bool), *turning])
 
     def rotations(self, poses: Mapping[str, Pose], turns: Vectors) -> Vectors:

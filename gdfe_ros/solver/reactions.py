@@ -12,6 +12,7 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.matrix.unknowns import vertex_force
+from gdfe_ros.solver.terms.grip import GripTerm
 
 
 def handle_reactions(
@@ -20,6 +21,7 @@ def handle_reactions(
     force: NDArray[np.float64],
     outside: NDArray[np.float64] | None = None,
     contacts: Sequence[Contact] = (),
+    grips: Sequence[GripTerm] = (),
 ) -> dict[str, NDArray[np.float64]]:
     """Return the force and moment that each handle and each obstacle exerts on the body.
 
@@ -29,6 +31,7 @@ def handle_reactions(
         force: corner forces dE/dx (m, c, 3) [N] at these positions.
         outside: dE/dx (n, 3) [N] of the external terms; None if there are none.
         contacts: contact terms of the obstacles.
+        grips: grips, whose forces are added to those of the handles and obstacles that hold.
 
     Returns:
         Dict from handle or obstacle name to wrench (6,): force [N], then moment [N m]. The moment is about the mean of
@@ -43,6 +46,8 @@ def handle_reactions(
             forces += outside[handle.vertices]
         reactions[handle.name] = np.empty(6)
         _sum_wrench(positions, handle.vertices, forces, reactions[handle.name])
+    for grip in (each for each in grips if each.presses):
+        reactions[grip.actuator.holder] = reactions[grip.actuator.holder] + grip.wrench(positions)
     return reactions
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.actuators import Mode
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
 
@@ -22,7 +23,8 @@ class Approach:
     """Moves the commands of a simulation's actuators towards wanted commands, step by step.
 
     In a step each command changes by at most its ``reach``. If the step does not converge, it is repeated with an
-    eighth of the change. If the repeated step does not converge either, the step is made with constant commands.
+    eighth of the change. If the repeated step does not converge either, the step is made with constant commands. A grip
+    takes hold and lets go at once; it does not take hold of what is out of its reach.
 
     Args:
         simulation: simulation to step.
@@ -30,10 +32,12 @@ class Approach:
     """
 
     def __init__(self, simulation: Simulation, reach: NDArray[np.float64]) -> None:
-        self._simulation, self._reach = simulation, reach
+        self._simulation = simulation
         self._names = simulation.actuator_names
         ranges = [(actuator.low, actuator.high) for actuator in simulation.scene.actuators]
         self._low, self._high = np.array(ranges, dtype=np.float64).T
+        grips = [actuator.mode is Mode.GRIP for actuator in simulation.scene.actuators]
+        self._reach = np.where(grips, np.inf, reach)
 
     @property
     def applied(self) -> NDArray[np.float64]:
@@ -54,6 +58,9 @@ class Approach:
         """
         simulation, present = self._simulation, self.applied
         before = simulation.snapshot()
+        asked = dict(zip(self._names, (np.asarray(wanted) >= 0.5).astype(float), strict=True))
+        far = simulation.stepper.actuation.out_of_reach(simulation.state, asked)
+        wanted = np.where([name in far for name in self._names], present, wanted)
         change = np.clip(wanted - present, -self._reach, self._reach)
         for share in _SHARES[: 1 if whole else None]:
             if share < 1.0:

@@ -40,13 +40,23 @@ def preload(module: str) -> ForkServerContext:
     return context
 
 
-def start(arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> subprocess.Popen[bytes] | Forked:
-    """Start ``sim_node`` with command-line arguments, and return its process; ``log`` is the file of its output."""
-    if _SERVER:
+def start(
+    arguments: Sequence[str], log: Path, environment: Mapping[str, str], *, home: Path | None = None
+) -> subprocess.Popen[bytes] | Forked:
+    """Start ``sim_node`` with command-line arguments, and return its process.
+
+    Args:
+        arguments: arguments of the command line.
+        log: file of its output.
+        environment: environment of the process.
+        home: directory that contains another package to run. The process then starts there, because Python's ``-m``
+            searches the working directory first, and it is not forked from a process that has this package.
+    """
+    if _SERVER and home is None:
         return Forked(_SERVER[0], arguments, log, environment)
     with log.open("wb") as file:
         command = [sys.executable, "-X", "faulthandler", "-m", "gdfe_ros.node", *arguments]
-        return subprocess.Popen(command, stdout=file, stderr=file, env=dict(environment))
+        return subprocess.Popen(command, stdout=file, stderr=file, env=dict(environment), cwd=home)
 
 
 class Forked:

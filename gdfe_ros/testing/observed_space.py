@@ -6,12 +6,14 @@ from __future__ import annotations
 import numpy as np
 from gymnasium.spaces import Box
 
-from gdfe_ros.actuators import Actuator, Cable, Chamber, Mode
+from gdfe_ros.actuators import Actuator, Cable, Chamber, Grip, Mode
 from gdfe_ros.scene import Scene
 from gdfe_ros.testing.settling import is_held
 
 NEAR, FAR = 2.0, 10.0
 """Largest distance of a probe from the undeformed body's bounding box over the body's extent: held, and not held."""
+FASTEST = 1e3
+"""Largest acceleration [m/s^2] of a rigid body that a grip holds, with its weight."""
 PRESSURE = 10.0
 """Largest pressure in a chamber with a commanded volume, divided by the stiffest material's initial modulus."""
 
@@ -43,5 +45,8 @@ def _efforts(scene: Scene, actuator: Actuator) -> tuple[float, float]:
     stiffest = max(material.young0 for material in scene.materials.values())
     if isinstance(actuator, Cable):
         return 0.0, stiffest * scene.mesh.extent**2
+    if isinstance(actuator, Grip):
+        carried = sum(body.mass for body in scene.rigid_bodies)
+        return 0.0, stiffest * scene.mesh.extent**2 + FASTEST * carried
     most = PRESSURE * stiffest if isinstance(actuator, Chamber) else 1.0
     return -most, most

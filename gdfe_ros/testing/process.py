@@ -51,7 +51,7 @@ class NodeProcess:
         arguments = ["--ros-args", "--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:={namespace}"]
         for before, after in (remaps or {}).items():
             arguments += ["-r", f"{before}:={after}"]
-        self._process = start(arguments, self._log, package_environment(home))
+        self._process = start(arguments, self._log, package_environment(home), home=home)
         self.status: int | None = None
 
     @property

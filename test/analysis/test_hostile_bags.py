@@ -17,6 +17,7 @@ from std_msgs.msg import String
 from gdfe_ros.cli import main
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.step_record import ENERGIES
 from gdfe_ros.recording.writer import BagWriter
 
 PATIENCE = 20.0
@@ -54,11 +55,17 @@ RECORDS: dict[str, Callable[[str], str]] = {
     "a pose of texts": _entries(lambda entries: entries.update(handles={"tip": list("abcdef")})),
     "a command that is NaN": _entries(lambda entries: entries.update(actuators={"tip": float("nan")})),
     "a cut that is text": _entries(lambda entries: entries.update(cut_after="x")),
+    "a message that erases the terminal": _entries(lambda entries: entries.update(message="\x1b[2J")),
+    "skipped work named by a command of the terminal": _entries(lambda entries: entries.update(skipped={"\x9b31m": 1})),
+    "energies without names": _entries(lambda entries: entries.update(energies={"heat": 1.0})),
+    "energies that are texts": _entries(lambda entries: entries.update(energies=dict.fromkeys(ENERGIES, "1"))),
+    "skipped work that is a list": _entries(lambda entries: entries.update(skipped=[1])),
     "a number beyond 64 bits": _entries(lambda entries: entries.update(stamp=10**30)),
 }
 RUNS: dict[str, Callable[[RunInfo], RunInfo]] = {
     "settings that are a list": lambda run: replace(run, settings=[1, 2]),
     "a machine that is a text": lambda run: replace(run, machine="x"),
+    "a machine that erases the terminal": lambda run: replace(run, machine={**run.machine, "processor": "\x1b[2J"}),
     "a node's settings that are a list": lambda run: replace(run, settings={**run.settings, "node": [1]}),
     "a scene that is a bomb": lambda run: replace(run, scene=BOMB),
     "a scene with a long number": lambda run: replace(run, scene="name: " + "1" * 60_000),

@@ -22,6 +22,7 @@ from selenium.webdriver.support.ui import Select, WebDriverWait
 from benchmarks.chromium import PATIENCE, start
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.face_values import face_values
+from gdfe_ros.analysis.report import pictures
 from gdfe_ros.analysis.report.pictures import write_png
 from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
 from gdfe_ros.analysis.report.writer import write_report
@@ -112,6 +113,26 @@ def test_the_report_works_in_a_browser(
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
     fetched = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)")
     assert [name for name in fetched if not name.startswith("data:")] == []
+
+
+def test_a_failed_step_is_marked(
+    browser: webdriver.Chrome, make_bag: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page and the pictures mark a step that did not converge, and no other."""
+    bag, page, titles = make_bag(solver__max_iterations=1, heights=[0.0, 0.1]), tmp_path / "report.html", []
+    assert [record.converged for record in BagRun(bag).records] == [True, False]
+    write_report(bag, page)
+    _open(browser, page)
+    for frame, failed in ((0, False), (1, True)):
+        _slide(browser, frame)
+        assert ("not converged" in browser.find_element(By.ID, "moment").text) is failed
+    draw = pictures.draw_body
+    monkeypatch.setattr(
+        pictures, "draw_body", lambda *given, **named: [titles.append(named["title"]), draw(*given, **named)]
+    )
+    write_png(bag, tmp_path / "most.png")
+    list(pictures.draw_steps(bag, frames=2))
+    assert [title.endswith(", not converged") for title in titles] == [True, False, True]
 
 
 def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, rod: Scene, tmp_path: Path) -> None:
@@ -233,3 +254,10 @@ def test_the_histogram_counts_every_cell() -> None:
     assert edges[-1] == pytest.approx(0.5)
     np.testing.assert_allclose(shares.sum(axis=0), 1.0)
     assert shares[0].tolist() == pytest.approx([1.0, 0.55], abs=0.01)
+
+
+def test_a_page_without_html_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A page whose name does not end with .html, which no browser would open, is refused before the bag is read."""
+    assert main(["report", str(tmp_path / "no_bag"), "--out", str(tmp_path / "page")]) == 2
+    assert "a page ends with .html" in capsys.readouterr().err
+    assert not (tmp_path / "page").exists()

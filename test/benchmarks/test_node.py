@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+from pathlib import Path
+
 import pytest
 
 from benchmarks.node import cost, latency
@@ -14,6 +17,17 @@ def test_a_command_takes_longer_than_its_solve() -> None:
     found = latency.measure(500, steps=20)
     assert 0.0 < found.solve_p50 < found.p50 <= found.p99
     assert found.solve_p50 <= found.solve_p99
+
+
+def test_two_nodes_take_the_same_commands_in_turn() -> None:
+    """Two nodes at once, one for each directory, have times and ratios of each figure; a solve is part of its step."""
+    home = Path(__file__).parents[2]
+    found = latency.compare(500, steps=10, before=home, now=home)
+    for side in (found.before, found.now):
+        assert 0.0 < side.own_p50 < side.p50 <= side.p99
+        assert side.processor > 0.0
+    assert len(found.ratios) == len(fields(found.now))
+    assert min(found.ratios) > 0.0
 
 
 def test_what_a_step_costs_is_told_by_thread() -> None:

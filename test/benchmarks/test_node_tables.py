@@ -83,6 +83,7 @@ def test_a_target_that_is_missed_is_named(changed: dict[str, Any], text: str) ->
 
 
 def test_figures_of_two_trees_stand_beside_each_other() -> None:
-    """The table of two trees has the medians of three rounds each."""
+    """The table of two trees has the medians of three rounds each, and of their ratios."""
     rounds = {"before": [{"p50 [ms]": value} for value in (3.0, 1.0, 2.0)], "now": [{"p50 [ms]": 1.5}] * 3}
-    assert since.table(rounds).splitlines()[2] == "| p50 [ms] | 2 | 1.5 |"
+    rounds["ratio"] = [{"p50 [ms]": value} for value in (0.5, 1.5, 0.76)]
+    assert since.table(rounds).splitlines()[2] == "| p50 [ms] | 2 | 1.5 | 0.76 |"

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import time
 from pathlib import Path
 
@@ -27,6 +28,7 @@ handles:
   tip: {where: {face: x+}, free: [x, ry]}
 loads:
   weight: {gravity: [0, 0, -9.81]}
+probes: {middle: [0.1, 0, 0]}
 program:
   duration: 0.1
   loads:
@@ -39,7 +41,10 @@ def test_a_program_of_loads_alone_is_played(tmp_path: Path, capsys: pytest.Captu
     path = tmp_path / "bridge.yaml"
     path.write_text(SCENE)
     assert demo.run(argparse.Namespace(scene=str(path), out=tmp_path / "run", dt=0.01)) == 0
-    assert "converged" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "converged" in printed
+    assert float(re.search(r"middle: position\W+([\d.]+)", printed)[1]) == pytest.approx(0.1, rel=0.05)
+    assert float(re.search(r"speed, times real time\W+([\d.e+-]+)", printed)[1]) > 0.0
     assert (tmp_path / "run" / "bridge.png").is_file()
     bag = BagRun(tmp_path / "run" / "bag")
     assert [record.loads["weight"] for record in bag.records[1:]] == pytest.approx(np.arange(1, 11) * 0.05)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from gdfe_ros import Simulation
 from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.commands import new as command
 from gdfe_ros.materials import PRESETS
@@ -48,6 +49,7 @@ def test_a_mesh_file_becomes_a_scene(tmp_path: Path) -> None:
     scene = load_scene(tmp_path / "bar.yaml")
     assert np.ptp(scene.mesh.vertices[scene.handles[0].vertices, 0]) == 0.0
     assert scene.actuators == ()
+    assert Simulation(scene).probe_positions()["tip"] == pytest.approx([0.1, 0.0, 0.0], abs=1e-9)
 
 
 def test_what_does_not_fit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

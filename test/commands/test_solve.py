@@ -5,14 +5,16 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.cli import main
-from gdfe_ros.simulation import Simulation
+from gdfe_ros.commands.overrides import read_overrides
 
 BAR = """
 name: pulled
@@ -25,6 +27,21 @@ program:
   duration: 1.0
   handles: {tip: [{time: 0.0}, {time: 1.0, translation: [0.0, 0.0, 0.04]}]}
 """
+
+CHAMBER = """
+name: soft_chamber
+mesh:
+  bar:
+    size: [0.04, 0.02, 0.02]
+    cells: [8, 4, 4]
+    cut: [{box: {x: [0.005, 0.035], y: [-0.005, 0.005], z: [-0.005, 0.005]}}]
+materials: {ecoflex: {preset: ecoflex_00_30}}
+regions: [{material: ecoflex}]
+handles: {base: {where: {face: x-}, fixed: true}}
+actuators: {air: {chamber: {command: pressure, range: [0.0, 3.0e4]}}}
+program: {duration: 1.0, actuators: {air: [{time: 0.0, value: 0.0}, {time: 1.0, value: 2.0e4}]}}
+"""
+"""A chamber of Ecoflex at 20 kPa; its pressure has its maximum at 8.3 kPa."""
 
 
 def _scene(folder: Path, iterations: int) -> str:
@@ -70,3 +87,27 @@ def test_an_interrupt_leaves_what_was_solved(
     assert picture.stat().st_size > 0
     assert "interrupted after t = 0.5 s" in printed.err
     assert "converged" in printed.out
+
+
+def test_a_pressure_beyond_the_limit_names_limit_and_remedy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A chamber beyond its limit pressure: the command names the limit, and table, picture and file mark the state."""
+    path, out, picture = tmp_path / "chamber.yaml", tmp_path / "last.npz", tmp_path / "last.png"
+    path.write_text(CHAMBER, encoding="utf-8")
+    assert main(["solve", str(path), "--out", str(out), "--picture", str(picture)]) == 3
+    printed = capsys.readouterr()
+    found = re.search(r"no equilibrium found beyond air = (\d+) Pa, before t = 1 s; (.*);", printed.err)
+    assert found[2] == "the chamber's pressure falls with its volume there: command the volume"
+    assert "the values are those of the last equilibrium before its command" in " ".join(printed.out.split())
+    assert picture.stat().st_size > 0
+    with np.load(out) as stored:
+        limit, volume = stored["actuator_air"][0], stored["actuator_air"][1]
+        assert not json.loads(str(stored["meta"]))["converged"]
+    assert float(found[1]) == pytest.approx(limit, rel=1e-3)
+    # The remedy works: with commanded volumes, the pressure has its maximum near the limit, and falls.
+    commanded = load_scene(path, overrides=read_overrides(["actuators.air.chamber.command=volume", "program=null"]))
+    simulation, pressures = Simulation(commanded), []
+    for ratio in (1.0, 1.4, 1.9):
+        result = simulation.step(Command(actuators={"air": ratio * volume}))
+        assert result.converged
+        pressures.append(result.actuators["air"].effort)
+    assert max(pressures) == pressures[1] == pytest.approx(limit, rel=0.02)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe pub``, ``gdfe echo`` and ``gdfe call`` with a real node, and messages as text."""
+"""The commands that replace ``ros2``, with a real node, and messages as text."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -16,10 +17,12 @@ from gdfe_ros.node.message_text import fill, parse, show
 from gdfe_ros.testing import NodeProcess
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def node() -> Iterator[NodeProcess]:
     """Give a node with a coarse bar that waits for commands."""
     with NodeProcess({"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"], "clock": "lockstep"}) as node:
+        while "active, clock lockstep" not in node.log:
+            time.sleep(0.1)
         yield node
 
 
@@ -48,6 +51,55 @@ def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean '/gdfe_sim/reset'?" in capsys.readouterr().err
     assert main(["pub", "/gdfe_sim/handles/tip/target", "{pose: {positon: {z: 0.1}}}"]) == BAD_INPUT
     assert "no field 'pose.positon'; did you mean 'position'?" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("node")
+def test_a_refused_command_ends_with_its_reason(capsys: pytest.CaptureFixture[str]) -> None:
+    """A command that the node refuses ends with status 1 and the node's reason."""
+    assert main(["pub", "/gdfe_sim/handles/tip/target", "{pose: {position: {z: .nan}, orientation: {w: 1.0}}}"]) == 1
+    assert "refused: position (0.0, 0.0, nan)" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("node")
+def test_nodes_topics_and_rates_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Nodes, topics with types and endpoints, and the rate of a topic are printed."""
+    assert main(["nodes"]) == 0
+    assert "/gdfe_sim" in capsys.readouterr().out.split()
+    assert main(["topics", "tip/"]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["/gdfe_sim/handles/tip/target", "geometry_msgs/msg/PoseStamped", "0", "1"] in rows
+    assert main(["topics", "no such topic"]) == 1
+    capsys.readouterr()
+    assert main(["hz", "/diagnostics", "--count", "3"]) == 0
+    rate = float(capsys.readouterr().out.removeprefix("/diagnostics: ").partition(" Hz")[0])
+    assert 0.1 < rate < 2.0  # once a second, on a machine that may be busy
+
+
+@pytest.mark.usefixtures("node")
+def test_parameters_are_printed_and_set(capsys: pytest.CaptureFixture[str]) -> None:
+    """Parameters are printed and set; a wrong name or value is refused with a reason."""
+    assert main(["params", "/gdfe_sim"]) == 0
+    printed = yaml.safe_load(capsys.readouterr().out)
+    assert (printed["scene"], printed["clock"], printed["follow"]) == ("bend5", "lockstep", [""])
+    assert main(["params", "/gdfe_sim", "slew_time", "2"]) == 0
+    assert main(["params", "/gdfe_sim", "slew_time"]) == 0
+    assert yaml.safe_load(capsys.readouterr().out.splitlines()[-1]) == {"slew_time": 2.0}
+    assert main(["params", "/gdfe_sim", "slew_time", "-1"]) == 1
+    assert main(["params", "/gdfe_sim", "slew"]) == BAD_INPUT
+    assert "did you mean 'slew_time'?" in capsys.readouterr().err
+    assert main(["params", "/gdfe_sim", "slew_time", "0"]) == 0
+
+
+@pytest.mark.usefixtures("node")
+def test_a_transition_is_requested(capsys: pytest.CaptureFixture[str]) -> None:
+    """The state and its transitions are printed, and a transition is carried out."""
+    assert main(["lifecycle", "/gdfe_sim"]) == 0
+    assert capsys.readouterr().out == "/gdfe_sim: active; transitions: deactivate, shutdown\n"
+    assert main(["lifecycle", "/gdfe_sim", "activate"]) == BAD_INPUT
+    assert "allowed: deactivate, shutdown" in capsys.readouterr().err
+    assert main(["lifecycle", "/gdfe_sim", "deactivate"]) == 0
+    assert capsys.readouterr().out.startswith("/gdfe_sim: inactive; transitions: cleanup, activate")
+    assert main(["lifecycle", "/gdfe_sim", "activate"]) == 0
 
 
 def test_messages_are_filled_and_shown() -> None:

@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from selenium.webdriver.support.ui import WebDriverWait
 
+from benchmarks.chromium import PATIENCE, start
 from gdfe_ros.cli import main
 from gdfe_ros.fitting.match_schema import CompareModel
 from gdfe_ros.fitting.matched import matched_observable
@@ -44,6 +46,29 @@ def test_a_modulus_comes_back_from_a_table(
     assert "do not include the error of the mesh" in page
     assert len((out / "residuals.csv").read_text().splitlines()) == 1 + 3 * 30
     assert "warning" not in capsys.readouterr().out
+    _require_whole_charts(out / "fit.html")
+
+
+def _require_whole_charts(page: Path) -> None:
+    """Open a page in Chromium: no chart is wider than its section, and the title of the time axis is below its rows."""
+    chrome = start((1300, 1400))
+    try:
+        chrome.get(page.as_uri())
+        WebDriverWait(chrome, PATIENCE).until(lambda found: found.execute_script("return document.body.dataset.ready"))
+        boxes = chrome.execute_script(
+            "const right = (found) => found.getBoundingClientRect().right,"
+            "      bottom = (found) => found.getBoundingClientRect().bottom;"
+            "return [...document.querySelectorAll('.chart')].map((chart) => ["
+            "  right(chart), Math.max(...[...chart.querySelectorAll('svg')].map(right)),"
+            "  chart.querySelector('.xtitle').getBoundingClientRect().top,"
+            "  Math.max(...[...chart.querySelectorAll('.xtick, .ytick, .y2tick')].map(bottom))])"
+        )
+        assert len(boxes) >= 2
+        for edge, drawn, title, ticks in boxes:
+            assert drawn <= edge + 1.0
+            assert title >= ticks - 1.0
+    finally:
+        chrome.quit()
 
 
 def test_a_modulus_comes_back_from_our_own_bag(write_scene: Callable, record_bag: Callable, tmp_path: Path) -> None:

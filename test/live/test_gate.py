@@ -57,7 +57,7 @@ def test_strangers_are_refused(live: Callable[..., Any]) -> None:
     query, own = f"/?token={page.gate.token}", f"127.0.0.1:{page.port}"
     assert _handshake(page, query) == 101
     assert _handshake(page, query, Origin=f"http://{own}") == 101
-    for path in ("/", "/?token=", "/?token=wrong", "/?token=%00", "/?other=1"):
+    for path in ("/", "/?token=", "/?token=wrong", "/?token=%00", "/?token=%ff", "/?other=1"):
         assert _handshake(page, path) == 403, path
         assert _get(page, path)[0] == 403, path
     for origin in ("http://evil.example", f"http://localhost:{page.port}", "http://127.0.0.1:1", "null", ""):

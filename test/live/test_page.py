@@ -26,7 +26,7 @@ from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
-from gdfe_ros.live.stage import first_view, scale_of
+from gdfe_ros.live.stage import first_view, round_length, scale_of
 from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.node.orders import ActuatorOrder
@@ -503,3 +503,14 @@ def test_a_dragged_probe_is_followed_by_the_actuators(live: Callable[..., Any]) 
     assert np.linalg.norm(simulation.probe_positions()["middle"] - goal) < 2e-5
     viewer.drag_probe("middle", scale * goal + np.array([5.0, 0.0, 0.0]))
     viewer.wait(lambda: any("nearest point so far" in note for note in viewer.notes), "a note")
+
+
+def test_the_ground_has_a_scale(live: Callable[..., Any]) -> None:
+    """Without a plane in the scene, squares of a round length lie below the body, and their length is written there."""
+    page = live()
+    viewer, mesh = page.look(), page.session.scene.mesh
+    squares, edge = viewer.nodes["/ground/squares"], round_length(0.3 * mesh.extent)
+    assert squares["cell_size"] == pytest.approx(edge * scale_of(mesh))
+    assert squares["position"][2] < scale_of(mesh) * mesh.bounds[0, 2]
+    assert viewer.nodes["/ground/edge"]["text"] == f"squares of {1e3 * edge:g} mm"
+    assert [round_length(value) for value in (0.03, 0.0199, 0.5, 0.999)] == pytest.approx([0.02, 0.01, 0.5, 0.5])

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
+import signal
 import sys
 from pathlib import Path
 
@@ -41,6 +42,8 @@ def main(names: list[str]) -> int:
     import systems
     import troubles
 
+    # A shell that starts this in the background has it ignore SIGINT, and every node that is asked with it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     groups = {group.__name__: group for group in (*asked.GROUPS, *systems.GROUPS, *troubles.GROUPS)}
     if unknown := ", ".join(set(names) - set(groups)):
         print(f"no group {unknown}; there are {', '.join(groups)}", file=sys.stderr)

@@ -91,7 +91,7 @@ def jumps() -> Iterator[Row]:
             ("it jumps ahead to epoch time", 1.7e9, "the clock jumped ahead from 1100"),
             ("it jumps back to 5 s", 5.0, "the clock jumped back from 1.7"),
         ):
-            before = float(stage.values["simulation time [s]"])
+            before = float(stage.await_report()["simulation time [s]"])
             _show(stage, publisher, begin)
             report = stage.await_report()
             gone = float(report["simulation time [s]"]) - before

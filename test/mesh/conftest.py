@@ -29,6 +29,10 @@ LAYERED = """
 gmsh.model.occ.addBox(0, 0, 0, 20, 20, 8)
 gmsh.model.occ.addBox(0, 0, 8, 20, 20, 2)
 """
+HOLLOW = """
+gmsh.model.occ.addBox(0, 0, 0, 20, 20, 20)
+gmsh.model.occ.cut([(3, 1)], [(3, gmsh.model.occ.addBox(5, 5, 5, 10, 10, 10))])
+"""
 
 
 def _written(path: Path, commands: str) -> Path:
@@ -52,3 +56,9 @@ def walled(tmp_path: Path) -> Path:
 def layered(tmp_path: Path) -> Path:
     """Write the STEP file of two solids: a plate of 20 x 20 x 8 mm, and one of 2 mm on it."""
     return _written(tmp_path / "layered.step", LAYERED)
+
+
+@pytest.fixture
+def hollow(tmp_path: Path) -> Path:
+    """Write the STEP file of a cube of 20 mm with a cubic cavity of 10 mm."""
+    return _written(tmp_path / "hollow.step", HOLLOW)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import struct
 import time
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import gmsh
 import numpy as np
 import pytest
 import pyvista
+import trimesh
 import vtk
 
 from gdfe_ros.errors import MeshError
@@ -229,3 +231,33 @@ def test_an_stl_with_a_wrong_count() -> None:
     """An STL whose header states another count of triangles is told as such."""
     (defect,) = inspect_file(CASES / "surfaces" / "bad_count.stl").defects
     assert "its header states 0 triangles, but the file has the size of 12; remedy" in defect
+
+
+def _damaged() -> dict[str, tuple[bytes, str]]:
+    """Return a dict from the name of a damaged file of a box's surface to its bytes and a part of the defect."""
+    box = trimesh.creation.box([0.02] * 3)
+    stl, ply = box.export(file_type="stl"), box.export(file_type="ply")
+    text, obj, off = (box.export(file_type=kind).encode() for kind in ("stl_ascii", "obj", "off"))
+    counts = (0, 5, 13, 2**32 - 1)
+    found = {f"count{n}.stl": (stl[:80] + struct.pack("<I", n) + stl[84:], f"states {n} tri") for n in counts}
+    found |= {f"cut{n}.stl": (stl[:n], "states 12 triangles") for n in (84, 100, 400)}
+    found |= {f"short{n}.stl": (stl[:n], "no triangles") for n in (0, 50)}
+    found["nan.stl"] = stl[:96] + struct.pack("<f", float("nan")) + stl[100:], "not finite"
+    found["text.stl"] = b"hello world\n", "no triangles"
+    found["words.stl"] = text.replace(b"vertex", b"vortex"), "no triangles"
+    found["zeros.stl"] = bytes(1000), "states 0 triangles"
+    found["cut.ply"], found["cut.off"] = ((data[: len(data) // 2], "does not fit its kind") for data in (ply, off))
+    found["corner.obj"] = obj.replace(b"f ", b"f 99 ", 1), "does not fit its kind"
+    found["cut.obj"] = obj[: len(obj) // 3], "no triangles"
+    return found
+
+
+@pytest.mark.parametrize("name", _damaged())
+def test_a_damaged_surface_is_told(tmp_path: Path, name: str) -> None:
+    """A surface whose file is cut off or wrong is refused by what it is, with a remedy, and no error of Python."""
+    data, said = _damaged()[name]
+    (tmp_path / name).write_bytes(data)
+    (defect,) = inspect_file(tmp_path / name).defects
+    assert said in defect
+    assert "remedy" in defect
+    assert "Error" not in defect

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gdfe_ros.mesh.step_file import step_facts, step_surface, step_walls
+from gdfe_ros.mesh.step_file import solid_facts, step_facts, step_surface, step_walls
 
 
 def test_the_facts_of_a_step_file(step: Path) -> None:
@@ -25,6 +25,16 @@ def test_facets_point_out_of_each_solid(layered: Path) -> None:
         for shift in ((0, 0, 0), (1, 2, 3)):
             a, b, c = np.moveaxis(vertices[triangles[solid == k]] + shift, 1, 0)
             assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(volume, rel=1e-6)
+
+
+def test_solids_have_volumes_bounds_and_cavities(layered: Path, hollow: Path) -> None:
+    """Each solid is listed with its volume, its bounds and the volumes of its cavities."""
+    plate, layer = solid_facts(layered, *step_surface(layered))
+    assert plate[0].startswith("solid 1")
+    assert plate[1] == "3.2e-06 m^3, no cavity, x 0 to 0.02, y 0 to 0.02, z 0 to 0.008"
+    assert layer[1].endswith("z 0.008 to 0.01")
+    ((_, text),) = solid_facts(hollow, *step_surface(hollow))
+    assert text.startswith("7e-06 m^3, cavities 1e-06 m^3, x 0 to 0.02")
 
 
 def test_each_solid_has_its_own_walls(layered: Path) -> None:

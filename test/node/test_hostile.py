@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from std_srvs.srv import Trigger
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
 
 from benchmarks.node import flood, hostile
 
@@ -45,6 +48,73 @@ def test_good_commands_work_among_bad_ones(client: Any, start: Callable, coarse:
     client.wait(lambda: client.mesh()[:, 5].max() == pytest.approx(0.06, abs=1e-6))
     values = client.diagnostics()
     assert (values["commands refused"], values["commands taken"]) == ("200", "2")
+
+
+@pytest.mark.parametrize(
+    "text", ["\x1b[2J\a\r\n[ERROR] [1.0] [gdfe_sim]: forged", "\u202ereversed", "z" * 2_000_000, "x" * 300]
+)
+def test_texts_of_requests_are_plain_in_the_log(client: Any, start: Callable, coarse: dict, text: str) -> None:
+    """Control characters, forged entries and megabytes in names, labels and paths do not reach the log.
+
+    Before, a path erased the terminal, a label of 2 MB became an entry of 2 MB, and the log had a forged error.
+    """
+    process = start(**coarse)
+    client.wait(client.records)
+    refused = not text.isprintable() or len(text) > 4096
+    for name in ("bag_path", "state_path"):
+        assert client.set(**{name: text})[0].successful is not refused
+    client.call(SetBool, "record", SetBool.Request(data=True))
+    assert client.transition(text) is False
+    for label in ("deactivate", "cleanup"):
+        assert client.transition(label)
+    for name, value in (("scene", text), ("scene_overrides", [text])):
+        client.set(**{name: value})
+        if client.transition("configure"):
+            assert client.transition("cleanup")
+    lines = process.log.splitlines()
+    assert all(line.isprintable() for line in lines)
+    assert max(map(len, lines)) < 25_000
+    assert not any(line.startswith("[ERROR] [1.0]") for line in lines)
+    assert "Traceback" not in process.log
+
+
+def test_lists_of_requests_are_limited(client: Any, start: Callable, coarse: dict) -> None:
+    """A list of 10001 parameters is refused, and 10000 names are answered.
+
+    Before, rclpy answered a request for 500000 names in 15 s, in which the node answered nothing else.
+    """
+    start(**coarse)
+    client.wait(client.records)
+    ask = lambda count: client.call(GetParameters, "get_parameters", GetParameters.Request(names=["rate"] * count))  # noqa: E731
+    assert len(ask(10_000).values) == 10_000
+    assert len(ask(10_001).values) == 0
+    rate = Parameter("rate", value=7.0).to_parameter_msg()
+    results = client.call(SetParameters, "set_parameters", SetParameters.Request(parameters=[rate] * 10_001)).results
+    assert not any(result.successful for result in results)
+    assert results[0].reason == "parameters has 10001 entries; allowed: up to 10000"
+    assert ask(1).values[0].double_value != 7.0
+
+
+def test_a_flood_of_requests_does_not_fill_the_log(client: Any, start: Callable, coarse: dict) -> None:
+    """Of hundreds of refused transitions, the log has at most 100 in five seconds, and how many it left out."""
+    process = start(**coarse)
+    client.wait(client.records)
+    assert not client.transition("nonsense")
+    change = client.node.create_client(ChangeState, client.full("change_state"))
+    client.wait(change.service_is_ready)
+    request = ChangeState.Request()
+    request.transition.label = "nonsense"
+    asked = 0
+
+    def ask() -> bool:
+        nonlocal asked
+        futures = [change.call_async(request) for _ in range(5)]  # a service keeps ten requests
+        client.wait(lambda: all(future.done() for future in futures))
+        asked += len(futures)
+        return "entries left out since" in process.log
+
+    client.wait(ask)
+    assert process.log.count("transition 'nonsense' refused") < asked
 
 
 def test_wild_commands_at_a_thousand_a_second_leave_finite_meshes(client: Any, start: Callable, coarse: dict) -> None:

@@ -32,11 +32,11 @@ def test_a_node_offers_what_the_table_says(client: Any, start: Callable, coarse:
     client.wait(client.records)
     node = client.node
     client.wait(lambda: NODE_NAME in node.get_node_names())
-    # Topics of actuators, arms, probes, motion and contact belong to scenes that have some.
+    # Topics of actuators, grips, arms, probes, motion and contact belong to scenes that have some.
     owners = ("{obstacle}", "{body}", "{sensor}", "/contact", "{link}", "{arm}", "joint_command")
     absent = tuple(spec.name for spec in (*COMMANDS, *OUTPUTS) if any(owner in spec.name for owner in owners))
     absent += ("~/probe/{probe}", "~/probe/{probe}/imu", "~/velocity", "~/joint_states", "~/jacobian")
-    absent += ("~/actuation", "~/commands", "~/trajectory")
+    absent += ("~/actuation", "~/commands", "~/trajectory", "~/attach", "~/release")
     outputs = {_full(spec.name): [spec.type] for spec in OUTPUTS if spec.name not in absent and installed(spec.type)}
     inputs = {_full(spec.name): [spec.type] for spec in COMMANDS if spec.name not in absent}
     services = {_full(spec.name): [spec.type] for spec in SERVICES}.items()

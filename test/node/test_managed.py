@@ -105,7 +105,7 @@ def test_an_exception_that_leaves_the_executor_ends_nothing() -> None:
 
 
 def test_what_is_destroyed_is_freed_two_turns_later() -> None:
-    """A destroyed subscription or timer is kept for two turns, and no longer.
+    """A destroyed subscription or timer is kept for two turns, and no longer; then its callback group forgets it.
 
     EventsExecutor calls queued entities by address: a node that removed its topics during a flood of messages crashed
     with SIGSEGV. If they stay, their callbacks keep whole simulations in memory.
@@ -114,6 +114,7 @@ def test_what_is_destroyed_is_freed_two_turns_later() -> None:
     rclpy.init(context=context)
     node = ManagedNode("keeper", context=context)
     try:
+        known = len(node.default_callback_group.entities)
         made = [node.create_subscription(String, "word", print, 10), node.create_timer(1.0, print)]
         left = [weakref.ref(thing) for thing in made]
         for remove in (node.destroy_subscription, node.destroy_timer):
@@ -122,6 +123,7 @@ def test_what_is_destroyed_is_freed_two_turns_later() -> None:
             gc.collect()
             assert all((reference() is not None) is kept for reference in left)
             node.turn()
+        assert len(node.default_callback_group.entities) == known
     finally:
         node.destroy_node()
         rclpy.shutdown(context=context)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 
+from gdfe_ros.actuators import Grip, Mode
 from gdfe_ros.node.slew import Slew
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
@@ -43,6 +44,14 @@ def test_a_command_crosses_the_range_in_its_time() -> None:
     assert not finger.slew.goals
     assert finger.step(0.0, slew_time=0.0) == 0.0
     assert not finger.slew.moving
+
+
+def test_a_grip_takes_hold_at_once() -> None:
+    """The command of a grip is 0 or 1: it is not limited, and values between them would never take hold."""
+    slew = Slew([Grip(name="cup", mode=Mode.GRIP, holder="hand", vertices=np.zeros(1, np.int32), reach=0.01)])
+    command = slew.limit(Command(actuators={"cup": 1.0}), {"cup": 0.0}, dt=0.01, slew_time=0.5)
+    assert command.actuators == {"cup": 1.0}
+    assert not slew.moving
 
 
 def test_a_command_is_held_until_a_step_converges() -> None:

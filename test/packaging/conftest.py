@@ -18,6 +18,7 @@ PARTS = [
     "pyproject.toml",
     "package.xml",
     "LICENSE",
+    "README.md",
     "gdfe_ros",
     "config",
     "launch",

@@ -8,7 +8,10 @@ keeps between runs. The Python that runs the tests then uses the built package, 
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import sys
+import sysconfig
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,6 +27,9 @@ def colcon(pytestconfig: pytest.Config, run: Callable[..., str]) -> Path:
         run(sys.executable, "-m", "venv", "--clear", "--without-pip", place)
         pip = sys.executable, "-m", "pip", "--python", place / "bin" / "python"
         run(*pip, "install", "--quiet", "--no-compile", "setuptools<80", "colcon-common-extensions")
+        # As in a ROS 2, colcon's Python has pytest and what the package needs; a .pth file is searched last.
+        packages = sysconfig.get_path("purelib", vars={"base": str(place), "platbase": str(place)})
+        Path(packages, "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
         done.touch()
     return place / "bin" / "colcon"
 
@@ -99,3 +105,16 @@ def test_the_command_starts(workspace: Path, in_workspace: Callable[[str], str])
     script = workspace / "install" / "gdfe_ros" / "lib" / "gdfe_ros" / "gdfe"
     start = f"sys.argv = ['gdfe', '--help']; runpy.run_path({str(script)!r}, run_name='__main__')"
     assert "solve" in in_workspace(f"import runpy, sys; {start}")
+
+
+def test_colcon_tests_the_package(
+    colcon: Path, workspace: Path, source_copy: Path, root: Path, run: Callable[..., str]
+) -> None:
+    """``colcon test`` runs the package's tests with pytest, and ``colcon test-result`` counts them."""
+    (source_copy / "test").mkdir(exist_ok=True)
+    shutil.copy(root / "test" / "test_spelling.py", source_copy / "test")
+    build = workspace / "build"
+    bases = "--base-paths", source_copy, "--build-base", build, "--install-base", workspace / "install"
+    run(colcon, "--log-base", workspace / "log", "test", *bases, "--return-code-on-test-failure")
+    summary = run(colcon, "test-result", "--test-result-base", build)
+    assert re.fullmatch(r"Summary: [1-9]\d* tests?, 0 errors, 0 failures, 0 skipped\n", summary)

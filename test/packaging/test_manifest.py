@@ -5,14 +5,29 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 ROS = {"launch", "launch_ros", "rclpy", "ament_index_python"}
+RELEASED = {"pinocchio", "ros2launch"}
+"""Further packages of ROS 2 Jazzy that package.xml names."""
+KEYS = {
+    "numpy": "python3-numpy",
+    "scipy": "python3-scipy",
+    "numba": "python3-numba",
+    "pyyaml": "python3-yaml",
+    "rich": "python3-rich",
+    "matplotlib": "python3-matplotlib",
+    "rosbags": "python3-rosbags-pip",
+    "pytest": "python3-pytest",
+}
+"""Keys of rosdep (ros/rosdistro, rosdep/python.yaml) that Ubuntu 24.04 resolves in a new enough version."""
 
 
 def _imports(folder: Path) -> set[str]:
@@ -34,6 +49,25 @@ def test_every_ros_package_that_is_imported_is_declared(root: Path) -> None:
     wanted = {name for name in used if name in ROS or name.endswith(("_msgs", "_interfaces", "_srvs"))}
     assert wanted >= ROS
     assert wanted <= declared
+
+
+def test_every_key_is_one_that_rosdep_resolves(root: Path) -> None:
+    """Each dependency in package.xml is a package of ROS, or a key in rosdep's list with a requirement of pip."""
+    manifest = ElementTree.parse(root / "package.xml").getroot()
+    named = [entry.text for entry in manifest if entry.tag.endswith("depend")]
+    packages = {name for name in named if name in ROS | RELEASED or name.endswith(("_msgs", "_interfaces", "_srvs"))}
+    assert len(named) == len(set(named))
+    assert set(named) - packages == set(KEYS.values())
+
+
+def test_requirements_without_a_key_are_named_for_pip(root: Path) -> None:
+    """Each package that the node needs has a key in package.xml, or is named there with pip."""
+    text = (root / "package.xml").read_text(encoding="utf-8")
+    needed = {name for name in metadata.requires("gdfe_ros") if "extra" not in name or 'extra == "mcap"' in name}
+    names = {re.match(r"[\w-]+", name)[0].lower() for name in needed}
+    assert {"numpy", "mcap", "lz4"} <= names
+    comments = " ".join(re.findall(r"<!--(.*?)-->", text, re.DOTALL))
+    assert [name for name in names if KEYS.get(name, "-") not in text and name not in comments] == []
 
 
 @pytest.mark.parametrize("words", [["-m", "gdfe_ros.node"], ["-m", "gdfe_ros.cli", "solve", "bend5"]], ids=str)

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The contents and the requirements of the wheel that ``pip install .`` builds."""
+"""A release: the sdist, the wheel that is built from it, its requirements, and its installation."""
 
 from __future__ import annotations
 
+import os
 import re
+import signal
+import subprocess
 import sys
 import sysconfig
 import zipfile
@@ -15,13 +18,19 @@ import pytest
 
 import gdfe_ros
 
+QUICK = {"NUMBA_DISABLE_JIT": "1"}
+"""Environment of a command that compiles nothing, which would take a minute."""
+
 
 @pytest.fixture(scope="module")
 def wheel(source_copy: Path, tmp_path_factory: pytest.TempPathFactory, run: Callable[..., str]) -> Path:
-    """Return the package as a wheel."""
-    place = tmp_path_factory.mktemp("wheel")
-    run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", place, source_copy)
-    return next(place.glob("gdfe_ros-*.whl"))
+    """Return the package as a wheel, which is built from the sdist beside it."""
+    place = tmp_path_factory.mktemp("release")
+    run(sys.executable, "-m", "build", "--outdir", place, source_copy)
+    (sdist,), (wheel,) = place.glob("*.tar.gz"), place.glob("*.whl")
+    assert sdist.name == f"gdfe_ros-{gdfe_ros.__version__}.tar.gz"
+    assert wheel.name == f"gdfe_ros-{gdfe_ros.__version__}-py3-none-any.whl"
+    return wheel
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +79,7 @@ import importlib, pkgutil
 import gdfe_ros
 from gdfe_ros.share import share_dir
 for module in pkgutil.walk_packages(gdfe_ros.__path__, "gdfe_ros."):
-    if not module.name.endswith(("__main__", "preloaded")):  # the latter compiles
+    if not module.name.endswith(("__main__", "preloaded", "preloaded_environment")):  # the latter two compile
         importlib.import_module(module.name)
 print(gdfe_ros.__file__)
 print(gdfe_ros.load_scene("bend5").path)
@@ -83,9 +92,10 @@ print(*sorted(path.name for path in (share_dir() / "launch").iterdir()))
     assert {"sim.launch.py", "robots.launch.py", "control_loop.launch.py"} <= set(launch.split())
 
 
-def test_installed_commands_run(installed: Path, tmp_path: Path, run: Callable[..., str]) -> None:
-    """The installed commands solve a scene, and play it through the node into a bag, which replays."""
-    scene, quick = tmp_path / "small.yaml", {"NUMBA_DISABLE_JIT": "1"}  # to compile would take a minute
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    """Return the path of a scene of three cells."""
+    scene = tmp_path / "small.yaml"
     scene.write_text(
         "name: small\n"
         "mesh: {bar: {size: [0.2, 0.05, 0.05], cells: [3, 1, 1]}}\n"
@@ -94,13 +104,40 @@ def test_installed_commands_run(installed: Path, tmp_path: Path, run: Callable[.
         "handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}\n"
         "program: {duration: 0.03, handles: {tip: [{time: 0.0}, {time: 0.03, translation: [0, 0, 0.01]}]}}\n"
     )
-    assert "converged" in run(installed / "gdfe", "solve", scene, **quick)
-    run(installed / "gdfe", "demo", scene, "--out", tmp_path / "run", **quick)
+    return scene
+
+
+def test_installed_commands_run(installed: Path, small: Path, tmp_path: Path, run: Callable[..., str]) -> None:
+    """The installed commands solve a scene, and play it through the node into a bag, which replays."""
+    assert "converged" in run(installed / "gdfe", "solve", small, **QUICK)
+    run(installed / "gdfe", "demo", small, "--out", tmp_path / "run", **QUICK)
     (bag,) = (path.parent for path in (tmp_path / "run").rglob("metadata.yaml"))
-    run(installed / "gdfe", "replay", bag, **quick)
+    run(installed / "gdfe", "replay", bag, **QUICK)
     assert (installed / "sim_node").is_file()
     assert (installed / "tip_tracking").is_file()
     assert (installed / "carrying_arm").is_file()
+
+
+def test_the_extra_ros_alone_gives_a_running_node(
+    wheel: Path, small: Path, tmp_path: Path, run: Callable[..., str]
+) -> None:
+    """The wheel with the extra `ros`, from the registry into an empty environment, has a node that takes commands."""
+    run(sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv")
+    programs = tmp_path / "venv" / "bin"
+    pip = sys.executable, "-m", "pip", "--python", programs / "python"
+    run(*pip, "install", "--quiet", "--no-compile", f"{wheel}[ros]")
+    command = [programs / "sim_node", "--ros-args", "-p", f"scene:={small}"]
+    given = {"env": {**os.environ, **QUICK}, "cwd": "/", "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **given) as node:
+        try:
+            assert any("active, clock wall" in line for line in node.stderr)  # a busy machine imports for a minute
+            assert run(programs / "gdfe", "echo", "/gdfe_sim/step_record")
+            target = "{pose: {position: {z: 0.01}, orientation: {w: 1.0}}}"
+            run(programs / "gdfe", "pub", "/gdfe_sim/handles/tip/target", target)
+            assert "active; transitions" in run(programs / "gdfe", "lifecycle", "/gdfe_sim")
+        finally:
+            node.send_signal(signal.SIGINT)
+        assert node.wait(60) == 0
 
 
 @pytest.mark.slow

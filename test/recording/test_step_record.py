@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step_record import ENERGIES, Begin, StepRecord
 
 _NUMBER = st.floats(allow_nan=False, allow_infinity=False)
 _TRIPLE = st.tuples(_NUMBER, _NUMBER, _NUMBER)
@@ -71,5 +71,6 @@ def test_energies_are_told_of_bodies_in_motion_only() -> None:
     still = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5)
     assert "energies" not in json.loads(still.to_json())
     assert StepRecord.from_json(still.to_json()) == still
-    moving = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5, energies={"kinetic": 0.1, "work": -1e-300})
+    energies = {**dict.fromkeys(ENERGIES, 0.1), "work": -1e-300}
+    moving = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5, energies=energies)
     assert StepRecord.from_json(moving.to_json()) == moving

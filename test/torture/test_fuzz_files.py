@@ -113,7 +113,7 @@ for kind in kinds:
 """.replace("MEMORY, MEMORY", f"{_MEMORY}, {_MEMORY}").replace("not LONG", str(not EXAMPLES))
 
 
-@pytest.mark.parametrize("kinds", ["scene state packed urdf table stress", "cases surface vtk vtu inp msh"])
+@pytest.mark.parametrize("kinds", ["scene state packed urdf table stress cases surface", "vtk vtu", "inp msh"])
 def test_any_file_is_read_or_refused(kinds: str, tmp_path: object) -> None:
     """Damaged and random files of each kind are read, or refused by an error of this package, and never crash."""
     command = [sys.executable, "-X", "faulthandler", "-c", _CHILD, kinds, str(COUNT), str(SECONDS_EACH), str(tmp_path)]

@@ -35,6 +35,7 @@ LONG = (
     "three_chamber_arm",
     "capsules",
     "boxes, coarse",
+    "edges across edges",  # a minute of processor time; the samples `edge on edge` and test_crossing.py have edges, too
     "fork",  # test_certified.py draws them
 )
 """Beginnings of the names of cases that take many seconds; `make torture` runs them."""

@@ -61,6 +61,7 @@ class Animation:
         self.frames = np.unique(np.linspace(0, self.steps - 1, count).round().astype(np.int64))
         self._wanted = set(self.frames.tolist())
         self._times: list[float] = []
+        self._failed: list[bool] = []
         self._positions: list[NDArray[np.float32]] = []
         self._colours: dict[tuple[str, str], list[NDArray[np.float32]]] = {name: [] for name in self.fields}
 
@@ -75,6 +76,7 @@ class Animation:
         if number not in self._wanted or mesh is None or any(topic not in step.samples for topic, _ in self.fields):
             return
         self._times.append(step.record.time)
+        self._failed.append(not step.record.converged)
         positions = np.stack([mesh[axis] for axis in "xyz"], axis=1)
         self._positions.append(self._outside.at(positions).astype(np.float32))
         self._around.add(step, positions.astype(np.float64))
@@ -99,6 +101,7 @@ class Animation:
         arrays["positions"] = to_text(levels)
         description: dict[str, Any] = {
             "times": self._times,
+            "failed": self._failed,
             "vertices": len(self._outside.corners),
             "faces": len(self._outside.faces),
             "corners": self._outside.faces.shape[1],

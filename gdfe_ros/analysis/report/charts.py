@@ -29,6 +29,7 @@ _ACTUATION = (
     ("Pressures", "Pa", "effort", _CHAMBER),
     ("Volumes of chambers", "m^3", "position", _CHAMBER),
     ("Growth", "", "position", (Mode.GROWTH,)),
+    ("Forces of grips", "N", "effort", (Mode.GRIP,)),
 )
 
 Chart = dict[str, Any]

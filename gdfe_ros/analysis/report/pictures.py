@@ -30,12 +30,14 @@ class Shown:
 
     Attributes:
         time: simulation time [s].
+        mark: text behind the title; empty if the step converged.
         positions: positions of the vertices (n, 3) [m].
         values: values of the cells (m,).
         scenery: obstacles, cables, chambers and contact forces.
     """
 
     time: float
+    mark: str
     positions: NDArray[np.float64]
     values: NDArray[np.float64]
     scenery: Scenery
@@ -53,7 +55,7 @@ def write_png(bag: str | Path, path: Path, *, field: str = STRAIN) -> Path:
     if most is None:
         raise _nothing(run)
     shown = _shown(most, run.scene, field)
-    title = f"{run.scene.name} at t = {shown.time:g} s, the largest strain"
+    title = f"{run.scene.name} at t = {shown.time:g} s, the largest strain{shown.mark}"
     draw_body(path, run.mesh, shown.positions, shown.values, title=title, label=_label(field), scenery=shown.scenery)
     return path
 
@@ -75,7 +77,7 @@ def draw_steps(bag: str | Path, *, field: str = STRAIN, frames: int = 40) -> Ite
     limits = min(float(s.values.min()) for s in chosen), max(float(s.values.max()) for s in chosen)
     corners = np.array([corner for s in chosen for corner in (s.positions.min(axis=0), s.positions.max(axis=0))])
     for shown in chosen:
-        buffer, title = BytesIO(), f"{run.scene.name} at t = {shown.time:.3f} s"
+        buffer, title = BytesIO(), f"{run.scene.name} at t = {shown.time:.3f} s{shown.mark}"
         given = {"title": title, "label": _label(field), "limits": limits, "around": corners}
         draw_body(buffer, run.mesh, shown.positions, shown.values, **given, scenery=shown.scenery)
         yield Image.open(buffer).convert("RGB")
@@ -99,7 +101,8 @@ def _shown(step: BagStep, scene: Scene, field: str) -> Shown:
         raise RecordingError(f"the bag has no field {field!r} of the cells; it has {', '.join(strain)}")
     positions = np.stack([step.samples["mesh"][axis] for axis in "xyz"], axis=1).astype(np.float64)
     scenery = Scenery.recorded(scene, step.samples, positions)
-    return Shown(step.record.time, positions, strain[field].astype(np.float64), scenery)
+    mark = "" if step.record.converged else ", not converged"
+    return Shown(step.record.time, mark, positions, strain[field].astype(np.float64), scenery)
 
 
 def _label(field: str) -> str:

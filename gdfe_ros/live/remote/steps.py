@@ -135,6 +135,8 @@ def _readings(actuator: Actuator, position: float, speed: float, effort: float) 
     match actuator.mode:
         case Mode.GROWTH:
             return [("growth", position, "")]
+        case Mode.GRIP:
+            return [("holds", position, ""), ("force", effort, "N")]
         case Mode.PRESSURE | Mode.VOLUME:
             return [("volume", position, "m^3"), ("pressure", effort, "Pa")]
         case Mode.SHORTENING:

@@ -49,8 +49,8 @@ ACTUATION = TopicSpec(
     name="~/actuation",
     type="sensor_msgs/msg/JointState",
     meaning="commands of actuators and loads by name. Actuators: `effort` is a tension [N] or pressure [Pa], "
-    "`position` a length or shortening [m], a volume [m^3] or a growth [1]. Loads: `position` is the factor [1] on "
-    "the load. Joints of arms: `position` [rad], [m]",
+    "`position` a length or shortening [m], a volume [m^3], a growth or a grip [1]. Loads: `position` is the factor "
+    "[1] on the load. Joints of arms: `position` [rad], [m]",
     delivery=Delivery.COMMAND,
 )
 ACTUATOR_COMMANDS = TopicSpec(
@@ -78,6 +78,20 @@ JOINT_COMMAND = TopicSpec(
     "`arms`",
     delivery=Delivery.COMMAND,
 )
+ATTACH = TopicSpec(
+    name="~/attach",
+    type="std_msgs/msg/String",
+    meaning="name of a grip, which takes hold with the next step; refused if it holds already. If nothing is within "
+    "its `reach`, the step refuses it. The same as command 1 on ~/actuation. Only in scenes with grips",
+    delivery=Delivery.COMMAND,
+)
+RELEASE = TopicSpec(
+    name="~/release",
+    type="std_msgs/msg/String",
+    meaning="name of a grip, which lets go with the next step; refused if it holds nothing. The same as command 0 on "
+    "~/actuation. Only in scenes with grips",
+    delivery=Delivery.COMMAND,
+)
 FOLLOWED = TopicSpec(
     name="",  # named by the parameter
     type="geometry_msgs/msg/PoseStamped",
@@ -95,6 +109,8 @@ COMMANDS = (
     ACTUATOR_COMMANDS,
     TRAJECTORY,
     JOINT_COMMAND,
+    ATTACH,
+    RELEASE,
 )
 
 CLOCK = TopicSpec(

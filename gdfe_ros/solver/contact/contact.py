@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,7 @@ class Contact(ContactTerm):
         if isinstance(touched, RigidBody):
             reals[gap.SIGNS : HEAD] = touched.signs.ravel()
         super().__init__(name, body, reals, integers)
-        self._scale = np.zeros(count)
+        self._scale, self._held_fast = np.zeros(count), np.zeros(count, dtype=bool)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._chosen, self._faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
         self._clear, self._lag, self._led = -np.inf, 0.0, np.zeros((0, 3))
@@ -114,6 +114,18 @@ class Contact(ContactTerm):
     def fit(self, matrix: ConstantMatrix) -> None:
         """Take the stiffnesses that scale `law.project_forces` from the constant matrix' diagonal."""
         self._scale = self._points.stiffness(matrix.assembled.diagonal())
+
+    def leave_out(self, held: Sequence[tuple[str, NDArray[np.int32]]]) -> None:
+        """Leave out points that something else holds in their places: a grip's and a contact's forces would add up.
+
+        Args:
+            held: name of an obstacle or rigid body, and the vertices that keep their places on it.
+        """
+        own = [vertices for name, vertices in held if name == self._touched.name]
+        carriers = self._points.carriers
+        self._held_fast = np.zeros(len(carriers), dtype=bool)
+        for vertices in own:
+            self._held_fast |= np.isin(carriers, vertices).all(axis=1)
 
     def ends(self) -> NDArray[np.int32]:
         """Return the vertices (k, c) on which each point's force acts.
@@ -356,7 +368,8 @@ class Contact(ContactTerm):
         starts = self._starts(places)
         planes = self._entered(starts, places)
         entered = planes[:, :3].any(axis=1)
-        chosen = np.flatnonzero((self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | entered)
+        near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | entered
+        chosen = np.flatnonzero(near & ~self._held_fast)
         self._chosen, integers[gap.COUNT] = chosen, len(chosen)
         integers[VERTICES : VERTICES + len(chosen) * integers[gap.CARRIERS]] = points.carriers[chosen].ravel()
         rows, press = self._rows(), saved["press"][chosen]

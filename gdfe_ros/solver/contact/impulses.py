@@ -126,13 +126,18 @@ class Impulses:
         else:
             choose_again()  # points that come near have no forces yet
 
+    @property
+    def settled(self) -> bool:
+        """Whether the faces that touch have settled, or may still do so."""
+        return self._changes <= MOST_CHANGES
+
     def settles(self, work: Workspace) -> bool:
         """Count an iteration in which surfaces touch other faces; return whether they still settle."""
         nearest = float(numbers(work)["nearest"])
         if nearest != self._nearest:
             self._nearest, self._changes = nearest, 0
         self._changes += any(contact.changed for contact in self.contacts)
-        return self._changes <= MOST_CHANGES
+        return self.settled
 
     def answer(
         self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], size: float, target: float

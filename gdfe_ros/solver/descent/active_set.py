@@ -108,6 +108,8 @@ class ActiveSet:
         work.x[unknowns.prescribed] = base[unknowns.prescribed]
         u = work.u.reshape(-1, 3)
         np.take(positions, unknowns.free, axis=0, out=u[:count], mode="clip")
+        row, axis = np.divmod(unknowns.fixed, 3)
+        u[row, axis] = base[unknowns.free[row], axis]
         u[count : count + len(slides)] = slides * unknowns.slides
         turning = self.turning
         if turning is None:

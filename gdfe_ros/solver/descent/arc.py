@@ -23,7 +23,7 @@ from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 from gdfe_ros.solver.matrix.inverse import apply_free
 from gdfe_ros.solver.matrix.rotation import rotation_matrix
-from gdfe_ros.solver.matrix.unknowns import gather_rows, place
+from gdfe_ros.solver.matrix.unknowns import clear_fixed, gather_rows, place
 
 MOST_TURN = 0.2
 """Largest rotation of an element in a Newton step [rad]; longer steps are shortened. With 0.3 and more, some steps of
@@ -100,6 +100,7 @@ def follow_arc(problem, work, metric):
         place_and_pull(problem, work, metric)
     gather_rows(metric.force, problem.unknowns, metric.gradient)
     apply_free(metric.coupling.inverse, metric.gradient, work.curve, problem.threads)
+    clear_fixed(problem.unknowns.fixed, work.curve)
     for n in range(free, len(work.u)):
         work.curve[n] = 0.0
     status.step = largest(work.direction) + largest(work.curve)

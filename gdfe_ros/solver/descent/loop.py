@@ -163,7 +163,8 @@ def choose(problem, work, metric, size, most):
         status.ended = End.WORN
         return 0
     if status.turned > FOLLOWED * size and len(metric.kept.order) > 0:
-        given = problem.unknowns.free, metric.held, metric.sums, metric.kept.frames
+        rows = problem.unknowns.free, problem.unknowns.fixed
+        given = rows, metric.held, metric.sums, metric.kept.frames
         vertex_rotations(work.x, metric.before, problem.shape, *given)
         status.turned = 0.0
     return 2 if choose_direction(problem, work, metric, size) else 1

@@ -147,7 +147,9 @@ class Minimiser:
         """
         work, begins, done = task.active.workspace, True, 0
         target = self._share * tolerance * self._body.size
-        if self.tangent is not None:
+        if self.level.outdated(self.tangent) and (self.tangent is not None or self.level.fits):
+            self._adopt(task, self.level.take(task.problem, work.u, work.x))
+        elif self.tangent is not None:
             self.tangent = self.level.reconnected(self.tangent, work.x)
         while True:
             chunk = 1 if self.observer or task.deadline else limit

@@ -101,6 +101,7 @@ class EquilibriumSolver:
         self._stored, self._least = np.zeros(count), np.ones(count)
         exact = all(term.exact for term in self.actuation.terms)
         kinds = {"exact": exact, "smooth": not self.actuation.contacts}
+        kinds["conservative"] = all(term.conservative for term in self.actuation.terms)
         self._stability = None if moving or not body.unknowns.rows else Stability(body, self.minimiser, **kinds)
 
     def at_rest(self) -> State:

@@ -40,6 +40,7 @@ def take_rest(model: Model, whole: ActiveSet, matrix: ConstantMatrix, rest: Stat
     if tangent.shift > 0.0:
         return
     load = np.random.default_rng(0).standard_normal(3 * whole.unknowns.rows)
+    load[whole.unknowns.fixed] = 0.0
     for _ in range(INVERSE_ITERATIONS):
         found = np.empty_like(load)
         minimiser.level.solve(load, found)

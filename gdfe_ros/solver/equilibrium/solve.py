@@ -168,6 +168,8 @@ class Solve:
                 break
             if self._balanced(active, still=went.iterations == 0):
                 break
+            if self._actuation.wanders:
+                break
             self._schedule.tighten()
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:
@@ -224,12 +226,13 @@ class Solve:
         if not (converged and least.min() > 0.0):
             converged, message = False, "; ".join(text for text in (message, flattened(least)) if text)
         outside = work.outside if self._actuation.terms else None
+        others = self._actuation.contacts, self._actuation.grips
         summary = Summary(
             converged=converged,
             error_estimate=estimate,
             energy=float(stored.sum()),
             min_det=float(least.min()),
-            reactions=handle_reactions(self._body, positions, work.force, outside, self._actuation.contacts),
+            reactions=handle_reactions(self._body, positions, work.force, outside, *others),
             actuators=self._actuation.states(positions, problem.commands, self._operators),
             terms=self._actuation.reports(positions),
             message=message,
@@ -315,9 +318,10 @@ class Solve:
             text = f"{reason}: the distance to equilibrium is not known yet; the last step was {far:.3g} of the size"
             return False, np.inf, f"{text}; the next step goes on from here"
         if estimate <= tolerance:
-            text = "contact forces, pressures, commanded lengths or volumes, or hourglass scales have not settled"
-            return False, estimate, f"{text} in {MOST_UPDATES} updates, although the positions hardly move any more"
-        if active.ended is End.GIVEN_UP and impulses is not None:
+            text = "pressures, grips, commanded lengths or volumes, or hourglass scales have not settled"
+            most = f"in up to {MOST_UPDATES} updates, although the positions hardly move any more"
+            return False, estimate, f"{text} {most}"
+        if active.ended is End.GIVEN_UP and impulses is not None and not impulses.settled:
             far = float(active.status["step"]) / self._body.size
             return False, estimate, f"{UNSETTLED}: the last step was {far:.3g} of the size"
         if not np.isfinite(estimate):

@@ -87,9 +87,14 @@ class Stability:
             proves nothing, and the Lanczos method searches for negative curvature also where a factor exists.
         smooth: whether no term is a contact. After a proof with contact, a further descent would disturb forces that
             have settled.
+        conservative: whether the forces of all terms have a potential. If not, a minimum is still an equilibrium, but
+            its stability is not known.
     """
 
-    def __init__(self, body: Body, minimiser: Minimiser, *, exact: bool, smooth: bool) -> None:
+    def __init__(
+        self, body: Body, minimiser: Minimiser, *, exact: bool, smooth: bool, conservative: bool = True
+    ) -> None:
+        self._conservative = conservative
         self._smooth, self._size, self._product, self._minimiser, self._exact = (
             smooth,
             body.size,
@@ -98,6 +103,7 @@ class Stability:
             exact,
         )
         self._noise = np.random.default_rng(0).standard_normal(3 * body.unknowns.rows)
+        self._noise[body.unknowns.fixed] = 0.0
 
     def judged(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
         """Return a converged solution with its stability, which is proved anew only where that is due.
@@ -105,7 +111,8 @@ class Stability:
         A saddle is left for a point of lower energy beside it.
         """
         if self._is_due(solve, found):
-            return self._proved(descents, solve, found)
+            proved = self._proved(descents, solve, found)
+            return proved if self._conservative else _told(proved, stable=None)
         return _told(found, stable=solve.start.summary.stable, proved=solve.start.proved)
 
     def _is_due(self, solve: Solve, found: Solution) -> bool:

@@ -15,6 +15,9 @@ from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
 from gdfe_ros.solver.matrix.inverse import apply_free
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, Unknowns, gather_rigid_rows, handle_centres
 
+ROLLING = 0.5
+"""Stiffness of the spring at a vertex on rollers over the vertex' diagonal entry. No equilibrium depends on it."""
+
 
 def assemble(
     shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64], count: int | None = None
@@ -53,7 +56,8 @@ class ConstantMatrix:
     """The constant matrix restricted to the unknowns, factored; one factor serves x, y and z.
 
     Handles with a free axis are eliminated by their Schur complement. One factor of the free vertices therefore serves
-    all three axes, free or not.
+    all three axes, free or not. Vertices on rollers are free vertices with a spring; solutions are zero along the axes
+    along which rollers hold them.
 
     Args:
         matrix: the assembled matrix (n, n), symmetric.
@@ -79,6 +83,9 @@ class ConstantMatrix:
         free = unknowns.free
         rows = matrix[free]
         block = rows[:, free].tocsc()
+        if len(unknowns.fixed):  # without it, rollers alone would hold nothing
+            rolling = np.unique(unknowns.fixed // 3)
+            block = block + sparse.csc_matrix((ROLLING * block.diagonal()[rolling], (rolling, rolling)), block.shape)
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
         self._factor = factor_of(block, rest[free], library or usual_kind(len(free)))
         self.kind = self._factor.kind
@@ -97,10 +104,12 @@ class ConstantMatrix:
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Solve A_ff out = right for three right-hand sides (f, 3), with a relative error up to `factor.SOUND`."""
         self._factor.solve(right, out)
+        out.reshape(-1)[self._unknowns.fixed] = 0.0
 
     def solve_exactly(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Solve A_ff out = right to double precision."""
         self._factor.solve(right, out, exact=True)
+        out.reshape(-1)[self._unknowns.fixed] = 0.0
 
     def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the product A_ff ``motion`` (f, 3) for a motion of the free vertices."""
@@ -114,6 +123,7 @@ class ConstantMatrix:
         unknowns, count = self._unknowns, len(self._unknowns.free)
         right = np.zeros((unknowns.rows, 3))
         right[:count] = force[unknowns.free]
+        right.reshape(-1)[unknowns.fixed] = 0.0
         frame = HandlePositions(self._rest, handle_centres(self._rest, unknowns))
         none, rest = np.zeros((0, 8, 3)), np.zeros(right.size)
         no_corners = unknowns._replace(corner_start=np.zeros_like(unknowns.corner_start))

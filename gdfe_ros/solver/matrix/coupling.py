@@ -17,9 +17,9 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import kernel
+from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.matrix.inverse import Inverse
-from gdfe_ros.solver.matrix.unknowns import Unknowns
+from gdfe_ros.solver.matrix.unknowns import Unknowns, clear_fixed
 
 CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None])
 """The numbers e_jki of the cross product (a x b)_i = e_jki a_j b_k."""
@@ -42,6 +42,7 @@ class Coupling(NamedTuple):
         motion: (3, k, 3 q) float64, for each axis the coefficient of each field in each component of the rigid rows.
         inverse_schur: (3 q, 3 q) float64, inverse of the rigid rows' Schur complement, zero for prescribed components.
         inverse: inverse of the free block A_ff, for the kernels.
+        fixed: (k,) int64 components of the free rows that are constant (`Unknowns.fixed`).
     """
 
     columns: NDArray[np.float64]
@@ -49,6 +50,7 @@ class Coupling(NamedTuple):
     motion: NDArray[np.float64]
     inverse_schur: NDArray[np.float64]
     inverse: Inverse
+    fixed: NDArray[np.int64]
 
 
 class RigidFields:
@@ -86,7 +88,7 @@ class RigidFields:
         motion = self._motion(turned)
         many = motion.shape[2] > MANY  # products of matrices, whose sums depend on the machine
         schur = np.einsum("ika,kl,ilb->ab", motion, self._gram, motion, optimize=many)
-        return Coupling(self.columns, self.harmonic, motion, _pseudo_inverse(schur), inverse)
+        return Coupling(self.columns, self.harmonic, motion, _pseudo_inverse(schur), inverse, self._unknowns.fixed)
 
     def _motion(self, turned: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         unknowns, count = self._unknowns, len(self._unknowns.free)
@@ -122,7 +124,17 @@ def spectral_inverse(values: NDArray[np.float64], vectors: NDArray[np.float64], 
 
 @kernel
 def close_coupling(gradient, coupling, out):
-    """Complete ``out`` (3 r,) to A^-1 ``gradient``; its rows of free vertices already contain A_ff^-1 gradient."""
+    """Complete ``out`` (3 r,) to A^-1 ``gradient``; its rows of free vertices already contain A_ff^-1 gradient.
+
+    Components that are constant become zero.
+    """
+    close_rigid(gradient, coupling, out)
+    clear_fixed(coupling.fixed, out)
+
+
+@internal
+def close_rigid(gradient, coupling, out):
+    """Do `close_coupling`, but do not clear constant components."""
     count, fields = coupling.columns.shape
     rigid = len(coupling.inverse_schur)
     if rigid == 0:

@@ -22,8 +22,10 @@ class Unknowns(NamedTuple):
     vector from its commanded orientation, times a radius. Components that are not free stay zero.
 
     Attributes:
-        free: (f,) int32 vertex of each of the first f rows.
-        prescribed: (b,) int32 vertices of all handles, handle by handle.
+        free: (f,) int32 vertex of each of the first f rows, including vertices on rollers.
+        fixed: (k,) int64 components of the unknowns, as 3 row + axis, along which rollers hold a vertex. They are
+            constant: gradients and directions are zero there.
+        prescribed: (b,) int32 vertices of all handles except rollers, handle by handle.
         member_start: (p + 1,) int32, index in ``members`` at which each handle with a free axis begins.
         members: int32 vertices of these handles.
         slides: (p, 3) float64, 1 for a free translation, 0 for a prescribed one.
@@ -37,6 +39,7 @@ class Unknowns(NamedTuple):
     """
 
     free: NDArray[np.int32]
+    fixed: NDArray[np.int64]
     prescribed: NDArray[np.int32]
     member_start: NDArray[np.int32]
     members: NDArray[np.int32]
@@ -72,8 +75,12 @@ class HandlePositions(NamedTuple):
 
 def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles: Sequence[Handle]) -> Unknowns:
     """Return the numbering for vertices ``rest`` (n, 3) [m] and ``cells`` (m, c), with the given ``handles``."""
-    prescribed = np.concatenate([np.zeros(0, np.int32), *(handle.vertices for handle in handles)])
+    whole = (handle.vertices for handle in handles if handle.slide is None)
+    prescribed = np.concatenate([np.zeros(0, np.int32), *whole])
     free = np.setdiff1d(np.arange(len(rest)), prescribed)
+    held = np.zeros((len(rest), 3), dtype=bool)
+    for handle in (each for each in handles if each.slide is not None):
+        held[handle.vertices] = ~handle.slide
     loose = [piece for handle in handles for piece in handle.pieces if piece.loose]
     slides, turns = np.zeros((len(loose), 3)), np.zeros((len(loose), 3))
     turn_row, row = np.full(len(loose), -1, dtype=np.int32), len(free) + len(loose)
@@ -87,6 +94,7 @@ def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles
     order = np.argsort(corners, kind="stable")
     return Unknowns(
         free.astype(np.int32),
+        np.flatnonzero(held[free]),
         prescribed.astype(np.int32),
         np.cumsum([0, *(len(handle.vertices) for handle in loose)], dtype=np.int32),
         np.concatenate([np.zeros(0, np.int32), *(handle.vertices for handle in loose)]).astype(np.int32),
@@ -161,6 +169,7 @@ def place(u, frame, unknowns, x):
 def gather_rows(force, unknowns, gradient):
     """Sum corner forces (m, c, 3) into the rows of free vertices, in a fixed order."""
     gather_part(force, unknowns, gradient, 0, len(unknowns.free))
+    clear_fixed(unknowns.fixed, gradient)
 
 
 @internal
@@ -177,6 +186,14 @@ def gather_in_threads(threads, force, unknowns, gradient):
     count = len(unknowns.free)
     for part in prange(threads):
         gather_part(force, unknowns, gradient, part * count // threads, (part + 1) * count // threads)
+    clear_fixed(unknowns.fixed, gradient)
+
+
+@internal
+def clear_fixed(fixed, vector):
+    """Set the ``fixed`` components of a gradient or a direction (3 r,) to zero."""
+    for i in range(len(fixed)):
+        vector[fixed[i]] = 0.0
 
 
 @kernel
@@ -186,6 +203,7 @@ def add_rows(outside, unknowns, gradient):
         v = unknowns.free[row]
         for axis in range(3):
             gradient[3 * row + axis] += outside[v, axis]
+    clear_fixed(unknowns.fixed, gradient)
 
 
 @kernel

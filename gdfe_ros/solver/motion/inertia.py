@@ -75,8 +75,10 @@ class Inertia(Term):
         kappa, theta = stiffness(dynamics, h)
         self._factor = kappa + dynamics.mass_damping * theta
         self._driven = np.zeros((len(body.rest), 3), dtype=bool)
-        for handle in (piece for each in body.handles for piece in each.pieces):
-            if not handle.turning:
+        for handle in body.handles:
+            if handle.slide is not None:
+                self._driven[handle.vertices] = ~handle.slide
+            elif not handle.turning:
                 self._driven[np.ix_(handle.vertices, [axis for axis in range(3) if axis not in handle.free])] = True
         rigid = [each.vertices for each in body.rigid_bodies]
         self._rigid = np.array(rigid, dtype=np.int32).reshape(-1, 4)

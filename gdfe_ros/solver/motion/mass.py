@@ -56,13 +56,19 @@ class FreeMass:
 
     def __init__(self, body: Body, mass: sparse.csr_matrix) -> None:
         rigid = [each.vertices for each in body.rigid_bodies]
-        self._free, self._mass = np.concatenate([body.unknowns.free, *rigid]), mass
-        self._factor: LuFactor | None = None
+        free, self._mass = np.concatenate([body.unknowns.free, *rigid]), mass
+        moves = np.ones((len(free), 3), dtype=bool)
+        moves.reshape(-1)[body.unknowns.fixed] = False
+        self._free = [free[along] for along in moves.T]
+        self._factors: list[LuFactor] = []
 
     def accelerated(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices."""
-        if self._factor is None:
-            self._factor = LuFactor(self._mass[self._free][:, self._free].tocsc())
+        if not self._factors:
+            alike = all(len(free) == len(self._free[0]) for free in self._free)  # no rollers, or alike in x, y and z
+            axes = self._free[:1] if alike and all(map(np.array_equal, self._free, self._free[1:])) else self._free
+            self._factors = [LuFactor(self._mass[free][:, free].tocsc()) for free in axes]
         acceleration = np.zeros_like(forces)
-        acceleration[self._free] = self._factor.solve(forces[self._free])
+        for axis, free in enumerate(self._free):
+            acceleration[free, axis] = self._factors[axis % len(self._factors)].solve(forces[free, axis])
         return acceleration

@@ -170,6 +170,7 @@ class Linearised:
     def gathered(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return forces (n, 3) [N] as generalised forces (3 r,) on the unknowns."""
         own = forces[self._unknowns.free].ravel()
+        own[self._unknowns.fixed] = 0.0
         if not self._motion.size:
             return own
         return np.concatenate([own, self._motion.T @ forces[self._unknowns.members].ravel()])

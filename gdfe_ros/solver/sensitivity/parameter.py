@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from gdfe_ros.actuators import Actuator, Mode
-from gdfe_ros.actuators.actuator import Growth
+from gdfe_ros.actuators.actuator import Grip, Growth
 from gdfe_ros.actuators.load import Load
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.rigid_body import RigidBody
@@ -213,7 +213,7 @@ class Parameters:
     def _size_of(self, actuator: Actuator) -> float:
         """Return the order of magnitude of an actuator's command."""
         size, young = self._body.size, float(self._body.table.parameters[:, YOUNG].min())
-        if isinstance(actuator, Growth):
+        if isinstance(actuator, Grip | Growth):
             return 1.0
         return {
             Mode.TENSION: FAINT * young * size**2,

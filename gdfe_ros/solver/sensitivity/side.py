@@ -102,7 +102,8 @@ class Column:
             solve.joint.hold(solve.multipliers + sign * change.multipliers)
             given = solve.x + sign * change.positions, solve.no_forces()
             outside = solve.forces + sign * forces
-            found.append(handle_reactions(solve.body, *given, outside, solve.actuation.contacts))
+            others = solve.actuation.contacts, solve.actuation.grips
+            found.append(handle_reactions(solve.body, *given, outside, *others))
         solve.restore()
         return {name: (value - found[1][name]) / (2.0 * step) for name, value in found[0].items()}
 

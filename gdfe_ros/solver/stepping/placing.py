@@ -34,8 +34,11 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
     moved = positions.copy()
     slides, turns = handles.fit(moved, state.base)
     for handle in body.handles:
-        if not handle.loose:
-            moved[handle.vertices] = state.base[handle.vertices]
+        own = handle.vertices
+        if handle.slide is not None:
+            moved[own] = np.where(handle.slide, moved[own], state.base[own])
+        elif not handle.loose:
+            moved[own] = state.base[own]
     least = float(least_volume_ratio(moved, state.operators.shape))
     return afresh.with_(
         positions=moved,

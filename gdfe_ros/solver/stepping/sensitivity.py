@@ -87,7 +87,9 @@ class _Differences:
         self._here = present.positions if present.shapes is None else self._found(0.0)
 
     def slope(self, points: Sequence[Embedding]) -> NDArray[np.float64]:
-        """Return d(point)/d(command) (points, 3)."""
+        """Return d(point)/d(command) (points, 3); zeros for a grip, whose command is 0 or 1."""
+        if self._actuator.mode is Mode.GRIP:
+            return np.zeros((sum(len(point.corners) for point in points), 3))
         effort = self._present.summary.actuators[self._actuator.name].effort
         slack = isinstance(self._actuator, Cable) and not effort > 0.0
         step = self._sized(self._acting)

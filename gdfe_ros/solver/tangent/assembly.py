@@ -66,7 +66,7 @@ class Assembly:
 
     def __init__(self, groups: Sequence[NDArray[np.int32]], unknowns: Unknowns) -> None:
         self.free, self.members = len(unknowns.free), len(unknowns.members)
-        rows = self.free + self.members
+        self._fixed, rows = unknowns.fixed, self.free + self.members
         moving = np.concatenate([unknowns.free, unknowns.members])
         number = np.full(max(int(group.max(initial=0)) for group in (*groups, moving)) + 1, -1)
         number[moving] = np.arange(rows)
@@ -79,6 +79,23 @@ class Assembly:
         self._slots = [part.reshape(*group.shape, group.shape[1]) for part, group in zip(parts, groups, strict=True)]
         self.indices = (pairs[fixed:] % rows).astype(np.int32)
         self.indptr = np.searchsorted(pairs[fixed:] // rows, np.arange(rows + 1)).astype(np.int32)
+
+    def fix(self, blocks: NDArray[np.float64], diagonal: NDArray[np.float64]) -> None:
+        """Decouple the constant components (`Unknowns.fixed`) of blocks (k, 3, 3), in place.
+
+        Their diagonal entries become those of the blocks ``diagonal``; all other entries of their rows and columns
+        become zero.
+        """
+        if not len(self._fixed):
+            return
+        rows = self._block_rows
+        moves = np.ones((self.free + self.members, 3))
+        moves.reshape(-1)[self._fixed] = 0.0
+        beside = np.flatnonzero(~(moves[rows].all(axis=1) & moves[self.indices].all(axis=1)))
+        first, second = rows[beside], self.indices[beside]
+        kept = diagonal[beside] * ((first == second)[:, None, None] * (1.0 - moves[first])[:, :, None] * np.eye(3))
+        blocks[beside] *= moves[first][:, :, None] * moves[second][:, None, :]
+        blocks[beside] += kept
 
     @property
     def _block_rows(self) -> NDArray[np.intp]:

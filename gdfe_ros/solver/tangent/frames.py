@@ -26,13 +26,17 @@ ten decades, small differences between the rotations make the tangent worse.
 
 
 @kernel
-def vertex_rotations(x, before, shape, free, held, sums, out):
-    """Write the rotations (f, 9) of the ``free`` vertices from ``before`` to ``x`` (n, 3) [m].
+def vertex_rotations(x, before, shape, rows, held, sums, out):
+    """Write the rotations (f, 9) of free vertices from ``before`` to ``x`` (n, 3) [m].
+
+    ``rows`` are `Unknowns.free` and `Unknowns.fixed`. Vertices on rollers count as not rotated: a rotation would mix
+    the axes along which rollers hold them with the others.
 
     Each is the rotation of the mean of the deformation gradients of the elements at the vertex, taken from ``before``.
     A body that no handle holds (``held`` is False) has one rotation for all vertices. Otherwise R K0 R^T would not
     conserve its momentum. ``sums`` (n, 9) is scratch.
     """
+    free, fixed = rows
     for i in range(len(sums)):
         clear_part(sums[i], 0, 9)
     for e in range(len(shape.cells)):
@@ -67,6 +71,9 @@ def vertex_rotations(x, before, shape, free, held, sums, out):
         for i in range(len(free)):
             for k in range(9):
                 out[i, k] = 1.0 if k % 4 == 0 else 0.0
+    for i in range(len(fixed)):
+        for k in range(9):
+            out[fixed[i] // 3, k] = 1.0 if k % 4 == 0 else 0.0
 
 
 def unrotated(count: int) -> np.ndarray:

@@ -220,7 +220,7 @@ class Fronts:
         self._ends = np.empty(room, np.int64)
         none, rows, order = np.zeros((0, 0)), 3 * len(found.order), found.order
         bare = {"harmonic": np.zeros((rows, 0)), "schur": none, "springs": none, "reach": none, "inner": none}
-        turns = {"frames": unrotated(len(order)), "turned": np.empty(rows)}
+        turns = {"frames": unrotated(len(order)), "turned": np.empty(rows), "fixed": np.zeros(0, np.int64)}
         values = np.empty(0, kind)
         self.kept = Kept(self._plan, values, order, np.empty(rows), np.empty(room), **bare, **turns)
         self._fronts = self._panel = self._stack = np.empty(0)

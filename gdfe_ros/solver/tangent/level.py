@@ -73,6 +73,7 @@ class TangentLevel:
         self._elements = elements or ElementStiffness(*body.cells.shape)
         self._assembly = Assembly([body.cells, *(term.couplings() for term in terms)], body.unknowns)
         self._constant = self._assembly.spread(matrix, body.unknowns)
+        self._assembly.fix(self._constant, self._constant.copy())
         even = [term.stiffness() for term in terms if term.even or not term.couplings().size]
         even = [stiffness for stiffness in even if stiffness is not None]
         self._even = self._assembly.spread(sum(even).tocsc(), body.unknowns) if even else 0.0
@@ -88,6 +89,7 @@ class TangentLevel:
         self._loaded: Tangent | None = None
         self._rest: tuple[Tangent, Kept] | None = None
         self._sums = np.empty((len(body.rest), 9))
+        self._factor.kept = self._factor.kept._replace(fixed=body.unknowns.fixed)
         self._kept = self._factor.kept
 
     @property
@@ -120,8 +122,10 @@ class TangentLevel:
         """
         stiffness, motion = self._elements.at(problem, x), self._motion(u, problem.frame)
         added, here = [term.tangents(x) for term in self._terms], {"positions": x.copy(), **self._springs(x)._asdict()}
+        here["stages"] = self._stages()
         tangent = self._assembly.blocks([stiffness, *added])
         tangent += self._even
+        self._assembly.fix(tangent, self._constant)
         shift = 0.0
         while shift <= MOST_SHIFT:
             found = {"blocks": tangent + shift * self._constant if shift else tangent, "shift": shift}
@@ -158,6 +162,15 @@ class TangentLevel:
         if self._loaded.ways is not tangent.ways:
             self._connect(tangent)
 
+    def outdated(self, tangent: Tangent | None) -> bool:
+        """Return whether a term has come to another stage since a tangent was taken; None stands for stages of 0."""
+        before = np.zeros(0, np.int32) if tangent is None else tangent.stages
+        return not np.array_equal(before, self._stages())
+
+    def _stages(self) -> NDArray[np.int32]:
+        stages = np.array([term.stage for term in self._terms], dtype=np.int32)
+        return stages if stages.any() else stages[:0]
+
     @property
     def kept(self) -> Kept:
         """The loaded factor for the kernels."""
@@ -183,7 +196,8 @@ class TangentLevel:
         if self._loaded.positions is None:
             return
         before, unknowns, held = self._loaded.positions, self._unknowns, bool(self._body.handles)
-        vertex_rotations(x, before, self._body.shape, unknowns.free, held, self._sums, self._kept.frames)
+        rows = unknowns.free, unknowns.fixed
+        vertex_rotations(x, before, self._body.shape, rows, held, self._sums, self._kept.frames)
 
     def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write the product of K^-1 and ``gradient`` (3 r,) [N] to ``out`` (3 r,) [m]."""

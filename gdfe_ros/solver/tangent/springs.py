@@ -81,4 +81,5 @@ def spring_rows(springs: Springs, unknowns: Unknowns, motion: NDArray[np.float64
     np.add.at(rows, (springs.row[moves], places[moves]), springs.ways[moves])
     flat = rows.reshape(len(rows), 3 * (free + members))
     own = flat[:, : 3 * free]
+    own[:, unknowns.fixed] = 0.0
     return np.hstack([own, flat[:, 3 * free :] @ motion]) if motion.size else np.ascontiguousarray(own)

@@ -19,6 +19,7 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import vector_internal, vector_kernel
+from gdfe_ros.solver.matrix.unknowns import clear_fixed
 from gdfe_ros.solver.vectors import clear_part, copy_part
 
 ROWS = 6
@@ -62,6 +63,7 @@ class Kept(NamedTuple):
         inner: (m, m) inverse of 1 + G W.
         frames: (f, 9) rotations of the vertices since the factor was taken; the factor follows them.
         turned: (3 f + q,) scratch.
+        fixed: (k,) int64 components that are constant (`Unknowns.fixed`); the factor does not couple them to others.
     """
 
     plan: Plan
@@ -76,13 +78,14 @@ class Kept(NamedTuple):
     inner: NDArray[np.float64]
     frames: NDArray[np.float64]
     turned: NDArray[np.float64]
+    fixed: NDArray[np.int64]
 
     @classmethod
     def none(cls, rows: int) -> Kept:
         """Return an empty factor, in place of which the constant matrix preconditions ``rows`` unknowns."""
         index, real, squares = np.zeros(0, np.int64), np.zeros(0), [np.zeros((0, 0))] * 5
         values, frames, turned = np.zeros(0, np.float32), np.zeros((0, 9)), np.zeros(rows)
-        return cls(Plan(*[index] * 9), values, index, real, real, *squares, frames, turned)
+        return cls(Plan(*[index] * 9), values, index, real, real, *squares, frames, turned, index)
 
 
 @vector_kernel
@@ -110,6 +113,7 @@ def solve_unturned(kept, right, out):
         solve_rigid(kept.harmonic, kept.schur, right, out)
     if len(kept.springs):
         connect(kept.springs, kept.reach, kept.inner, out)
+    clear_fixed(kept.fixed, out)
 
 
 @vector_kernel

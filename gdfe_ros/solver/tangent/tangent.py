@@ -22,6 +22,7 @@ class Tangent:
             rotations.
         shift: multiple of the constant matrix that was added for definiteness.
         row, ends, ways: arrays of the springs, as in `Springs`; older archives have (m, c) ``ends`` and no ``row``.
+        stages: (t,) int32 stages of the terms (`Term.stage`); empty if all are 0, and in older archives.
         spent: number of iterations since the tangent was evaluated.
         solves: number of solves with the tangent.
         latest: the part of ``spent`` in the last of these solves.
@@ -34,6 +35,7 @@ class Tangent:
     row: NDArray[np.int32] = field(default_factory=lambda: Springs.none().row)
     ends: NDArray[np.int32] = field(default_factory=lambda: Springs.none().ends)
     ways: NDArray[np.float64] = field(default_factory=lambda: Springs.none().ways)
+    stages: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     spent: int = 0
     solves: int = 0
     latest: int = 0

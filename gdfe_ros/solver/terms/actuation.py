@@ -8,10 +8,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Growth, Mode
-from gdfe_ros.actuators.load import Load
+from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth, Mode
+from gdfe_ros.actuators.load import Load, PressureLoad
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.pairs import contacts_of
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -19,7 +20,9 @@ from gdfe_ros.solver.state import Balance, Saved, State
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
 from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
+from gdfe_ros.solver.terms.grip import GripTerm
 from gdfe_ros.solver.terms.growth import Growths
+from gdfe_ros.solver.terms.pressure import PressureTerm
 from gdfe_ros.solver.terms.term import Term, TermTable
 
 LOAD_FACTOR = 1.0
@@ -33,8 +36,8 @@ class Actuation:
 
     Args:
         body: the discretised body.
-        actuators: cables, chambers and growths.
-        loads: dead loads; the command of each is its factor.
+        actuators: cables, chambers, growths and grips.
+        loads: dead loads and follower pressures; the command of each is its factor.
         terms: further terms.
 
     Attributes:
@@ -42,6 +45,7 @@ class Actuation:
         table: all terms in the layout of the kernels.
         strung: cables between fixed points. Their length cannot be smaller than the distance between these points.
         growths: the growths, which change the elements' rest shape.
+        grips: the grips.
         neutral: dict from actuator or load name to the command without effect.
         loaded: names of the loads.
         contacts: contact terms of the obstacles, and the self-contact term.
@@ -55,16 +59,24 @@ class Actuation:
         terms: Sequence[Term] = (),
     ) -> None:
         self._body, self.actuators = body, tuple(actuators)
-        self._loads = [DeadLoadTerm(load, body) for load in loads]
+        self._loads = [(PressureTerm if isinstance(load, PressureLoad) else DeadLoadTerm)(load, body) for load in loads]
         self._cables = [CableTerm(item, body) for item in self.actuators if isinstance(item, Cable)]
         self.strung = [cable for cable in self._cables if cable.strung]
         self._chambers = [ChamberTerm(item, body) for item in self.actuators if isinstance(item, Chamber)]
+        self.grips = [GripTerm(item, body) for item in self.actuators if isinstance(item, Grip)]
         self.contacts = contacts_of(body)
         self._more = tuple(terms)
-        self.terms: tuple[Term, ...] = (*self._loads, *self._cables, *self._chambers, *self.contacts, *self._more)
+        self.terms: tuple[Term, ...] = (
+            *self._loads,
+            *self._cables,
+            *self._chambers,
+            *self.grips,
+            *self.contacts,
+            *self._more,
+        )
         self.table = TermTable.pack(self.terms)
         self.growths = Growths(body, self.actuators)
-        self._driven = {term.name: term for term in (*self._cables, *self._chambers)}
+        self._driven = {term.name: term for term in (*self._cables, *self._chambers, *self.grips)}
         self.loaded = tuple(item.name for item in self._loads)
         self.neutral = {item.name: 0.0 for item in (*self.actuators, *self._loads)}
         self.neutral.update({name: term.neutral_command for name, term in self._driven.items()})
@@ -106,6 +118,8 @@ class Actuation:
         for term in self.terms:
             if poses is not None:
                 term.aim(poses, last)
+            if self.grips and isinstance(term, Contact):  # grips come before contacts
+                term.leave_out([pair for grip in self.grips for pair in grip.pairs])
             term.begin(commands, saved[term.name], positions, ratio)
 
     def update(self, positions: NDArray[np.float64]) -> float:
@@ -116,6 +130,11 @@ class Actuation:
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a message if ``positions`` (n, 3) [m] of a solve are not acceptable; empty if they are."""
         return "; ".join(text for term in self.contacts if (text := term.flaw(positions)))
+
+    @property
+    def wanders(self) -> bool:
+        """Whether updates of a term do not settle, so that the increment should be shorter."""
+        return any(term.wanders for term in self.terms)
 
     def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
         """Return a dict from term name to the state to store after a solve that ended at ``positions`` (n, 3) [m]."""
@@ -156,6 +175,24 @@ class Actuation:
                 )
         return ""
 
+    def holding(self, state: State) -> list[str]:
+        """Return the names of the grips that hold something in ``state``."""
+        return [grip.name for grip in self.grips if grip.holds(state.terms[grip.name])]
+
+    def out_of_reach(self, state: State, commands: Mapping[str, float]) -> dict[str, str]:
+        """Return a dict from each grip that takes hold at ``commands`` of something too far away to a message."""
+        found = {}
+        for grip in self.grips:
+            takes = commands[grip.name] > 0.0 and state.commands[grip.name] == 0.0
+            if takes and (distance := grip.distance(state)) > grip.actuator.reach:
+                item = grip.actuator
+                held = f"body {item.held!r}" if item.held else "what it holds"
+                found[grip.name] = (
+                    f"grip {grip.name!r} cannot take hold: {held} is {distance:.3g} m from {item.holder!r}; allowed: "
+                    f"up to its `reach`, {item.reach:g} m; remedy: bring them nearer first, or another reach"
+                )
+        return found
+
     def states(
         self, positions: NDArray[np.float64], commands: Mapping[str, float], operators: Operators
     ) -> dict[str, ActuatorState]:
@@ -179,7 +216,7 @@ class Actuation:
         """
         found = {
             term.name: term.potential(positions, commands[term.name])
-            for term in (*self._loads, *self._cables, *self._chambers)
+            for term in (*self._loads, *self._cables, *self._chambers, *self.grips)
         }
         more = sum(term.energy(positions) for term in self._more)
         return Balance(
@@ -191,8 +228,8 @@ class Actuation:
 def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]) -> str:
     """Return the message that a chamber lost its stability between two pressures."""
     return (
-        f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: it would inflate "
-        "without bound; remedy: command its volume instead of its pressure, or stiffen its walls"
+        f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: its pressure "
+        "falls with its volume there; remedy: command its volume instead of its pressure, or stiffen its walls"
     )
 
 

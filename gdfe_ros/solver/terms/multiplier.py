@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,20 @@ PENALTY = 10.0
 it. The constant matrix gives this stiffness. The ratio is large enough for few updates. It is small enough to cause
 only one outlying eigenvalue, which the history of a minimisation resolves.
 """
+
+
+PATIENCE, FAINT = 6, 1e-5
+"""After this number of updates, the error must be less than the first one. Errors below the fraction `FAINT` of the
+body's size do not count.
+"""
+
+
+def wander(errors: Sequence[float], size: float) -> bool:
+    """Return whether updates do not settle, from their ``errors`` [m] in a solve and the body's ``size`` [m].
+
+    They go to and fro, or the constraints contradict each other.
+    """
+    return len(errors) >= PATIENCE and errors[-1] >= max(errors[0], FAINT * size)
 
 
 def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str) -> float:

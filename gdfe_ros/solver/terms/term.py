@@ -84,14 +84,18 @@ class Term:
         integers: (i,) int32 data for the kernel; written by `begin` and `update`.
         updates: whether `update` changes multipliers.
         inside: whether the body was inside of the term's obstacle at the beginning of the solve.
+        wanders: whether updates do not settle, so that the increment should be shorter.
         delicate: whether the term's forces change within tiny displacements, as at the onset of slip.
         exact: whether `tangents`, `springs` and `stiffness` are the whole second derivative of the term's energy.
+        stage: number of a stage in which `tangents` change little; at another stage, the kept tangent is taken anew.
+        conservative: whether the forces have a potential; without one, the stability of an equilibrium is not known.
         even: whether `stiffness` is the term's whole tangent, acts on x, y and z alike, and never changes. Kept
             tangents then use it directly.
     """
 
     kernel: TermKernel | None = None
-    updates, even, exact, inside, delicate = False, False, False, False, False
+    updates, even, exact, inside, delicate, wanders = False, False, False, False, False, False
+    stage, conservative = 0, True
 
     def __init__(self, name: str, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         self.name, self.reals, self.integers = name, reals, integers

@@ -153,7 +153,8 @@ function showFrame(frame) {
   change.opacity = [element("inside").checked ? 0.3 : 1, ...rest];
   change.visible = [true, true, ...aroundVisible(run.around, element("inside").checked)];
   element("moment").textContent =
-    `t = ${run.times[frame].toPrecision(5)} s, frame ${frame + 1} of ${run.times.length}`;
+    `t = ${run.times[frame].toPrecision(5)} s, frame ${frame + 1} of ${run.times.length}` +
+    (run.failed[frame] ? ", not converged" : "");
   document.body.dataset.frame = String(frame);
   markMoment(run.times[frame]);
   return Plotly.restyle("mesh", change, shown.map((_, place) => place));

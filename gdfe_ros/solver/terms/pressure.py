@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Follower pressures as terms: a pressure p on faces of the body, normal to them as they move and stretch.
+
+Node a of the faces gets the force p f_a, with f_a = int N_a n dA over the deformed faces. Let V be the volume of the
+cones from the faces to a fixed point, V = 1/3 int x . n dA. Then f_a = dV/dx_a + b_a, where b_a is not zero only at
+nodes on open edges of the faces. The first part has the energy -p V. The second part has none: with open edges, the
+work of a pressure depends on the path. A solve holds the forces p b_a constant in each minimisation, with the energy
+-p b_a . x_a, and computes them anew between two minimisations, until they are those of the present positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.load import GAUSS, PressureLoad
+from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.constraints import Pose
+from gdfe_ros.mesh.triples import cross
+from gdfe_ros.solver.anderson import Anderson
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.state import Saved, State
+from gdfe_ros.solver.terms.multiplier import wander
+from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.terms.volume_curvature import PRODUCTS, Products, volume_curvature
+
+PRESSURE, VOLUME, APEX, EDGE = 0, 1, 2, 5
+"""Offsets in ``reals`` of p [Pa], a volume [m^3] that is subtracted to keep energies small, the cones' common point
+(3,) [m], and the vectors b (k, 3) [m^2] of the nodes on open edges."""
+NODES, COUNT, FACES = range(3)
+"""Offsets in ``integers`` of the number of nodes of a face, the number of faces, and the nodes of all faces. The nodes
+on open edges follow them."""
+FINE = 1e-2
+"""Allowed displacement by the last change of the forces p b, divided by the tolerance."""
+GROWTH = 1e3
+"""The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
+ZERO = 1e-9
+"""A vector b counts as zero below this fraction of the area of all faces."""
+
+
+def _at_gauss_points() -> Products:
+    """Return the products of a bilinear quad at its 2 x 2 Gauss points, which integrate its volume exactly."""
+    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    factors = 1.0 + signs[None] * (GAUSS * signs)[:, None]
+    along = [0.25 * signs[:, i] * factors[:, :, 1 - i] for i in (0, 1)]
+    return Products(0.25 * factors.prod(axis=2), *map(np.ascontiguousarray, along), np.full(4, 1.0 / 3.0))
+
+
+POINTS = {4: _at_gauss_points(), 6: PRODUCTS[6]}
+"""Dict from the number of a face's nodes to the shape functions and their slopes at its integration points."""
+_N4, _G4, _H4, _S4 = POINTS[4]
+_N6, _G6, _H6, _S6 = POINTS[6]
+
+
+@internal
+def add_faces(x, reals, integers, n, g, h, share, of_volume, of_area, force):
+    """Return the volume V [m^3]; add ``of_volume`` times dV/dx and ``of_area`` times f to ``force`` (n, 3)."""
+    nodes, total = integers[NODES], 0.0
+    for q in range(integers[COUNT]):
+        first = FACES + nodes * q
+        for p in range(len(share)):
+            u0, u1, u2 = -reals[APEX], -reals[APEX + 1], -reals[APEX + 2]
+            v0, v1, v2, w0, w1, w2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for a in range(nodes):
+                at, slope, rise = n[p, a], g[p, a], h[p, a]
+                d0, d1, d2 = x[integers[first + a], 0], x[integers[first + a], 1], x[integers[first + a], 2]
+                u0, u1, u2 = u0 + at * d0, u1 + at * d1, u2 + at * d2
+                v0, v1, v2 = v0 + slope * d0, v1 + slope * d1, v2 + slope * d2
+                w0, w1, w2 = w0 + rise * d0, w1 + rise * d1, w2 + rise * d2
+            u, v, w = (u0, u1, u2), (v0, v1, v2), (w0, w1, w2)
+            across, over, under = cross(v, w), cross(w, u), cross(u, v)
+            total += share[p] * (u0 * across[0] + u1 * across[1] + u2 * across[2])
+            for a in range(nodes):
+                normal = (of_volume + 3.0 * of_area) * share[p] * n[p, a]
+                slope, rise = of_volume * share[p] * g[p, a], of_volume * share[p] * h[p, a]
+                for i in range(3):
+                    force[integers[first + a], i] += normal * across[i] + slope * over[i] + rise * under[i]
+    return total
+
+
+@kernel
+def face_forces(x, reals, integers, of_volume, of_area, force):
+    """Do `add_faces` for faces with four or six nodes."""
+    if integers[NODES] == 4:
+        return add_faces(x, reals, integers, _N4, _G4, _H4, _S4, of_volume, of_area, force)
+    return add_faces(x, reals, integers, _N6, _G6, _H6, _S6, of_volume, of_area, force)
+
+
+@kernel
+def pressure_energy(x, reals, integers, force, size):
+    """Return the energy [J] -p (V + sum_a b_a . x_a) and add its gradient; `term_kernel` needs this signature."""
+    pressure = reals[PRESSURE]
+    if pressure == 0.0:
+        return 0.0
+    volume = face_forces(x, reals, integers, -pressure, 0.0, force)
+    first = FACES + integers[NODES] * integers[COUNT]
+    for k in range(len(integers) - first):
+        for i in range(3):
+            own = reals[EDGE + 3 * k + i]
+            volume += own * (x[integers[first + k], i] - reals[APEX + i])
+            force[integers[first + k], i] -= pressure * own
+    size[0] += abs(pressure * volume)
+    return -pressure * (volume - reals[VOLUME])
+
+
+@term_kernel
+def _entry(x, n, reals, k, integers, i, force, size):
+    return pressure_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+class PressureTerm(Term):
+    """A follower pressure with its commanded factor.
+
+    Args:
+        load: the pressure of the scene.
+        body: the body on whose faces it acts.
+    """
+
+    kernel = _entry
+
+    def __init__(self, load: PressureLoad, body: Body) -> None:
+        self._load, self._faces = load, load.quads.astype(np.int32)
+        own, (count, nodes) = np.unique(self._faces), self._faces.shape
+        head = np.concatenate([[nodes, count], self._faces.ravel()]).astype(np.int32)
+        far = body.rest[own].min(axis=0) - body.size * np.array([1.0, 2.0, 3.0])
+        super().__init__(load.name, np.concatenate([[0.0, 0.0], far]), head)
+        areas = self._pushed(body.rest, 0.0, 1.0)
+        self._area = float(np.abs(areas).sum())
+        beside = np.abs(areas - self._pushed(body.rest, 1.0, 0.0)).max(axis=1) > ZERO * self._area
+        self._edge = np.flatnonzero(beside).astype(np.int32)
+        middle = body.rest[self._edge if len(self._edge) else own].mean(axis=0)
+        super().__init__(
+            load.name,
+            np.concatenate([[0.0, 0.0], middle, np.zeros(3 * len(self._edge))]),
+            np.concatenate([head, self._edge]).astype(np.int32),
+        )
+        self.exact = self.conservative = not len(self._edge)
+        self._rest, self._size, self._softness, self._last = body.rest, body.size, 0.0, None
+
+    @property
+    def updates(self) -> bool:
+        """Whether there are open edges, whose forces follow the positions."""
+        return len(self._edge) > 0 and self.reals[PRESSURE] != 0.0
+
+    @property
+    def _held(self) -> NDArray[np.float64]:
+        """The vectors b (k, 3) [m^2] in use, a view."""
+        return self.reals[EDGE:].reshape(-1, 3)
+
+    def _pushed(self, x: NDArray[np.float64], of_volume: float, of_area: float) -> NDArray[np.float64]:
+        """Return the sum (n, 3) [m^2] of dV/dx and f with these factors."""
+        force = np.zeros_like(x)
+        face_forces(x, self.reals, self.integers, of_volume, of_area, force)
+        return force
+
+    def _beside(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vectors b (k, 3) [m^2] of the nodes on open edges at ``x`` (n, 3) [m]."""
+        return self._pushed(x, -1.0, 1.0)[self._edge]
+
+    def _volume(self, x: NDArray[np.float64]) -> float:
+        return float(face_forces(x, self.reals, self.integers, 0.0, 0.0, np.zeros_like(x)))
+
+    def fit(self, matrix: ConstantMatrix) -> None:
+        """Compute the displacement [m/N] by a force of 1 N that is distributed over the faces as the pressure is."""
+        areas = self._pushed(self._rest, 0.0, 1.0)
+        self._softness = matrix.compliance(areas) / self._area**2
+
+    def couplings(self) -> NDArray[np.int32]:
+        """Return the nodes of the faces (q, c)."""
+        return self._faces
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the tangents -p d2V/dx2 [N/m] of the faces, (q, 3 c, 3 c); without the part of open edges."""
+        count, nodes = self._faces.shape
+        found = np.zeros((count + 1, 3 * nodes, 3 * nodes))
+        if self.reals[PRESSURE]:
+            # A first face of zero size is the reference point of the kernel: the common point of the cones.
+            places = np.concatenate([positions, self.reals[None, APEX:EDGE]])
+            faces = np.concatenate([np.full((1, nodes), len(positions), np.int32), self._faces])
+            volume_curvature(places, faces, PRODUCTS[nodes], -self.reals[PRESSURE], found)
+        return found[1:]
+
+    def neutral(self) -> Saved:
+        """Return the stored state of a pressure that has not moved anything."""
+        return {"swept": np.zeros(1), "edge": np.zeros_like(self._held)}
+
+    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+        """Store the previous positions, from which the swept volume is counted."""
+        self._last = self._rest if last is None else last.positions
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Set the pressure, and the forces at open edges as they are at ``positions``."""
+        numbers, self._anderson, self._changes = self.reals, Anderson(GROWTH), []
+        numbers[PRESSURE] = commands[self.name] * self._load.pressure
+        self._held[...] = self._beside(positions)
+        numbers[VOLUME] = self._volume(positions)
+        numbers[VOLUME] += np.vdot(self._held, positions[self._edge] - numbers[APEX:EDGE])
+        self._swept = float(saved["swept"][0])
+
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
+        """Restore the forces at the end of a solve."""
+        self.begin(commands, saved, positions, 0.0)
+        self._held[...] = found["edge"]
+
+    def update(self, positions: NDArray[np.float64]) -> float:
+        """Let the forces at open edges follow; return their change as a displacement [m], divided by `FINE`."""
+        change = (self._beside(positions) - self._held).ravel()
+        self._held[...] = self._anderson.next(self._held.ravel(), change).reshape(-1, 3)
+        moved = abs(self.reals[PRESSURE]) * np.linalg.norm(change.reshape(-1, 3), axis=1).sum()
+        self._changes.append(float(moved) * self._softness / FINE)
+        return self._changes[-1]
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the forces at open edges do not settle."""
+        return wander(self._changes, self._size)
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Return the state to store: the volume that the faces have swept, and the vectors b."""
+        return {"swept": np.array([self._sweep(positions)]), "edge": self._held.copy()}
+
+    def _sweep(self, positions: NDArray[np.float64]) -> float:
+        """Return the volume [m^3] int f . dx that the faces have swept since the beginning of the run.
+
+        The part of open edges depends on the path and is integrated by the trapezoidal rule.
+        """
+        last = self._last
+        mean = 0.5 * (self._beside(last) + self._beside(positions))
+        along = float(np.vdot(mean, (positions - last)[self._edge]))
+        return self._swept + self._volume(positions) - self._volume(last) + along
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """The vectors b (3 k,) [m^2]; empty without open edges."""
+        return self._held.ravel() if self.updates else np.zeros(0)
+
+    @property
+    def per_metre(self) -> NDArray[np.float64]:
+        """The order of magnitude (3 k,) [m] of the change of b per 1 m: the size of the faces."""
+        return np.full(self.multipliers.shape, np.sqrt(self._area))
+
+    def hold(self, multipliers: NDArray[np.float64]) -> None:
+        """Set the vectors b (3 k,) [m^2]."""
+        if self.updates:
+            self._held[...] = multipliers.reshape(-1, 3)
+
+    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vectors b (3 k,) [m^2] at ``positions`` (n, 3) [m]."""
+        return self._beside(positions).ravel() if self.updates else np.zeros(0)
+
+    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+        """Return minus the work [J] of the present pressure in the swept volume, and its derivative by the factor."""
+        slope = -self._load.pressure * self._sweep(positions)
+        return command * slope, slope
