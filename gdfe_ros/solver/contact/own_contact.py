@@ -134,8 +134,8 @@ class OwnContact(ContactTerm):
     def follow(self, positions: NDArray[np.float64]) -> None:
         """Search the pairs again at ``positions`` (n, 3) [m]; pairs that persist keep their forces.
 
-        Nothing is searched while no pair presses, and the points have moved relative to each other by at most half of
-        the smallest gap.
+        While no pair presses, and the points have moved relative to each other by at most half of the smallest gap,
+        nothing can touch, and no pair is near.
 
         After a large displacement, the pairs of the last state serve for one iteration: it moves entered vertices back.
         """
@@ -145,6 +145,8 @@ class OwnContact(ContactTerm):
         x, self.changed = self.points.at(positions), False
         rows, chosen = self._rows(), self._chosen
         if not rows[:, law.PRESS].any() and 4.0 * self.pairs.motion(x, self._seen) < self._clear:
+            self._chosen, self._face, self._weights = chosen[:0], self._face[:0], self._weights[:0]
+            self.integers[law.COUNT] = 0
             return
         self._press[chosen], self._shear[chosen] = rows[:, law.PRESS], rows[:, law.SHEAR : law.OFFSET]
         self._set_reach(x, self._deepest)
