@@ -213,7 +213,7 @@ def nearest_faces(
         m0, m1, m2, height, share = face_plane(normals, f, w, surface.rim, (d0, d1, d2), away)
         if share < 0.0:
             continue
-        if height < -surface.depth and not (sunk[i] or was_before(last, quads, f, vertex, w, surface.rim)):
+        if height < -surface.depth and not (sunk[i] or was_before(last, quads, f, vertex, w)):
             continue
         if away >= (1.0 - EQUAL) * distance[i] and not is_better(share, height, support[i], gap[i]):
             continue
@@ -235,11 +235,8 @@ def is_better(share, height, other_share, other_height):
 
 
 @inlined
-def was_before(last, quads, f, vertex, w, rim):
-    """Return whether a vertex was in front of a face at ``last`` (n, 3) [m]; ``w`` (4,) weights the face's corners.
-
-    A vertex that touched the face was: it may have been behind it by rounding, or by up to ``rim`` [m].
-    """
+def was_before(last, quads, f, vertex, w):
+    """Return whether a vertex was in front of a face at ``last`` (n, 3) [m]; ``w`` (4,) weights the face's corners."""
     c0, c1, c2 = 0.0, 0.0, 0.0
     for a in range(4):
         q = quads[f, a]
@@ -249,5 +246,4 @@ def was_before(last, quads, f, vertex, w, rim):
     p0, p1, p2 = last[c, 0] - last[a, 0], last[c, 1] - last[a, 1], last[c, 2] - last[a, 2]
     q0, q1, q2 = last[d, 0] - last[b, 0], last[d, 1] - last[b, 1], last[d, 2] - last[b, 2]
     n0, n1, n2 = p1 * q2 - p2 * q1, p2 * q0 - p0 * q2, p0 * q1 - p1 * q0
-    length = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-    return n0 * d0 + n1 * d1 + n2 * d2 > -rim * length
+    return n0 * d0 + n1 * d1 + n2 * d2 > 0.0

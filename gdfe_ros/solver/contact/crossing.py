@@ -72,7 +72,7 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge
             carried = 1.0 if rims else min(1.0, max(0.0, least / BESIDE))
             if least < -BESIDE or carried < LEAST or abs(height) > reach:
                 continue
-            if height < -surface.depth and not apart(last, a, b, c, d, s, t, n) > -ENDS * surface.depth:
+            if height < -surface.depth and not apart(last, a, b, c, d, s, t, n) > 0.0:
                 continue
             if not abs(height) < distance[k]:
                 continue

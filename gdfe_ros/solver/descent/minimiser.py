@@ -193,7 +193,8 @@ class Minimiser:
             if found and impulses.near:
                 found = impulses.answer(problem, work, metric, key, size, target)
             self._show(work, begins=True)  # other forces have another energy
-            if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
+            moved = found > 0 and move(problem, work, metric, size, target, proven, found == 2)
+            if not (moved or (impulses.stale and numbers(work)["ended"] == End.NEAR)):
                 return iteration
             if not impulses.settles(work):
                 numbers(work)["ended"] = End.GIVEN_UP
