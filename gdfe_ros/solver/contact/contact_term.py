@@ -58,7 +58,6 @@ class ContactTerm(Term):
         share: effective contact force over a step with dynamics, divided by the multipliers. The multipliers are the
             forces at the end of the step.
         valid: relative displacement [m] for which the stencils of the points hold.
-        stale: whether the stencils are those of the last state, from which the body has moved far.
         changed: whether points that press touch other faces since `follow` was last called.
     """
 
@@ -67,8 +66,7 @@ class ContactTerm(Term):
 
     def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         super().__init__(name, reals, integers)
-        self._body, self.share, self.valid = body, 1.0, np.inf
-        self.stale, self.changed = False, False
+        self._body, self.share, self.valid, self.changed = body, 1.0, np.inf, False
 
     def ends(self) -> NDArray[np.int32]:
         """Return the vertices (k, c) on which the points' forces can act."""

@@ -127,11 +127,6 @@ class Impulses:
             choose_again()  # points that come near have no forces yet
 
     @property
-    def stale(self) -> bool:
-        """Whether stencils are those of the last state; they do not show that a minimisation has ended."""
-        return any(contact.stale for contact in self.contacts)
-
-    @property
     def settled(self) -> bool:
         """Whether the faces that touch have settled, or may still do so."""
         return self._changes <= MOST_CHANGES

@@ -64,7 +64,7 @@ class OwnContact(ContactTerm):
         reals[law.FRICTION], ends[law.CARRIED] = meant.friction, law.HEAD + law.STRIDE * count
         super().__init__(NAME, body, reals, np.concatenate([ends, self.points.corners.ravel()]))
         self._yielding, self.valid = np.zeros(0), VALID * self.surface.topology.depth
-        self._chosen, self._followed = np.zeros(0, dtype=np.int64), False
+        self._chosen, self._begins = np.zeros(0, dtype=np.int64), False
         self._last: State | None = None
         self._reach, self._sunk = 0.0, np.zeros(vertices, dtype=np.bool_)
         none = np.zeros((count, 3))
@@ -116,8 +116,8 @@ class OwnContact(ContactTerm):
         x = self.points.at(positions)
         last = x if self._last is None else self.points.at(self._last.positions)
         self._from = self._seen = last
-        far, self._followed, self._touched = self.pairs.motion(x, last), False, bool(saved["press"].any())
-        self.stale = far > self.surface.topology.depth
+        far = self.pairs.motion(x, last)
+        self._begins = far > self.surface.topology.depth
         self._find_sunk()
         self._set_reach(x, 0.0)
         found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), self._sunk)
@@ -129,28 +129,19 @@ class OwnContact(ContactTerm):
         before, after = (frames(at, self.pairs.carriers(every[on], found.face[on])) for at in (last, x))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
         self._pack(found, x)
-        self._deepest, self._clear = 2.0 * far, self._clear - 2.0 * far
+        self._deepest = 2.0 * far
 
     def follow(self, positions: NDArray[np.float64]) -> None:
         """Search the pairs again at ``positions`` (n, 3) [m]; pairs that persist keep their forces.
 
-        As long as no pair has pressed, and the points have moved relative to each other by at most half of the smallest
-        gap, nothing can touch, and no pair is near.
-
         After a large displacement, the pairs of the last state serve for one iteration: it moves entered vertices back.
         """
-        if self.stale and not self._followed:
-            self._followed = True
+        if self._begins:
+            self._begins = False
             return
-        self.stale = False
-        x, self.changed = self.points.at(positions), False
+        x = self.points.at(positions)
         rows, chosen = self._rows(), self._chosen
-        if not self._touched and 4.0 * self.pairs.motion(x, self._seen) < self._clear:
-            self._chosen, self._face, self._weights = chosen[:0], self._face[:0], self._weights[:0]
-            self.integers[law.COUNT] = 0
-            return
         self._press[chosen], self._shear[chosen] = rows[:, law.PRESS], rows[:, law.SHEAR : law.OFFSET]
-        self._touched |= bool(self._press.any())
         self._set_reach(x, self._deepest)
         found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
         before, pressed = self._partners, self._press > 0.0
@@ -266,8 +257,7 @@ class OwnContact(ContactTerm):
         lost = ~on | turned
         self._press[lost], self._shear[lost] = 0.0, 0.0
         self._normal, self._partners = found.normal, found.face
-        self._clear = min(float(found.gap.min(initial=np.inf)), self._reach)
-        self._deepest = max(0.0, -self._clear)
+        self._deepest = -float(found.gap.min(initial=0.0))
         chosen = np.flatnonzero(on)
         normal = found.normal[chosen]
         shear = tangential(self._shear[chosen], normal)

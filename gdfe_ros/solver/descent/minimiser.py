@@ -193,8 +193,7 @@ class Minimiser:
             if found and impulses.near:
                 found = impulses.answer(problem, work, metric, key, size, target)
             self._show(work, begins=True)  # other forces have another energy
-            moved = found > 0 and move(problem, work, metric, size, target, proven, found == 2)
-            if not (moved or (impulses.stale and numbers(work)["ended"] == End.NEAR)):
+            if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
                 return iteration
             if not impulses.settles(work):
                 numbers(work)["ended"] = End.GIVEN_UP
