@@ -7,6 +7,7 @@ The environment is set before anything imports rclpy, a message package or numba
 from __future__ import annotations
 
 import fcntl
+import gc
 import os
 import re
 import signal
@@ -245,11 +246,17 @@ class RosSession:
         """Destroy the nodes and shut the context down."""
         import rclpy
 
-        for node in self._nodes:
-            self.executor.remove_node(node)
-            node.destroy_node()
+        self._destroy_nodes()
         self.executor.shutdown()
         rclpy.shutdown(context=self.context)
+        # A node that was active keeps its last timers, and with them its name in the graph, until it is collected.
+        gc.collect()
+
+    def _destroy_nodes(self) -> None:
+        while self._nodes:
+            node = self._nodes.pop(0)
+            self.executor.remove_node(node)
+            node.destroy_node()
 
 
 @pytest.fixture
