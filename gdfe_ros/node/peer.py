@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import String
 
+from gdfe_ros.bounded_text import load_json_object
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.message_text import fill
 from gdfe_ros.node.process import make_executor
@@ -86,7 +86,7 @@ class Peer:
             return [name for name in names if self._node.count_publishers(name)]
 
         def hear(message: String) -> None:
-            refusal = json.loads(message.data)
+            refusal = load_json_object(message.data)
             if refusal["source"] == topic:
                 heard.append(refusal["message"])
 
@@ -113,6 +113,10 @@ class Peer:
         self._wait(lambda: received, patience)
         self._wait(lambda: False, SETTLING)
         del received[:-1]  # a late subscriber receives the last ten, but the caller wants the latest only
+        yield from self._taken(received, topic, patience)
+
+    def _taken(self, received: list[Any], topic: str, patience: float) -> Iterator[Any]:
+        """Yield what a subscription adds to ``received``, until nothing comes within ``patience`` [s]."""
         while self._wait(lambda: received, patience):
             yield received.pop(0)
         raise GdfeError(f"no message on {topic} within {patience:g} s")
@@ -154,9 +158,7 @@ class Peer:
         qos = matching_qos(others, offered=False)
         qos.durability = DurabilityPolicy.VOLATILE  # stored messages arrive at once
         self._node.create_subscription(kind, topic, lambda _: times.append(time.monotonic()), qos, raw=True)
-        while self._wait(lambda: times, patience):
-            yield times.pop(0)
-        raise GdfeError(f"no message on {topic} within {patience:g} s")
+        yield from self._taken(times, topic, patience)
 
     def nodes(self) -> list[str]:
         """Return the full names of the other nodes, sorted; a name of two nodes is there twice."""

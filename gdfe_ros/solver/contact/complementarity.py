@@ -71,6 +71,19 @@ def tangential_compliance(w, i):
 
 
 @internal
+def onto_disc(w, mu, f, p, i, press):
+    """Return the point of Coulomb's disc nearest to the trial friction force of point ``i`` (two numbers) [N].
+
+    The trial force is f_t - r p_t, and the disc has the radius mu times ``press`` [N].
+    """
+    n, k, limit = 3 * i, tangential_compliance(w, i), mu[i] * press
+    a, b = f[n + 1] - p[n + 1] / k, f[n + 2] - p[n + 2] / k
+    trial = math.sqrt(a * a + b * b)
+    share = limit / trial if trial > limit else 1.0
+    return share * a, share * b
+
+
+@internal
 def residual(w, mu, f, p):
     """Return the largest violation of the laws [m] at forces ``f`` and displacements ``p``."""
     worst = 0.0
@@ -78,11 +91,8 @@ def residual(w, mu, f, p):
         n = 3 * i
         k = w[n, n]
         worst = max(worst, k * abs(f[n] - max(0.0, f[n] - p[n] / k)))
-        k, limit = tangential_compliance(w, i), mu[i] * max(0.0, f[n])
-        a, b = f[n + 1] - p[n + 1] / k, f[n + 2] - p[n + 2] / k
-        trial = math.sqrt(a * a + b * b)
-        share = limit / trial if trial > limit else 1.0
-        worst = max(worst, k * abs(f[n + 1] - share * a), k * abs(f[n + 2] - share * b))
+        k, (a, b) = tangential_compliance(w, i), onto_disc(w, mu, f, p, i, max(0.0, f[n]))
+        worst = max(worst, k * abs(f[n + 1] - a), k * abs(f[n + 2] - b))
     return worst
 
 
@@ -97,13 +107,10 @@ def sweep(w, mu, f, p):
             f[n] = press
             for j in range(len(p)):
                 p[j] += w[n, j] * change
-        k, limit = tangential_compliance(w, i), mu[i] * press
-        a, b = f[n + 1] - p[n + 1] / k, f[n + 2] - p[n + 2] / k
-        trial = math.sqrt(a * a + b * b)
-        share = limit / trial if trial > limit else 1.0
-        da, db = share * a - f[n + 1], share * b - f[n + 2]
+        a, b = onto_disc(w, mu, f, p, i, press)
+        da, db = a - f[n + 1], b - f[n + 2]
         if da != 0.0 or db != 0.0:
-            f[n + 1], f[n + 2] = share * a, share * b
+            f[n + 1], f[n + 2] = a, b
             for j in range(len(p)):
                 p[j] += w[n + 1, j] * da + w[n + 2, j] * db
 

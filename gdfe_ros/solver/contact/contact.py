@@ -51,7 +51,7 @@ class Contact(ContactTerm):
         friction: Coulomb's coefficient.
     """
 
-    kernel, potential = law.contact_entry, staticmethod(law.contact_energy)
+    kernel, potential, _FRICTION = law.contact_entry, staticmethod(law.contact_energy), gap.FRICTION
 
     def __init__(
         self, name: str, touched: Obstacle, body: Body, points: ContactSurface | Corners, friction: float
@@ -68,7 +68,7 @@ class Contact(ContactTerm):
         super().__init__(name, body, reals, integers)
         self._scale, self._held_fast = np.zeros(count), np.zeros(count, dtype=bool)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
-        self._chosen, self._faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        self._faces = np.zeros(0, dtype=np.int64)
         self._clear, self._lag, self._led = -np.inf, 0.0, np.zeros((0, 3))
         self._pose = self._seen_at = Pose()
         self._last: State | None = None
@@ -82,29 +82,9 @@ class Contact(ContactTerm):
         return isinstance(self._points, ContactSurface)
 
     @property
-    def near(self) -> bool:
-        """Whether any point is near the obstacle."""
-        return len(self._chosen) > 0
-
-    @property
-    def count(self) -> int:
-        """Number of points near the obstacle."""
-        return len(self._chosen)
-
-    @property
-    def friction(self) -> float:
-        """Coulomb's coefficient."""
-        return float(self.reals[gap.FRICTION])
-
-    @property
     def inside(self) -> bool:
         """Whether any point was inside the obstacle when the distances were last computed."""
         return bool(self._distances.min(initial=0.0) < -FAINT * self._body.size)
-
-    @property
-    def delicate(self) -> bool:
-        """Whether friction acts on a point near the obstacle."""
-        return self.near and self.reals[gap.FRICTION] > 0.0
 
     @property
     def scale(self) -> NDArray[np.float64]:

@@ -63,10 +63,32 @@ class ContactTerm(Term):
 
     potential: ClassVar[Callable[..., float]]
     on_body = False
+    _FRICTION: ClassVar[int]
 
     def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         super().__init__(name, reals, integers)
         self._body, self.share, self.valid, self.changed = body, 1.0, np.inf, False
+        self._chosen = np.zeros(0, dtype=np.int64)
+
+    @property
+    def near(self) -> bool:
+        """Whether any point or pair is near what it can touch."""
+        return len(self._chosen) > 0
+
+    @property
+    def count(self) -> int:
+        """Number of points or pairs that are near."""
+        return len(self._chosen)
+
+    @property
+    def friction(self) -> float:
+        """Coulomb's coefficient."""
+        return float(self.reals[self._FRICTION])
+
+    @property
+    def delicate(self) -> bool:
+        """Whether friction acts on a point or pair that is near."""
+        return self.near and self.friction > 0.0
 
     def ends(self) -> NDArray[np.int32]:
         """Return the vertices (k, c) on which the points' forces can act."""

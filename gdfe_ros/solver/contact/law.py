@@ -192,6 +192,19 @@ def contact_forces(x, reals, integers, forces, presses, shears, slips):
         forces[i, 0], forces[i, 1], forces[i, 2] = press * nx - t0, press * ny - t1, press * nz - t2
 
 
+@inlined
+def put_tangents(i, normal, s, t, places, axes, held):
+    """Write two tangents of point ``i``, and the components of its slip s [m] and friction force -t [N] along them."""
+    first = perpendicular(normal)
+    second = cross(normal, first)
+    for j in range(3):
+        axes[i, 1, j], axes[i, 2, j] = first[j], second[j]
+    places[i, 1] = first[0] * s[0] + first[1] * s[1] + first[2] * s[2]
+    places[i, 2] = second[0] * s[0] + second[1] * s[1] + second[2] * s[2]
+    held[i, 1] = -(first[0] * t[0] + first[1] * t[1] + first[2] * t[2])
+    held[i, 2] = -(second[0] * t[0] + second[1] * t[1] + second[2] * t[2])
+
+
 @kernel
 def stencils(x, reals, integers, places, axes, held, soft, ends, pressing, rubbing):
     """Write what the complementarity problem needs of each point at positions ``x`` (n, 3) [m]: see `Stencils`."""
@@ -201,19 +214,10 @@ def stencils(x, reals, integers, places, axes, held, soft, ends, pressing, rubbi
         r = HEAD + STRIDE * i
         px, py, pz = point_at(x, reals, integers, i, WEIGHTS)
         g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
-        normal = unit(nx, ny, nz)
-        first = perpendicular(normal)
-        second = cross(normal, first)
-        axes[i, 0, 0], axes[i, 0, 1], axes[i, 0, 2] = nx, ny, nz
-        s = slip_at(x, reals, integers, i)
-        t = reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2]
-        for j in range(3):
-            axes[i, 1, j], axes[i, 2, j] = first[j], second[j]
         places[i, 0], held[i, 0], soft[i] = g - reals[r + OFFSET], reals[r + PRESS], 0.0
-        places[i, 1] = first[0] * s[0] + first[1] * s[1] + first[2] * s[2]
-        places[i, 2] = second[0] * s[0] + second[1] * s[1] + second[2] * s[2]
-        held[i, 1] = -(first[0] * t[0] + first[1] * t[1] + first[2] * t[2])
-        held[i, 2] = -(second[0] * t[0] + second[1] * t[1] + second[2] * t[2])
+        axes[i, 0, 0], axes[i, 0, 1], axes[i, 0, 2] = nx, ny, nz
+        t = reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2]
+        put_tangents(i, unit(nx, ny, nz), slip_at(x, reals, integers, i), t, places, axes, held)
         for a in range(carriers):
             ends[i, a] = integers[VERTICES + carriers * i + a]
             pressing[i, a] = reals[r + WEIGHTS + a] if carriers > 1 else 1.0

@@ -50,7 +50,7 @@ class OwnContact(ContactTerm):
         body: the discretised body.
     """
 
-    kernel, potential = law.pair_entry, staticmethod(law.pair_energy)
+    kernel, potential, _FRICTION = law.pair_entry, staticmethod(law.pair_energy), law.FRICTION
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
         self.points = OwnPoints.of(body)
@@ -64,7 +64,7 @@ class OwnContact(ContactTerm):
         reals[law.FRICTION], ends[law.CARRIED] = meant.friction, law.HEAD + law.STRIDE * count
         super().__init__(NAME, body, reals, np.concatenate([ends, self.points.corners.ravel()]))
         self._yielding, self.valid = np.zeros(0), VALID * self.surface.topology.depth
-        self._chosen, self._begins = np.zeros(0, dtype=np.int64), False
+        self._begins = False
         self._last: State | None = None
         self._reach, self._sunk = 0.0, np.zeros(vertices, dtype=np.bool_)
         none = np.zeros((count, 3))
@@ -72,21 +72,6 @@ class OwnContact(ContactTerm):
             "press": np.zeros(count), "shear": none, "normal": none, "slips": np.ones(count),
             "face": np.full(count, -1.0), "weights": np.zeros((count, 4)),
         }  # fmt: skip
-
-    @property
-    def near(self) -> bool:
-        """Whether any pair is near."""
-        return len(self._chosen) > 0
-
-    @property
-    def count(self) -> int:
-        """Number of pairs that are near."""
-        return len(self._chosen)
-
-    @property
-    def friction(self) -> float:
-        """Coulomb's coefficient."""
-        return float(self.reals[law.FRICTION])
 
     @property
     def scale(self) -> NDArray[np.float64]:

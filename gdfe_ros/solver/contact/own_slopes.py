@@ -34,11 +34,6 @@ class DifferentiableOwnContact(OwnContact):
         super().__init__(meant, body)
         self.reals = np.concatenate([self.reals, np.zeros(3 * self.pairs.count)])
 
-    @property
-    def delicate(self) -> bool:
-        """Whether friction acts between pairs that touch."""
-        return self.near and self.friction > 0.0
-
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Prepare the linearisation of a solve: choose the pairs that press at its end, with their forces.
 

@@ -18,9 +18,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.materials.tensor import perpendicular
-from gdfe_ros.mesh.triples import cross
-from gdfe_ros.solver.contact.law import ROUNDING, shortened
+from gdfe_ros.solver.contact.law import ROUNDING, put_tangents, shortened
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 FRICTION, HEAD = 0, 1
@@ -168,17 +166,11 @@ def pair_stencils(x, reals, integers, places, axes, held, soft, ends, pressing, 
     for pair in range(integers[COUNT]):
         r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
         normal = reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
-        first = perpendicular(normal)
-        second = cross(normal, first)
-        s, t = slip_of(x, reals, integers, r, i), (reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2])
-        for j in range(3):
-            axes[pair, 0, j], axes[pair, 1, j], axes[pair, 2, j] = normal[j], first[j], second[j]
+        axes[pair, 0, 0], axes[pair, 0, 1], axes[pair, 0, 2] = normal
         soft[pair] = (1.0 - reals[r + SUPPORT]) / (reals[r + SUPPORT] * reals[r + SCALE])
         places[pair, 0], held[pair, 0] = gap_of(x, reals, integers, r, i), reals[r + PRESS]
-        places[pair, 1] = first[0] * s[0] + first[1] * s[1] + first[2] * s[2]
-        places[pair, 2] = second[0] * s[0] + second[1] * s[1] + second[2] * s[2]
-        held[pair, 1] = -(first[0] * t[0] + first[1] * t[1] + first[2] * t[2])
-        held[pair, 2] = -(second[0] * t[0] + second[1] * t[1] + second[2] * t[2])
+        t = reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2]
+        put_tangents(pair, normal, slip_of(x, reals, integers, r, i), t, places, axes, held)
         for a in range(WIDTH):
             q, weight = integers[i + a], 1.0 if a == VERTEX else -reals[r + WEIGHTS + a - FACE]
             for c in range(share):
