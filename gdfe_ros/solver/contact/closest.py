@@ -134,12 +134,45 @@ def among(starts, values, row, value):
     return low < starts[row + 1] and values[low] == value
 
 
+@inlined
+def to_box(x, corners, p0, p1, p2):
+    """Return the distance [m] from the point p to the box, along the axes, of the points ``corners`` (c,) of ``x``."""
+    square = 0.0
+    for axis in range(3):
+        p = p0 if axis == 0 else (p1 if axis == 1 else p2)
+        low, high = x[corners[0], axis], x[corners[0], axis]
+        for a in range(1, len(corners)):
+            low, high = min(low, x[corners[a], axis]), max(high, x[corners[a], axis])
+        away = max(low - p, p - high, 0.0)
+        square += away * away
+    return math.sqrt(square)
+
+
 @kernel
-def are_apart(pairs, faces, surface, out):
-    """Write to ``out`` (p,) whether the vertex of each pair is not near its face, as `Topology` defines it."""
+def may_touch(x, pairs, faces, surface, within, out):
+    """Write to ``out`` (p,) whether each vertex and face may touch each other.
+
+    They may if the vertex is not near the face, as `Topology` defines it, and comes within a distance [m] of its box.
+    """
     for pair in range(len(pairs)):
-        vertex = surface.vertices[pairs[pair]]
-        out[pair] = not among(surface.near_starts, surface.near, faces[pair], vertex)
+        f, v = faces[pair], surface.vertices[pairs[pair]]
+        close = to_box(x, surface.quads[f], x[v, 0], x[v, 1], x[v, 2]) <= within
+        out[pair] = close and not among(surface.near_starts, surface.near, f, v)
+
+
+@kernel
+def least_distance(x, pairs, faces, surface, most):
+    """Return the least distance [m] of a vertex of the ``pairs`` (p,) from its face of ``faces`` (p,), up to ``most``.
+
+    Normals do not count: what does not oppose may come to oppose.
+    """
+    for pair in range(len(pairs)):
+        f, v = faces[pair], surface.vertices[pairs[pair]]
+        p0, p1, p2 = x[v, 0], x[v, 1], x[v, 2]
+        if to_box(x, surface.quads[f], p0, p1, p2) < most:
+            c0, c1, c2 = point_on(x, surface.quads, f, *closest_on(x, surface.quads, f, p0, p1, p2))
+            most = min(most, math.sqrt((p0 - c0) ** 2 + (p1 - c1) ** 2 + (p2 - c2) ** 2))
+    return most
 
 
 @inlined
@@ -197,12 +230,12 @@ def nearest_faces(
         i, f = pairs[pair], faces[pair]
         vertex = surface.vertices[i]
         size = math.sqrt(areas[f, 0] ** 2 + areas[f, 1] ** 2 + areas[f, 2] ** 2)
-        if not size > 0.0:
+        px, py, pz = x[vertex, 0], x[vertex, 1], x[vertex, 2]
+        if not size > 0.0 or to_box(x, quads[f], px, py, pz) > (1.0 + 2.0 * EQUAL) * min(reach, distance[i]):
             continue
         n0, n1, n2 = areas[f, 0] / size, areas[f, 1] / size, areas[f, 2] / size
         if not opposes(areas, surface.about_starts, surface.about, vertex, n0, n1, n2):
             continue
-        px, py, pz = x[vertex, 0], x[vertex, 1], x[vertex, 2]
         u, v = closest_on(x, quads, f, px, py, pz)
         c0, c1, c2 = point_on(x, quads, f, u, v)
         d0, d1, d2 = px - c0, py - c1, pz - c2

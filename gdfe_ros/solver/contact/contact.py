@@ -135,7 +135,12 @@ class Contact(ContactTerm):
         else:
             self._choose(saved, positions)
 
-    def follow(self, positions: NDArray[np.float64]) -> None:
+    @property
+    def acts(self) -> bool:
+        """Whether any point holds a force."""
+        return bool(self._rows()[:, PRESS].any())
+
+    def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
         """Choose the points again if the body has moved far enough; correct the offsets of the chosen points."""
         if self._moved(positions) < max(self._clear - self._lag, 0.5 * REACH * self._body.size):
             self._correct(positions)

@@ -14,6 +14,10 @@ from gdfe_ros.solver.terms.term import Term
 
 FAINT = 1e-7
 """Displacement, divided by the body's size, that counts as zero."""
+MARGIN = 1e-3
+"""Points take part in a step's complementarity problem if their gap after the step without new forces, divided by the
+body's size, is below this. Others that would enter join in further rounds.
+"""
 
 
 class Stencils(NamedTuple):
@@ -84,6 +88,11 @@ class ContactTerm(Term):
     def friction(self) -> float:
         """Coulomb's coefficient."""
         return float(self.reals[self._FRICTION])
+
+    @property
+    def acts(self) -> bool:
+        """Whether any point or pair holds a force."""
+        raise NotImplementedError
 
     @property
     def delicate(self) -> bool:

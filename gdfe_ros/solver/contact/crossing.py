@@ -53,7 +53,7 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge
         for pair in range(len(pairs)):
             i, j = pairs[pair, 0], pairs[pair, 1]
             k = seat(before, edge, distance, i, j, known)
-            if k < 0 or neighbours(surface, i, j):
+            if k < 0:
                 continue
             a, b, c, d = surface.ends[i, 0], surface.ends[i, 1], surface.ends[j, 0], surface.ends[j, 1]
             n, length = across(x, a, b, c, d)
@@ -79,6 +79,40 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, distance, edge
             distance[k], edge[k], gap[k], support[k] = abs(height), j, height, carried
             weights[k, 0], weights[k, 1], weights[k, 2], weights[k, 3] = s, 1.0 - t, -s, t
             normal[k, 0], normal[k, 1], normal[k, 2] = n
+
+
+@kernel
+def may_cross(pairs, surface, out):
+    """Write to ``out`` (p,) whether the edges of each pair (p, 2) may cross, since they belong to no cell in common."""
+    for pair in range(len(pairs)):
+        out[pair] = not neighbours(surface, pairs[pair, 0], pairs[pair, 1])
+
+
+@kernel
+def least_between(x, pairs, ends, most):
+    """Return the least distance [m] between the two edges of each pair (p, 2), up to ``most`` [m].
+
+    ``ends`` (e, 2) are the vertices of the edges.
+    """
+    for pair in range(len(pairs)):
+        i, j = pairs[pair, 0], pairs[pair, 1]
+        a, b, c, d = ends[i, 0], ends[i, 1], ends[j, 0], ends[j, 1]
+        most = min(most, to_edge(x, a, c, d), to_edge(x, b, c, d), to_edge(x, c, a, b), to_edge(x, d, a, b))
+        n, length = across(x, a, b, c, d)
+        if length > 0.0:
+            s, t = closest_between(x, a, b, c, d)
+            if 0.0 < s < 1.0 and 0.0 < t < 1.0:
+                most = min(most, abs(apart(x, a, b, c, d, s, t, n)))
+    return most
+
+
+@inlined
+def to_edge(x, v, a, b):
+    """Return the distance [m] from the vertex v to the edge ab."""
+    along, away = minus(corner(x, b), corner(x, a)), minus(corner(x, v), corner(x, a))
+    t = min(max(dot(away, along) / max(dot(along, along), 1e-300), 0.0), 1.0)
+    r = minus(away, (t * along[0], t * along[1], t * along[2]))
+    return math.sqrt(dot(r, r))
 
 
 @inlined

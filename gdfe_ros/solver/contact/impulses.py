@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.complementarity import solve_laws
 from gdfe_ros.solver.contact.compliance import KeptColumns, add_pairs, differentiate, join, project, pull
-from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
+from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ContactTerm
 from gdfe_ros.solver.contact.law import ROUNDING
 from gdfe_ros.solver.descent.loop import Metric, choose, precondition
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
@@ -25,10 +25,6 @@ from gdfe_ros.solver.tangent.substitution import solve_unturned
 
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
-MARGIN = 1e-3
-"""Points take part in a step's complementarity problem if their gap after the step without new forces, divided by the
-body's size, is below this. Others that would enter join in further rounds.
-"""
 ROUNDS = 8
 """Largest number of such rounds in one step; what is left enters the next step."""
 EXACT = 1e-6
@@ -94,6 +90,7 @@ class Impulses:
         for p in range(len(unknowns.slides)):
             self._handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
         self._rows, self._swings = 3 * unknowns.rows, any(contact.valid < np.inf for contact in contacts)
+        self._turns = unknowns.rigid_rows > 0
         self.begin()
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
         self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
@@ -115,16 +112,24 @@ class Impulses:
         return f"{', '.join(contact.name for contact in self._acting)}: {self.left:.3g} m of gap or slip remain"
 
     def follow(self, problem: Problem, work: Workspace) -> None:
-        """Choose the points near obstacles again where the body has moved far enough."""
+        """Choose the points again of contacts that hold forces, which turn with the surfaces; correct the gradient."""
+        acting = [contact for contact in self.contacts if contact.acts]
 
         def choose_again() -> None:
-            for contact in self.contacts:
-                contact.follow(work.x)
+            for contact in acting:
+                contact.follow(work.x, np.inf)
 
-        if self.near:
+        if acting:
             self._exchange(problem, work, choose_again)
-        else:
-            choose_again()  # points that come near have no forces yet
+        self._waiting = [contact for contact in self.contacts if contact not in acting]
+
+    def approach(self, work: Workspace) -> bool:
+        """Choose the points again of the other contacts, before the step in ``work``; return whether any is near."""
+        # The rows of turning handles are no displacements of vertices.
+        ahead = np.inf if self._turns else float(numbers(work)["step"])
+        for contact in self._waiting:
+            contact.follow(work.x, ahead)
+        return self.near
 
     @property
     def settled(self) -> bool:

@@ -13,7 +13,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.self_contact import NAME, SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
-from gdfe_ros.solver.contact.contact_term import ContactTerm, Stencils
+from gdfe_ros.solver.contact.contact_term import MARGIN, ContactTerm, Stencils
 from gdfe_ros.solver.contact.crossing import LEAST, SEATS
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import OwnPairs
@@ -64,7 +64,8 @@ class OwnContact(ContactTerm):
         reals[law.FRICTION], ends[law.CARRIED] = meant.friction, law.HEAD + law.STRIDE * count
         super().__init__(NAME, body, reals, np.concatenate([ends, self.points.corners.ravel()]))
         self._yielding, self.valid = np.zeros(0), VALID * self.surface.topology.depth
-        self._begins = False
+        self._begins, self._clear, self._clearance = False, False, 0.0
+        self._aside = MARGIN * body.size + self.surface.topology.rim  # pairs that stay farther apart take no part
         self._last: State | None = None
         self._reach, self._sunk = 0.0, np.zeros(vertices, dtype=np.bool_)
         none = np.zeros((count, 3))
@@ -115,16 +116,32 @@ class OwnContact(ContactTerm):
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
         self._pack(found, x)
         self._deepest = 2.0 * far
+        self._measure_clearance(last)
 
-    def follow(self, positions: NDArray[np.float64]) -> None:
+    @property
+    def near(self) -> bool:
+        """Whether any pair may touch in the next step of the minimisation."""
+        return super().near and not self._clear
+
+    @property
+    def acts(self) -> bool:
+        """Whether any pair holds a force."""
+        return bool(self._rows()[:, law.PRESS].any())
+
+    def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
         """Search the pairs again at ``positions`` (n, 3) [m]; pairs that persist keep their forces.
 
-        After a large displacement, the pairs of the last state serve for one iteration: it moves entered vertices back.
+        Nothing is searched if the next displacement of at most ``ahead`` [m] leaves everything apart. After a large
+        displacement, the pairs of the last state serve for one iteration: it moves entered vertices back.
         """
+        x = self.points.at(positions)
+        closed = 2.0 * (self.pairs.motion(x, self._cleared) + ahead)
+        self._clear = closed + self._aside < self._clearance and not self.acts
+        if self._clear:
+            return
         if self._begins:
             self._begins = False
             return
-        x = self.points.at(positions)
         rows, chosen = self._rows(), self._chosen
         self._press[chosen], self._shear[chosen] = rows[:, law.PRESS], rows[:, law.SHEAR : law.OFFSET]
         self._set_reach(x, self._deepest)
@@ -132,6 +149,8 @@ class OwnContact(ContactTerm):
         before, pressed = self._partners, self._press > 0.0
         self._pack(found, x)
         self.changed = bool((pressed & ((found.face != before) | (self._press == 0.0))).any())
+        if not pressed.any():
+            self._measure_clearance(x)
 
     def stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return what the complementarity problem needs of the pairs at ``positions`` (n, 3) [m]."""
@@ -203,6 +222,10 @@ class OwnContact(ContactTerm):
             text = self.penetration.told_of(x, ends, -float(crossed.gap[deepest]))
         return text
 
+    def _measure_clearance(self, x: NDArray[np.float64]) -> None:
+        """Find the least distance at the points ``x`` (n + p, 3) [m] of what can touch."""
+        self._clear, self._cleared, self._clearance = False, x, self.pairs.clearance(x, self._reach)
+
     def _set_reach(self, x: NDArray[np.float64], deepest: float) -> None:
         """Set the search distance at the points ``x`` (n + p, 3) [m]; some may have been ``deepest`` [m] inside."""
         size = self._body.size
@@ -234,28 +257,29 @@ class OwnContact(ContactTerm):
 
         Persisting pairs keep their forces.
         """
-        on = found.face >= 0
-        corners = self.pairs.carriers(np.arange(self.pairs.count), found.face)
-        give = self.pairs.give(self._yielding, corners, found.weights)
-        on &= (give > 0.0) & (found.support >= LEAST)
-        turned = np.einsum("ki,ki->k", self._normal, found.normal) < SAME_SIDE
-        lost = ~on | turned
-        self._press[lost], self._shear[lost] = 0.0, 0.0
+        near = np.flatnonzero((found.face >= 0) & (found.support >= LEAST))
+        corners = self.pairs.carriers(near, found.face[near])
+        give = self.pairs.give(self._yielding, near, corners, found.weights[near])
+        yields = give > 0.0
+        chosen, corners, give = near[yields], corners[yields], give[yields]
+        lost = np.einsum("ki,ki->k", self._normal, found.normal) < SAME_SIDE
+        kept = np.zeros(self.pairs.count, dtype=np.bool_)
+        kept[chosen] = ~lost[chosen]
+        self._press[~kept], self._shear[~kept] = 0.0, 0.0
         self._normal, self._partners = found.normal, found.face
         self._deepest = -float(found.gap.min(initial=0.0))
-        chosen = np.flatnonzero(on)
         normal = found.normal[chosen]
         shear = tangential(self._shear[chosen], normal)
         self._chosen, self._face, self._weights = chosen, found.face[chosen], found.weights[chosen]
         self.integers[law.COUNT] = len(chosen)
         rows = self._rows()
-        rows[:, law.SCALE], rows[:, law.PRESS] = 1.0 / give[chosen], self._press[chosen]
+        rows[:, law.SCALE], rows[:, law.PRESS] = 1.0 / give, self._press[chosen]
         rows[:, law.NORMAL : law.WEIGHTS], rows[:, law.WEIGHTS : law.SHEAR] = normal, self._weights
         before = self._before(chosen, self._face, self._weights)
         rows[:, law.SHEAR : law.OFFSET], rows[:, law.OFFSET : law.SUPPORT] = shear, tangential(before, normal)
         rows[:, law.SUPPORT] = found.support[chosen]
         ends = self.integers[law.VERTICES : law.VERTICES + law.WIDTH * len(chosen)].reshape(-1, law.WIDTH)
-        ends[:, law.VERTEX], ends[:, law.FACE :] = self.pairs.first[chosen], corners[chosen]
+        ends[:, law.VERTEX], ends[:, law.FACE :] = self.pairs.first[chosen], corners
 
     def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Return normal (k,) and friction forces (k, 3) [N], slip flags (k,) and slips (k, 3) [m]."""

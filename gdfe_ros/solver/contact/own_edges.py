@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gdfe_ros.solver.contact.closest import face_areas
-from gdfe_ros.solver.contact.crossing import crossing_edges
+from gdfe_ros.solver.contact.crossing import crossing_edges, may_cross
 from gdfe_ros.solver.contact.own_surface import CREASE, DEPTH, Nearest, Topology
 
 
@@ -64,6 +64,9 @@ class OwnEdges:
             return np.zeros((0, 2), np.int64)
         length = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max())
         near = cKDTree(ends.mean(axis=1)).query_pairs(within + length, output_type="ndarray")
+        may = np.empty(len(near), dtype=np.bool_)
+        may_cross(near, self.topology, may)
+        near = near[may]
         return near[np.lexsort(near.T[::-1])]
 
     def cross(

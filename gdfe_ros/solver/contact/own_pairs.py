@@ -13,7 +13,8 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.crossing import SEATS
+from gdfe_ros.solver.contact.closest import least_distance
+from gdfe_ros.solver.contact.crossing import SEATS, least_between
 from gdfe_ros.solver.contact.own_edges import OwnEdges
 from gdfe_ros.solver.contact.own_points import OwnPoints
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
@@ -101,6 +102,14 @@ class OwnPairs:
         self._find_candidates(x, reach)
         return self.edges.cross(x, last, self._edges, reach, before[self._vertices :])
 
+    def clearance(self, x: NDArray[np.float64], reach: float) -> float:
+        """Return the least distance [m] of two parts of the surface that may touch at ``x``, at most ``reach`` [m]."""
+        self._find_candidates(x, reach)
+        if not np.isfinite(self._within):
+            return 0.0
+        near = least_distance(x, *self._faces, self.surface.topology, reach)
+        return float(least_between(x, self._edges, self.edges.topology.ends, near))
+
     def motion(self, x: NDArray[np.float64], before: NDArray[np.float64]) -> float:
         """Return the largest displacement [m] of a point of the surface, relative to the surface's mean."""
         return relative_motion(x, before, self.surface.topology.vertices)
@@ -130,16 +139,21 @@ class OwnPairs:
         return self._own[pairs] + self._others[others + self._start[pairs]]
 
     def give(
-        self, yielding: NDArray[np.float64], carriers: NDArray[np.int32], weights: NDArray[np.float64]
+        self,
+        yielding: NDArray[np.float64],
+        pairs: NDArray[np.int64],
+        carriers: NDArray[np.int32],
+        weights: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return the compliance (k,) [m/N] of all pairs with four vertices and weights (k, 4) each.
+        """Return the compliance (p,) [m/N] of some ``pairs`` (p,) with four vertices and weights (p, 4) each.
 
         ``yielding`` (n + p,) [m/N] are the compliances of the points.
         """
-        own = carriers == self.first[:, None]
+        first = self.first[pairs]
+        own = carriers == first[:, None]
         whole = 1.0 - np.where(own, weights, 0.0).sum(axis=1)
         others = np.where(own, 0.0, weights)
-        return whole**2 * yielding[self.first] + np.einsum("ka,ka->k", others**2, yielding[carriers])
+        return whole**2 * yielding[first] + np.einsum("ka,ka->k", others**2, yielding[carriers])
 
 
 def _joined(one: Nearest, other: Nearest) -> Nearest:

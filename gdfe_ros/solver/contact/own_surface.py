@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.closest import are_apart, corner_normals, face_areas, nearest_faces
+from gdfe_ros.solver.contact.closest import corner_normals, face_areas, may_touch, nearest_faces
 from gdfe_ros.solver.contact.own_points import OwnPoints
 
 CREASE = 0.7
@@ -131,9 +131,9 @@ class OwnSurface:
         tree, found = cKDTree(x[self.topology.vertices]), cKDTree(centres)
         near = tree.sparse_distance_matrix(found, within + radius, output_type="ndarray")
         pairs, faces = np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"])
-        apart = np.empty(len(near), dtype=np.bool_)
-        are_apart(pairs, faces, self.topology, apart)
-        return pairs[apart], faces[apart]
+        may = np.empty(len(near), dtype=np.bool_)
+        may_touch(x, pairs, faces, self.topology, within, may)
+        return pairs[may], faces[may]
 
     def nearest(
         self,

@@ -190,7 +190,7 @@ class Minimiser:
         for iteration in range(limit):
             impulses.follow(problem, work)
             found = choose(problem, work, metric, size, most)
-            if found and impulses.near:
+            if found and impulses.approach(work):
                 found = impulses.answer(problem, work, metric, key, size, target)
             self._show(work, begins=True)  # other forces have another energy
             if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
