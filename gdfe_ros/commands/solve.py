@@ -157,6 +157,18 @@ def _table(simulation: Simulation, results: list[StepResult], wall_time: float) 
     table.add_row("estimated distance to equilibrium", f"{last.error_estimate:.2e}", "of size")
     table.add_row("strain energy", f"{last.energy:.6g}", "J")
     table.add_row("min det F", f"{last.min_det:.4f}", "")
+    _add_forces(table, simulation, last)
+    for name, state in last.actuators.items():
+        table.add_row(f"{name}: command, {state.mode.value}", f"{state.command:.6g}", state.unit)
+        for what, value, unit in state.readings():
+            table.add_row(f"{name}: {what}", f"{value:.6g}", unit)
+    for name, position in simulation.probe_positions().items():
+        table.add_row(f"{name}: position", "  ".join(f"{value:.5g}" for value in position), "m")
+    return table
+
+
+def _add_forces(table: Table, simulation: Simulation, last: StepResult) -> None:
+    """Add reactions, motions of rigid bodies and total contact forces to the table of results."""
     for name, reaction in last.reactions.items():
         table.add_row(f"{name}: force", "  ".join(f"{value:.5g}" for value in _clean(reaction[:3])), "N")
         table.add_row(f"{name}: moment", "  ".join(f"{value:.5g}" for value in _clean(reaction[3:])), "N m")
@@ -167,13 +179,6 @@ def _table(simulation: Simulation, results: list[StepResult], wall_time: float) 
     if last.contacts:
         for name, force in total_forces(contact_points(last.contacts), simulation.scene.handles).items():
             table.add_row(f"{name}: total force on it", "  ".join(f"{value:.5g}" for value in force), "N")
-    for name, state in last.actuators.items():
-        table.add_row(f"{name}: command, {state.mode.value}", f"{state.command:.6g}", state.unit)
-        for what, value, unit in state.readings():
-            table.add_row(f"{name}: {what}", f"{value:.6g}", unit)
-    for name, position in simulation.probe_positions().items():
-        table.add_row(f"{name}: position", "  ".join(f"{value:.5g}" for value in position), "m")
-    return table
 
 
 def _clean(values: object) -> list[float]:

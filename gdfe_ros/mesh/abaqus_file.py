@@ -182,19 +182,27 @@ class _Reader:
                 for element in self._members(part.element_sets, source, block)
                 for node in part.elements[element][1]
             ]
-        for row in ([value for value in row if value] for row in block.rows):
-            if "GENERATE" in block.parameters:
+        rows = [[value for value in row if value] for row in block.rows]
+        if "GENERATE" in block.parameters:
+            for row in rows:
                 first, last, by = int(row[0]), int(row[1]), int(row[2]) if len(row) > 2 else 1
                 ids.extend(range(first, last + 1, by))
-                continue
-            for value in row:
-                owner, _, item = value.rpartition(".")
-                places = [self._sets_of(owner, key, block)] if owner else [sets]
-                if part is self._assembly and not owner and not item.isdigit():
-                    places = [each for each in self._all_sets(key) if _named(each, item)] or [sets]
-                for there in places:
-                    found = [int(item)] if item.isdigit() else self._members(there, item, block)
-                    there.setdefault(block.name(key), []).extend(found)
+            return
+        for item in (value for row in rows for value in row):
+            self._add_member(item, block, key, sets, everywhere=part is self._assembly)
+
+    def _add_member(self, name: str, block: Block, key: str, sets: dict[str, list[int]], *, everywhere: bool) -> None:
+        """Add a node, an element or a set, perhaps of an instance, to the set that a block defines among ``sets``.
+
+        A set without the name of an instance is looked for in all of them if ``everywhere``.
+        """
+        owner, _, item = name.rpartition(".")
+        places = [self._sets_of(owner, key, block)] if owner else [sets]
+        if everywhere and not owner and not item.isdigit():
+            places = [each for each in self._all_sets(key) if _named(each, item)] or [sets]
+        for there in places:
+            found = [int(item)] if item.isdigit() else self._members(there, item, block)
+            there.setdefault(block.name(key), []).extend(found)
 
     def _instance(self, owner: str, block: Block) -> _Instance:
         known = {name.upper(): item for name, item in self._instances.items()}
@@ -261,6 +269,28 @@ def _rows_of(numbers: list[list[int]], size: int) -> Iterable[list[int]]:
         yield kept
 
 
+def _add_elements(
+    part: _Part, row: dict[int, int], cells: dict[str, list[list[int]]], left_out: dict[str, int]
+) -> dict[int, tuple[str, int]]:
+    """Add a part's solids to the blocks of ``cells`` and count the others; return the block and place of each solid.
+
+    Raises:
+        ValueError: an element has a node that is not in ``row``, the dict from node to row of the mesh.
+    """
+    places: dict[int, tuple[str, int]] = {}
+    for number, (kind, nodes) in part.elements.items():
+        if _SOLID.fullmatch(kind) is None:
+            left_out[kind] = left_out.get(kind, 0) + 1
+            continue
+        if missing := [node for node in nodes if node not in row]:
+            text = f"element {number} has the node {missing[0]}, which is not there"
+            raise ValueError(f"{text}; remedy: export it again")
+        block = cells.setdefault(_SOLIDS[len(nodes)], [])
+        places[number] = _SOLIDS[len(nodes)], len(block)
+        block.append([row[node] for node in nodes])
+    return places
+
+
 def _joined(placed: list[tuple[str, _Instance]], heading: str, remarks: list[str]) -> RawMesh:
     """Return all instances as one mesh, with one block of cells for each kind."""
     points = np.concatenate([item.points() for _, item in placed]) if placed else np.zeros((0, 3))
@@ -273,18 +303,10 @@ def _joined(placed: list[tuple[str, _Instance]], heading: str, remarks: list[str
         part = item.part
         row = {number: start + k for k, number in enumerate(part.nodes)}
         start += len(row)
-        places: dict[int, tuple[str, int]] = {}
-        for number, (kind, nodes) in part.elements.items():
-            solid = _SOLID.fullmatch(kind)
-            if solid is None:
-                left_out[kind] = left_out.get(kind, 0) + 1
-                continue
-            if missing := [node for node in nodes if node not in row]:
-                text = f"element {number} has the node {missing[0]}, which is not there"
-                raise MeshError(heading, [f"{text}; remedy: export it again"])
-            block = cells.setdefault(_SOLIDS[len(nodes)], [])
-            places[number] = _SOLIDS[len(nodes)], len(block)
-            block.append([row[node] for node in nodes])
+        try:
+            places = _add_elements(part, row, cells, left_out)
+        except ValueError as error:
+            raise MeshError(heading, [str(error)]) from error
         own = {name: list(part.elements)} if len(placed) > 1 and name else {}
         for key, numbers in (*part.element_sets.items(), *own.items()):
             for kind, place in (places[number] for number in numbers if number in places):

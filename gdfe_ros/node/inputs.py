@@ -220,6 +220,15 @@ class Inputs:
 
 def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
     """Yield the inputs of a scene, including those of fixed handles and followers, which refuse all commands."""
+    yield from _handle_inputs(run, leaders)
+    scene = run.scene
+    if scene.actuators or scene.loads or scene.arms:
+        joints = [joint for arm in scene.arms for joint in arm.joints]
+        yield from _actuator_inputs(run, ActuatorOrders(scene.actuators, [load.name for load in scene.loads], joints))
+
+
+def _handle_inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
+    """Yield the inputs that move handles, obstacles and rigid bodies."""
     scene, frames, size = run.scene, run.frames, run.scene.mesh.size
     # First: in lockstep, a teleport that arrives before the command set is complete belongs to the same step.
     for handle in scene.handles:
@@ -240,28 +249,24 @@ def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
         if leader is not None and leader.topic:
             take = partial(followed_order, leader=leader, size=size, frames=frames)
             yield Input(leader.key, leader.topic, topics.FOLLOWED, take, stamped=True)
-    if scene.actuators or scene.loads or scene.arms:
-        joints = [joint for arm in scene.arms for joint in arm.joints]
-        orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads], joints)
-        if joints:
-            spec = topics.JOINT_COMMAND
-            yield Input("joint_command", spec.name, spec, orders.from_joint_state, stamped=True)
-        yield Input("actuation", topics.ACTUATION.name, topics.ACTUATION, orders.from_joint_state, stamped=True)
-        if scene.actuators:
-            yield Input(
-                "commands",
-                topics.ACTUATOR_COMMANDS.name,
-                topics.ACTUATOR_COMMANDS,
-                orders.from_array,
-                stamped=False,
-            )
 
-        if any(actuator.mode is Mode.GRIP for actuator in scene.actuators):
-            for spec, holds in ((topics.ATTACH, 1.0), (topics.RELEASE, 0.0)):
-                take = partial(orders.from_grip, holds=holds, present=lambda: run.simulation.commands)
-                yield Input(spec.key(), spec.name, spec, take, stamped=False)
 
-        def follow(message: Any) -> Order:
-            return orders.from_trajectory(message, now=run.simulation_time(run.now()), convert=run.simulation_time)
+def _actuator_inputs(run: Run, orders: ActuatorOrders) -> Iterator[Input]:
+    """Yield the inputs that command actuators, loads and joints."""
+    scene = run.scene
+    if any(arm.joints for arm in scene.arms):
+        spec = topics.JOINT_COMMAND
+        yield Input("joint_command", spec.name, spec, orders.from_joint_state, stamped=True)
+    yield Input("actuation", topics.ACTUATION.name, topics.ACTUATION, orders.from_joint_state, stamped=True)
+    if scene.actuators:
+        spec = topics.ACTUATOR_COMMANDS
+        yield Input("commands", spec.name, spec, orders.from_array, stamped=False)
+    if any(actuator.mode is Mode.GRIP for actuator in scene.actuators):
+        for spec, holds in ((topics.ATTACH, 1.0), (topics.RELEASE, 0.0)):
+            take = partial(orders.from_grip, holds=holds, present=lambda: run.simulation.commands)
+            yield Input(spec.key(), spec.name, spec, take, stamped=False)
 
-        yield Input(_TRAJECTORY, topics.TRAJECTORY.name, topics.TRAJECTORY, follow, stamped=False)
+    def follow(message: Any) -> Order:
+        return orders.from_trajectory(message, now=run.simulation_time(run.now()), convert=run.simulation_time)
+
+    yield Input(_TRAJECTORY, topics.TRAJECTORY.name, topics.TRAJECTORY, follow, stamped=False)

@@ -66,28 +66,36 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     if policy is Policy.RELATIVE:
         used = [item for item in scene.materials.values() if item.omega is None]
         notes += calibration_remarks(np.array([item.young0 for item in used])) if used else []
-    rigid = [body.name for body in scene.rigid_bodies]
-    if len(rigid) > 1 and scene.dynamics is not None and scene.dynamics.scheme is not Scheme.BDF2:
-        text = f"{', '.join(rigid)} may not come to rest on each other with {scene.dynamics.scheme.value}"
-        notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
     for item in scene.actuators:
         if isinstance(item, Cable) and item.points.moved:
             text = f"points beside the body were moved onto it, by up to {item.points.moved:.3g} m"
             notes.append(f"actuator {item.name!r}: {text}")
+    if scene.dynamics is not None:
+        notes += _of_scheme(scene, scene.dynamics.scheme)
+    if len(scene.mesh.parts) > 1 and scene.self_contact is None:
+        notes.append(f"meshes: they can pass through each other; remedy: {_to_touch(scene.mesh)}")
+    return [*notes, *slipping(scene), *coarse_contacts(scene), *coarse_cavities(scene), *coarse_walls(scene)]
+
+
+def _of_scheme(scene: Scene, scheme: Scheme) -> list[str]:
+    """Return remarks on what a time scheme does not damp."""
+    rigid = [body.name for body in scene.rigid_bodies]
     grips = [item.name for item in scene.actuators if isinstance(item, Grip)]
-    if grips and scene.dynamics is not None and scene.dynamics.scheme is not Scheme.BDF2:
-        text = f"the forces of {', '.join(grips)} oscillate with {scene.dynamics.scheme.value} after a sudden motion"
-        notes.append(f"dynamics: {text}; remedy: dynamics.scheme: bdf2")
     kept = [item.name for item in scene.actuators if item.constrains and item.name not in grips]
-    if kept and scene.dynamics is not None and scene.dynamics.scheme is Scheme.NEWMARK:
+    notes = []
+    if len(rigid) > 1 and scheme is not Scheme.BDF2:
+        text = f"{', '.join(rigid)} may not come to rest on each other with {scheme.value}"
+        notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
+    if grips and scheme is not Scheme.BDF2:
+        text = f"the forces of {', '.join(grips)} oscillate with {scheme.value} after a sudden motion"
+        notes.append(f"dynamics: {text}; remedy: dynamics.scheme: bdf2")
+    if kept and scheme is Scheme.NEWMARK:
         text = (
             "newmark does not damp the force that holds the commanded length or volume of "
             f"{', '.join(kept)}, so that it oscillates"
         )
         notes.append(f"dynamics: {text}; remedy: dynamics.scheme: generalised_alpha, or a cable with a stiffness")
-    if len(scene.mesh.parts) > 1 and scene.self_contact is None:
-        notes.append(f"meshes: they can pass through each other; remedy: {_to_touch(scene.mesh)}")
-    return [*notes, *slipping(scene), *coarse_contacts(scene), *coarse_cavities(scene), *coarse_walls(scene)]
+    return notes
 
 
 def _converted(mesh: Mesh) -> list[str]:

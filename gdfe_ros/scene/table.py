@@ -12,7 +12,7 @@ from pathlib import Path
 
 from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.regular_file import read_bytes
-from gdfe_ros.scene.table_columns import Column, find_columns, is_unit_row
+from gdfe_ros.scene.table_columns import TableColumn, find_columns, is_unit_row
 
 _REMEDY = (
     "allowed is a csv file with the columns strain and stress, with their units in the header or below it; without "
@@ -111,7 +111,7 @@ def _with_point(cell: str) -> str:
 
 def _columns_at(
     path: Path, rows: Sequence[tuple[int, list[str]]], place: int
-) -> tuple[Column, Column, list[str]] | None:
+) -> tuple[TableColumn, TableColumn, list[str]] | None:
     """Return the columns strain and stress, and remarks on them, if a row is a header; None if not."""
     line, row = rows[place]
     if any(_number(cell) is not None for cell in row):
@@ -125,25 +125,29 @@ def _columns_at(
 
 
 def _table(
-    path: Path, rows: Sequence[tuple[int, list[str]]], strain: Column, stress: Column, remarks: list[str]
+    path: Path, rows: Sequence[tuple[int, list[str]]], strain: TableColumn, stress: TableColumn, remarks: list[str]
 ) -> StressTable:
-    points = [(line, strain.value(row, _number), stress.value(row, _number), row) for line, row in rows]
+    points = [(line, strain.value(row, _number), stress.value(row, _number), _is_empty(row)) for line, row in rows]
     last = max((k for k, (_, e, s, _) in enumerate(points) if e is not None and s is not None), default=-1)
-    tail = [row for _, _, _, row in points[last + 1 :] if any(cell.lower() not in _EMPTY for cell in row)]
+    data, below = points[: last + 1], points[last + 1 :]
+    tail = [row for (*_, empty), (_, row) in zip(below, rows[last + 1 :], strict=True) if not empty]
     if tail:
         remarks.append(f"{len(tail)} rows below the data are left out, the first: {', '.join(tail[0])[:60]}")
-    empty = [k for k, (*_, row) in enumerate(points[: last + 1]) if all(cell.lower() in _EMPTY for cell in row)]
-    if empty:
-        remarks.append(f"{len(empty)} empty rows between the data are left out")
-    kept = [point for k, point in enumerate(points[: last + 1]) if k not in set(empty)]
+    kept = [point for point in data if not point[-1]]
+    if len(kept) < len(data):
+        remarks.append(f"{len(data) - len(kept)} empty rows between the data are left out")
     wrong = [str(line) for line, e, s, _ in kept if e is None or s is None]
-    wrong += [str(line) for line, e, s, _ in points[last + 1 :] if (e is None) != (s is None)]
+    wrong += [str(line) for line, e, s, _ in below if (e is None) != (s is None)]
     if wrong or (last < 0 and points):
         listed = ", ".join((wrong or [str(line) for line, *_ in points])[:_LISTED])
         raise ValueError(f"{path}: not two finite numbers in line {listed}; {_REMEDY}")
     if len(kept) < 2:
         raise ValueError(f"{path} has {len(kept)} rows of data; at least 2 are needed")
     return StressTable(tuple(e for _, e, _, _ in kept), tuple(s for _, _, s, _ in kept), tuple(remarks))
+
+
+def _is_empty(row: Sequence[str]) -> bool:
+    return all(cell.lower() in _EMPTY for cell in row)
 
 
 def _number(cell: str) -> float | None:

@@ -35,7 +35,7 @@ _UNIT = re.compile(
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """A column of numbers.
 
     Attributes:
@@ -61,7 +61,7 @@ def is_unit_row(row: Sequence[str]) -> bool:
 
 def find_columns(
     titles: Sequence[str], units: Sequence[str], above: Sequence[Sequence[str]]
-) -> tuple[Column, Column, list[str]] | None:
+) -> tuple[TableColumn, TableColumn, list[str]] | None:
     """Return the columns strain and stress of a header, and remarks on the choice; None if it is no such header.
 
     Args:
@@ -84,11 +84,11 @@ def find_columns(
         ways = [k for k, title in enumerate(plain) if _EXTENSION.search(title) and k not in strains]
         if stress is None and forces and "area" in sizes:
             force = _chosen(forces, titles, units, FORCE_UNITS, "force", remarks)
-            stress = Column(force.place, force.factor / sizes["area"])
+            stress = TableColumn(force.place, force.factor / sizes["area"])
             remarks.append(f"stress is {titles[force.place]!r} over the area of {sizes['area']:.4g} m^2")
         if strain is None and ways and "length" in sizes:
             way = _chosen(ways, titles, units, LENGTH_UNITS, "extension", remarks)
-            strain = Column(way.place, way.factor / sizes["length"])
+            strain = TableColumn(way.place, way.factor / sizes["length"])
             remarks.append(f"strain is {titles[way.place]!r} over the length of {sizes['length']:.4g} m")
     return None if strain is None or stress is None else (strain, stress, remarks)
 
@@ -100,7 +100,7 @@ def _chosen(
     known: dict[str, float],
     noun: str,
     remarks: list[str],
-) -> Column | None:
+) -> TableColumn | None:
     """Return the first of several columns that are no true stress or strain, with its factor; None without columns."""
     usual = [place for place in places if not _TRUE.search(titles[place].lower())]
     if places and not usual:
@@ -116,7 +116,7 @@ def _chosen(
     if unit not in known:
         allowed = ", ".join(key for key in known if key)
         raise ValueError(f"the column {titles[place]!r} has the unit {given!r}; allowed: {allowed}; remedy: convert it")
-    return Column(place, known[unit])
+    return TableColumn(place, known[unit])
 
 
 def _unit_in(title: str, known: dict[str, float]) -> str:

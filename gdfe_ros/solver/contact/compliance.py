@@ -4,66 +4,17 @@
 H is the inverse M^-1 of the initial matrix, changed by the pairs (s, y) of L-BFGS. With rho = 1 / s . y, each pair
 turns the operator H into H - rho (s z^T + z s^T) + rho (1 + rho y . z) s s^T, where z = H y.
 
-M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kept. The columns of C are therefore solved
-for once, when a vertex first touches, and kept with M. Of two rows, the block between them is taken from the column of
-the later one: in single precision, C is not symmetric to rounding, and results must not depend on the order in which
-vertices have touched.
+M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kept, see `kept_columns`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.pairs import inner
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
-
-Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
-
-
-class KeptColumns:
-    """The columns of C = M^-1, without rotations, of the rows of unknowns that contacts have needed so far.
-
-    Args:
-        solve: function that writes M^-1 times its first argument (3 r,) to its second one.
-        rows: the rows, ascending, that any contact may need.
-        total: number r of all rows.
-
-    Attributes:
-        slot: (r,) place of each row in ``columns``; -1 for a row that no contact has needed yet.
-        place: (r,) place of each row in a column; -1 for a row that no contact needs.
-        columns: (s, 3, 3 k) [m/N] displacements of the k rows by unit forces.
-    """
-
-    def __init__(self, solve: Solve, rows: NDArray[np.int64], total: int) -> None:
-        self._solve, self._count = solve, 0
-        self.slot, self.place = np.full(total, -1, dtype=np.int64), np.full(total, -1, dtype=np.int64)
-        self.place[rows] = np.arange(len(rows))
-        self._entries = (3 * rows[:, None] + np.arange(3)).ravel()
-        self.columns = np.zeros((0, 3, len(self._entries)))
-
-    def include(self, rows: NDArray[np.int64]) -> None:
-        """Solve for the columns of ``rows`` that are not known yet."""
-        new = np.unique(rows[self.slot[rows] < 0])
-        if not len(new):
-            return
-        if self._count + len(new) > len(self.columns):
-            columns = np.zeros((2 * (self._count + len(new)), *self.columns.shape[1:]))
-            columns[: self._count] = self.columns[: self._count]
-            self.columns = columns
-        unit, column = np.zeros(3 * len(self.slot)), np.empty(3 * len(self.slot))
-        for row in new:
-            self.slot[row] = self._count
-            for axis in range(3):
-                unit[3 * row + axis] = 1.0
-                self._solve(unit, column)
-                unit[3 * row + axis] = 0.0
-                self.columns[self._count, axis] = column[self._entries]
-            self._count += 1
 
 
 @kernel
@@ -147,29 +98,6 @@ def pull(forces, rows, blocks, counts, out):
 
 
 @internal
-def gather_block(chosen, rows, counts, slot, place, columns):
-    """Return the number of each row (r,) among those of the ``chosen`` points, and M^-1 (3 m, 3 m) between these m."""
-    number, some = np.full(len(slot), -1, np.int64), np.empty(len(chosen) * rows.shape[1], np.int64)
-    count = 0
-    for i in chosen:
-        for e in range(counts[i]):
-            if number[rows[i, e]] < 0:
-                number[rows[i, e]], some[count] = count, rows[i, e]
-                count += 1
-    between = np.empty((3 * count, 3 * count))
-    for a in range(count):
-        for b in range(a + 1):
-            late, early = (a, b) if some[a] > some[b] else (b, a)
-            column, at = columns[slot[some[late]]], 3 * place[some[early]]
-            for k in range(3):
-                for j in range(3):
-                    value = column[j, at + k]
-                    between[3 * early + k, 3 * late + j] = value
-                    between[3 * late + j, 3 * early + k] = value
-    return number, between
-
-
-@internal
 def turn_blocks(chosen, rows, blocks, counts, frames):
     """Return the ``blocks`` (c, e, 3, 3) of the ``chosen`` points in the frames (f, 9) of the vertices."""
     turned = np.empty((len(chosen), rows.shape[1], 3, 3))
@@ -190,9 +118,11 @@ def turn_blocks(chosen, rows, blocks, counts, frames):
 
 
 @kernel
-def join(chosen, rows, blocks, counts, slot, place, columns, frames, scale, out):
-    """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices."""
-    number, between = gather_block(chosen, rows, counts, slot, place, columns)
+def join(chosen, rows, blocks, counts, number, between, frames, scale, out):
+    """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices.
+
+    ``number`` (r,) is the place of each row in C, which is ``between`` (3 m, 3 m).
+    """
     turned = turn_blocks(chosen, rows, blocks, counts, frames)
     half = np.empty(len(between))
     for c in range(len(chosen)):

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.complementarity import solve_laws
-from gdfe_ros.solver.contact.compliance import KeptColumns, add_pairs, differentiate, join, project, pull
+from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, project, pull
 from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ContactTerm
+from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
 from gdfe_ros.solver.contact.law import ROUNDING
 from gdfe_ros.solver.descent.loop import Metric, choose, precondition
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.unknowns import Unknowns, add_rows, gather_rigid_rows
-from gdfe_ros.solver.tangent.substitution import solve_unturned
 
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -311,46 +311,41 @@ class Impulses:
         """Return W (3 c, 3 c) [m/N] of the ``chosen`` points."""
         status = numbers(work)
         constant = bool(status["wild"]) or not len(metric.kept.order)
-        kept = self._kept("constant" if constant else "tangent", problem, metric, key, len(work.u) // 3)
+        kept = self._kept("constant" if constant else "tangent", problem, metric, key)
         used = np.arange(points.rows.shape[1]) < points.counts[chosen, None]
-        kept.include(points.rows[chosen][used])
+        rows = np.unique(points.rows[chosen][used])
+        kept.include(rows)
+        number = np.full(len(work.u) // 3, -1, dtype=np.int64)
+        number[rows] = np.arange(len(rows))
         scale = float(status["scale"]) if status["wild"] else 1.0
         frames = np.zeros((0, 9)) if constant else metric.kept.frames
         w = np.empty((3 * len(chosen), 3 * len(chosen)))
         given = chosen, points.rows, points.blocks, points.counts
-        join(*given, kept.slot, kept.place, kept.columns, frames, scale, w)
+        join(*given, number, kept.between(rows), frames, scale, w)
         if status["count"]:
             images = self._pair_images(problem, work, metric, (*key, constant, scale), frames)
             add_pairs(work, images, *given, w)
         w[range(0, len(w), 3), range(0, len(w), 3)] += points.soft[chosen]
         return w
 
-    def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...], rows: int) -> KeptColumns:
+    def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...]) -> KeptColumns:
         """Return the kept columns of the tangent or of the constant matrix; those of an earlier matrix are dropped."""
         key = (metric.coupling.inverse_schur, problem.unknowns.free) if kind == "constant" else key
         known = self._columns.get(kind)
         if known is not None and len(known[0]) == len(key) and all(a is b for a, b in zip(known[0], key, strict=True)):
             return known[1]
-
-        def solve(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-            if kind == "constant":
-                apply_inverse(right, metric.coupling, out, None)
-            else:
-                solve_unturned(metric.kept, right, out)
-
-        found = KeptColumns(solve, self._rows_of(problem.unknowns), rows)
+        if kind == "constant":
+            free = problem.unknowns.free
+            found = ConstantColumns(metric.coupling, self._rows_of(free), len(free))
+        else:
+            found = HalvedColumns(metric.kept)
         self._columns[kind] = key, found
         return found
 
-    def _rows_of(self, unknowns: Unknowns) -> NDArray[np.int64]:
-        """Return the rows, ascending, on which any contact point depends."""
+    def _rows_of(self, free: NDArray[np.int32]) -> NDArray[np.int64]:
+        """Return the rows, ascending, of the ``free`` vertices that any contact point may involve."""
         ends = np.unique(np.concatenate([contact.ends().ravel() for contact in self.contacts]))
-        handles = self._handle_of[ends]
-        used = np.unique(handles[handles >= 0])
-        turning = unknowns.turn_row[used]
-        rows = [self._row_of[ends], len(unknowns.free) + used, turning]
-        found = np.unique(np.concatenate(rows))
-        return found[found >= 0].astype(np.int64)
+        return np.flatnonzero(np.isin(free, ends))
 
     def _pair_images(
         self,

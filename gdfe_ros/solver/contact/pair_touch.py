@@ -50,9 +50,29 @@ def touching_points(
     other = np.column_stack([nearest, np.where(own, nearest[:, None], vertices[:, None])])
     pushes = (share * presses[:, None])[:, :, None] * normals[:, None]
     rubs = share[:, :, None] * shears[:, None]
+    size = np.abs(share) * presses[:, None]
+    return _gathered(x, origin, ends, other, size, pushes, rubs, slips, gaps)
+
+
+def _gathered(
+    x: NDArray[np.float64],
+    origin: NDArray[np.float64],
+    ends: NDArray[np.int32],
+    other: NDArray[np.int32],
+    size: NDArray[np.float64],
+    pushes: NDArray[np.float64],
+    rubs: NDArray[np.float64],
+    slips: NDArray[np.bool_],
+    gaps: NDArray[np.float64],
+) -> Touch:
+    """Return the sum of the forces on each vertex of the pairs' five entries.
+
+    ``ends`` (k, 5) are the entries' vertices, ``other`` (k, 5) what they touch, ``size`` (k, 5) [N] the magnitudes of
+    the normal forces ``pushes`` (k, 5, 3) [N], and ``rubs`` (k, 5, 3) [N] the friction forces. ``slips`` (k,) and
+    ``gaps`` (k,) [m] are those of the pairs.
+    """
     touched, place = np.unique(ends, return_inverse=True)
-    place = place.reshape(ends.shape)
-    size, count = np.abs(share) * presses[:, None], len(touched)
+    place, count = place.reshape(ends.shape), len(touched)
     push, rub, slip = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
     np.add.at(push, place, pushes)
     np.add.at(rub, place, rubs)

@@ -20,7 +20,7 @@ solver: {tolerance: 1.0e-6, max_iterations: 2000}
 """
 INTO = (
     Pose((0.046, 0.023, -0.137), (0.35, -1.01, 1.20)),
-    Pose((-0.004, 0.014, -0.163), (-1.01, -0.57, -1.31)),
+    Pose((-0.05, 0.014, -0.163), (-1.01, -0.57, -1.31)),
 )
 """Successive poses of the box inside the body: its elements cannot follow them."""
 AWAY = Pose((0.0, 0.0, 0.5))
