@@ -84,16 +84,30 @@ def onto_disc(w, mu, f, p, i, press):
 
 
 @internal
+def violation(w, mu, f, p, i):
+    """Return the violation of the laws [m] by point ``i`` at forces ``f`` and displacements ``p``."""
+    n = 3 * i
+    k, (a, b) = tangential_compliance(w, i), onto_disc(w, mu, f, p, i, max(0.0, f[n]))
+    pressed = w[n, n] * abs(f[n] - max(0.0, f[n] - p[n] / w[n, n]))
+    return max(pressed, k * abs(f[n + 1] - a), k * abs(f[n + 2] - b))
+
+
+@internal
 def residual(w, mu, f, p):
     """Return the largest violation of the laws [m] at forces ``f`` and displacements ``p``."""
     worst = 0.0
     for i in range(len(mu)):
-        n = 3 * i
-        k = w[n, n]
-        worst = max(worst, k * abs(f[n] - max(0.0, f[n] - p[n] / k)))
-        k, (a, b) = tangential_compliance(w, i), onto_disc(w, mu, f, p, i, max(0.0, f[n]))
-        worst = max(worst, k * abs(f[n + 1] - a), k * abs(f[n + 2] - b))
+        worst = max(worst, violation(w, mu, f, p, i))
     return worst
+
+
+@kernel
+def find_violations(w, q, mu, f, out):
+    """Write the violation of the laws [m] by each point to ``out`` (c,); the arguments are those of `solve_laws`."""
+    p = np.empty(len(q))
+    displace(w, q, f, p)
+    for i in range(len(mu)):
+        out[i] = violation(w, mu, f, p, i)
 
 
 @kernel

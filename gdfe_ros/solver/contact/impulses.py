@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.contact.complementarity import solve_laws
+from gdfe_ros.solver.contact.complementarity import find_violations, solve_laws
 from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, project, pull
 from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ContactTerm
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
@@ -43,6 +43,8 @@ inertia of at least 1 and at most the second number, which fades by the last one
 last one. It is the compliance against a change of a force, divided by that of the body at the point, and the fraction
 1 / (1 + inertia) of each step is made.
 """
+LISTED = 5
+"""Number of vertices that a message names."""
 LEAST_SLOPE = 0.1
 """A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
 
@@ -58,6 +60,7 @@ class Points(NamedTuple):
         rows, blocks, counts: derivatives with respect to the rows of unknowns, see `differentiate`.
         friction: (k,) friction coefficients.
         scale: (k,) [N/m] stiffness of the body at each point.
+        vertices: (k,) a vertex that moves each point.
     """
 
     places: NDArray[np.float64]
@@ -69,6 +72,7 @@ class Points(NamedTuple):
     counts: NDArray[np.int64]
     friction: NDArray[np.float64]
     scale: NDArray[np.float64]
+    vertices: NDArray[np.int64]
 
 
 class Impulses:
@@ -108,8 +112,18 @@ class Impulses:
         return any(contact.near for contact in self.contacts)
 
     def told(self) -> str:
-        """Return the names of the contacts in the last step, and the largest violation of the laws."""
-        return f"{', '.join(contact.name for contact in self._acting)}: {self.left:.3g} m of gap or slip remain"
+        """Return the contacts in the last step, the vertices where the laws are violated most, and by how much."""
+        names = ", ".join(contact.name for contact in self._acting)
+        where = ", ".join(map(str, self._worst_vertices()))
+        return f"{names}: {self.left:.3g} m of gap or slip remain, most at vertices {where}"
+
+    def _worst_vertices(self) -> NDArray[np.int64]:
+        """Return up to `LISTED` vertices, ascending, where the laws are violated by more than half of the most."""
+        vertices, *given = self._unsolved
+        found = np.empty(len(vertices))
+        find_violations(*given, found)
+        order = np.argsort(-found, kind="stable")[:LISTED]
+        return np.unique(vertices[order[found[order] > 0.5 * found.max(initial=0.0)]])
 
     def follow(self, problem: Problem, work: Workspace) -> None:
         """Choose the points again of contacts that hold forces, which turn with the surfaces; correct the gradient."""
@@ -176,6 +190,7 @@ class Impulses:
                 given, now = there - w @ start, start.copy()
                 self.left = solve_laws(w, given, points.friction[chosen], now, allowed, faint)
                 forces[chosen] = now.reshape(-1, 3)
+                self._unsolved = points.vertices[chosen], w, given, points.friction[chosen], now
             if np.array_equal(forces, held):
                 break
             self._hold(points, forces, problem, work)
@@ -257,7 +272,7 @@ class Impulses:
             given = work.x, work.u, problem.frame, unknowns, self._row_of, self._handle_of
             differentiate(*given, axes, ends, pressing, rubbing, rows, blocks, counts)
             friction = np.full(count, contact.friction)
-            parts.append((places, axes, held, soft, rows, blocks, counts, friction, contact.scale))
+            parts.append((places, axes, held, soft, rows, blocks, counts, friction, contact.scale, ends[:, 0]))
         if len(parts) == 1:
             return Points(*parts[0])
         width, total = max(part[4].shape[1] for part in parts), sum(len(part[3]) for part in parts)
@@ -265,7 +280,7 @@ class Impulses:
         for part in parts:
             last, own = first + len(part[3]), part[4].shape[1]
             rows[first:last, :own], blocks[first:last, :own], first = part[4], part[5], last
-        joined = [np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 3, 6, 7, 8)]
+        joined = [np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 3, 6, 7, 8, 9)]
         return Points(*joined[:4], rows, blocks, *joined[4:])
 
     def _hold(self, points: Points, forces: NDArray[np.float64], problem: Problem, work: Workspace) -> None:
