@@ -37,20 +37,6 @@ _VALUES = (
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """Dict from name to a dataclass that a tree may contain."""
 
-_RENAMED = {states.Summary: {"residual": "error_estimate"}}
-"""Dict from dataclass to a dict from a field's name in older archives to its present name."""
-
-_ADDED = {
-    Tangent: {"row", "ends", "ways", "softest", "searched", "positions", "solves", "latest"},
-    states.ElementState: {"hourglass_scale_before"},
-    states.Snapshot: {"scene", "joints", "links"},
-    states.State: {"soft"},
-    states.Summary: {"stable", "estimated"},
-    states.Unfinished: {"steps", "changes"},
-    Ledger: {"bound"},
-}
-"""Dict from dataclass to the fields that older archives lack."""
-
 
 class TreeError(ValueError):
     """Error: a tree was not written by this package, or a value is not part of a state."""
@@ -109,9 +95,8 @@ def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
 def _instance(tree: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Any:
     """Return the dataclass of a tree with the keys ``class`` and ``fields``."""
     kind = _CLASSES[tree["class"]]
-    present = _RENAMED.get(kind, {})
-    given = {present.get(name, name): from_tree(item, arrays) for name, item in tree["fields"].items()}
+    given = {name: from_tree(item, arrays) for name, item in tree["fields"].items()}
     names = {item.name for item in fields(kind)} - ({"operators"} if kind is states.State else set())
-    if (set(given) ^ names) - _ADDED.get(kind, set()):
+    if set(given) != names:
         raise TreeError(f"{kind.__name__} has missing or unknown fields: {sorted(set(given) ^ names)}")
     return kind(**given, operators=None) if kind is states.State else kind(**given)

@@ -35,7 +35,7 @@ def take_rest(model: Model, whole: ActiveSet, matrix: ConstantMatrix, rest: Stat
     count, minimiser = len(whole.unknowns.free), model.minimiser
     if count == 0:
         return
-    task, work = Solve.at(model, rest).evaluate(whole, matrix.coupling, threads=None), whole.workspace
+    task, work = Solve.at(model, rest).evaluate(whole, threads=None), whole.workspace
     tangent = minimiser.level.take(task.problem, work.u, work.x)
     if tangent.shift > 0.0:
         return

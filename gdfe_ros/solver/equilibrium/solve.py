@@ -20,7 +20,6 @@ from gdfe_ros.solver.elements.watch import Watch
 from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Prediction
 from gdfe_ros.solver.equilibrium.schedule import FIRST_TOLERANCE, LINEAR, DescentSchedule
-from gdfe_ros.solver.matrix.coupling import Coupling
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
@@ -102,7 +101,8 @@ class Solve:
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
         self._tangent = start.tangent
         self.pressures = Pressures(self._body, start.elements, here.ratio)
-        self._scale = _followed_scale(start.elements, here.ratio)
+        last, before = start.elements.hourglass_scale, start.elements.hourglass_scale_before
+        self._scale = np.clip(last + here.ratio * (last - before), LEAST_SCALE, MOST_SCALE)
         given = here.positions, self.problem.poses, start
         self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
@@ -118,13 +118,13 @@ class Solve:
         self._resumed = None
         self._prediction = Prediction(state.positions, state.slides, state.turns, 0.0)
 
-    def evaluate(self, active: ActiveSet, coupling: Coupling, *, threads: int | None) -> Task:
+    def evaluate(self, active: ActiveSet, *, threads: int | None) -> Task:
         """Set the unknowns to the start and evaluate all terms there; return the minimisation's task."""
-        task = self._placed(active, coupling, threads)
+        task = self._placed(active, threads)
         task.evaluate()
         return task
 
-    def _placed(self, active: ActiveSet, coupling: Coupling, threads: int | None) -> Task:
+    def _placed(self, active: ActiveSet, threads: int | None) -> Task:
         """Set the unknowns to the start; return the minimisation's task."""
         blocks = self._operators.blocks if self._actuation.growths else active.blocks
         problem = Problem(
@@ -143,19 +143,19 @@ class Solve:
         active.place(self._positions, self._base, self._slides, self.turns)
         self._watch.room[...] = -1.0
         gives_up = self._inflates if self.problem.divisible else None
-        return Task(active, problem, coupling, self.problem.deadline, gives_up)
+        return Task(active, problem, self.problem.deadline, gives_up)
 
     def _inflates(self, positions: NDArray[np.float64]) -> bool:
         """Return whether a chamber of given pressure inflated far since the last equilibrium."""
         last = self.start.anchor or self.start
         return bool(self._actuation.unstable(positions, last.positions, self.problem.commands))
 
-    def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
+    def descend(self, active: ActiveSet, *, threads: int | None, limit: int) -> None:
         """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
         self._minimiser.begin(active, self._tangent)
-        if self._resumed is not None and self._resumed.steps is not None:
+        if self._resumed is not None:
             load_history(active.workspace, self._resumed.steps, self._resumed.changes)
-        task = self._placed(active, coupling, threads)
+        task = self._placed(active, threads)
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
         self._schedule = self._scheduled(updates=updates)
         self._settled, self._exact, self.iterations, self._cut = not updates, 0, 0, False
@@ -336,11 +336,3 @@ class Solve:
         steps, changes = history(active.workspace)
         tolerance = self._schedule.present
         return Unfinished(tolerance=tolerance, iterations=done + self.iterations, steps=steps, changes=changes)
-
-
-def _followed_scale(elements: ElementState, ratio: float) -> NDArray[np.float64]:
-    """Return the initial hourglass scales (m,) of a solve: the last ones plus ``ratio`` times their last change."""
-    last, before = elements.hourglass_scale, elements.hourglass_scale_before
-    if before is None or ratio == 0.0:
-        return last.copy()
-    return np.clip(last + ratio * (last - before), LEAST_SCALE, MOST_SCALE)

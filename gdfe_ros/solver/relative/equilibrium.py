@@ -85,7 +85,6 @@ class RelativeEquilibrium:
             commands=commands,
             slides=loose,
             turns=loose,
-            orientation=self.handles.rotations(poses, loose),
             terms={},
             shapes=ShapeState(captured=self._rest, strain=np.zeros_like(strain), omega=omega),
             operators=operators,

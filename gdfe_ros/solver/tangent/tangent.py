@@ -21,8 +21,8 @@ class Tangent:
         positions: (n, 3) [m] at which the tangent was taken; None for the constant matrix, which does not follow
             rotations.
         shift: multiple of the constant matrix that was added for definiteness.
-        row, ends, ways: arrays of the springs, as in `Springs`; older archives have (m, c) ``ends`` and no ``row``.
-        stages: (t,) int32 stages of the terms (`Term.stage`); empty if all are 0, and in older archives.
+        row, ends, ways: arrays of the springs, as in `Springs`.
+        stages: (t,) int32 stages of the terms (`Term.stage`); empty if all are 0.
         spent: number of iterations since the tangent was evaluated.
         solves: number of solves with the tangent.
         latest: the part of ``spent`` in the last of these solves.
@@ -47,4 +47,4 @@ class Tangent:
     @property
     def springs(self) -> Springs:
         """The springs."""
-        return Springs.between(self.ends, self.ways) if self.ends.ndim > 1 else Springs(self.row, self.ends, self.ways)
+        return Springs(self.row, self.ends, self.ways)
