@@ -36,8 +36,8 @@ WEIGHT = 3.0
 """Weight w. The height of a body after a bounce changes by at most 1.2 % for w from 1 to 10, J_0 from 0.1 to 0.4."""
 LINE = 0.1
 """Ratio s_0 = J_c / J_0 below which the energy continues as a straight line."""
-NEARLY_FOLDED = 0.4
-"""An element is watched if the volume ratio of a corner is below this, which is twice the barriers' threshold."""
+NEARLY_FOLDED = 2.0 * THRESHOLD
+"""An element is watched if the volume ratio of a corner is below this."""
 NONE = np.zeros(0, dtype=np.int32)
 """No watched elements."""
 

@@ -19,7 +19,7 @@ from gdfe_ros.materials.tensor import scaled, times
 from gdfe_ros.mesh.triples import dot
 
 AMPLITUDE = 8.0**-0.5
-"""Amplitude, at the corners, of a mode whose projection on its unit hourglass vector is 1."""
+"""Size of the entries of a unit hourglass vector, and the amplitude of a mode whose projection on it is 1."""
 LEAST_EDGE = 1e-3
 """Stretch e in the regularised length sqrt(|F d_i|^2 + e^2); with it, a collapsed edge keeps a finite direction."""
 

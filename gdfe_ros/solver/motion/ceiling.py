@@ -10,7 +10,7 @@ from gdfe_ros.solver.motion.dynamics import Scheme
 from gdfe_ros.solver.motion.inertia import kinematics_of
 from gdfe_ros.solver.motion.ledger import Accounts
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 ABOVE_START = 0.01
 """Allowed excess over the initial energy, as fraction of the largest energy so far. The energy of a spinning body
@@ -21,8 +21,6 @@ ABOVE_LEAST, ABOVE_LEAST_BDF2 = 0.03, 0.25
 resolved motions the energy oscillates by a hundredth, because hourglass stiffness depends on strains. With `bdf2` the
 energy drops too far when the body is stopped, and rises again.
 """
-ROUNDING = 1e-9
-"""Rounding error of an energy account, divided by the sum of the magnitudes of its energies."""
 
 
 class Ceiling:
@@ -53,7 +51,7 @@ class Ceiling:
             return changed(now.ledger, bound=Bound(start=balance, least=balance, most=stirred)), 0.0
         most = max(bound.most, stirred)
         ceiling = min(bound.start + ABOVE_START * most, bound.least + self._above_least * most)
-        ceiling += self._noise + ROUNDING * sum(abs(energy) for energy in energies.values())
+        ceiling += self._noise + NEGLIGIBLE * sum(abs(energy) for energy in energies.values())
         after = changed(bound, least=min(bound.least, balance), most=most)
         return changed(now.ledger, bound=after), max(0.0, balance - ceiling)
 

@@ -13,12 +13,10 @@ from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.path import on_path
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 SHORTEST_SUBSTEP = 1.0 / 256.0
 """An increment of at most this fraction of a load path is not halved again."""
-ROUNDING = 1e-9
-"""Fraction of a load path that counts as zero."""
 
 
 class AttemptOutcome(Enum):
@@ -99,7 +97,7 @@ class Way:
     @property
     def next(self) -> float:
         """Position on the load path at which the next attempt ends, as a fraction of the load path."""
-        return 1.0 if self.done + self.length > 1.0 - ROUNDING else self.done + self.length
+        return 1.0 if self.done + self.length > 1.0 - NEGLIGIBLE else self.done + self.length
 
     @property
     def left(self) -> int:

@@ -25,6 +25,7 @@ from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import wander
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import COUNT, FACES, NODES, PRODUCTS, face_forces, pack_faces, volume_curvature
+from gdfe_ros.solver.value import NEGLIGIBLE
 
 PRESSURE, VOLUME, APEX, EDGE = 0, 1, 2, 5
 """Offsets in ``reals`` of p [Pa], a volume [m^3] that is subtracted to keep energies small, the cones' common point
@@ -33,8 +34,6 @@ FINE = 1e-2
 """Allowed displacement by the last change of the forces p b, divided by the tolerance."""
 GROWTH = 1e3
 """The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
-ZERO = 1e-9
-"""A vector b counts as zero below this fraction of the area of all faces."""
 
 
 @kernel
@@ -76,7 +75,7 @@ class PressureTerm(Term):
         super().__init__(load.name, np.concatenate([[0.0, 0.0], far]), head)
         areas = self._pushed(body.rest, 0.0, 1.0)
         self._area = float(np.abs(areas).sum())
-        beside = np.abs(areas - self._pushed(body.rest, 1.0, 0.0)).max(axis=1) > ZERO * self._area
+        beside = np.abs(areas - self._pushed(body.rest, 1.0, 0.0)).max(axis=1) > NEGLIGIBLE * self._area
         self._edge = np.flatnonzero(beside).astype(np.int32)
         middle = body.rest[self._edge if len(self._edge) else own].mean(axis=0)
         super().__init__(
