@@ -25,8 +25,8 @@ from gdfe_ros.solver.motion.integrator import reduction
 from gdfe_ros.solver.motion.stepper import CALM, MotionStepper
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.path import on_path
 from gdfe_ros.solver.stepping.stepper import FINER, Stepper
+from gdfe_ros.solver.stepping.way import on_path
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 Vector = NDArray[np.float64]

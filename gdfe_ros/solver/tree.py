@@ -15,8 +15,8 @@ from gdfe_ros.actuators.actuator import ActuatorState, Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver import state as states
 from gdfe_ros.solver.account import Bound, Failure, Ledger
-from gdfe_ros.solver.elements.operators import Operators
-from gdfe_ros.solver.tangent.tangent import Tangent
+from gdfe_ros.solver.elements.blocks import Operators
+from gdfe_ros.solver.tangent.springs import Tangent
 
 _VALUES = (
     Bound,

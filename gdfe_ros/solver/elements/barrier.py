@@ -25,8 +25,10 @@ near folding (see `watch`). Bodies without such elements have no extra cost.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined
+from gdfe_ros.mesh.quality import list_ids
 
 THRESHOLD = 0.2
 """Threshold J_0. A value of 0.3 would act in sound scenes: the least volume ratios of a corner are 0.256 in
@@ -50,3 +52,17 @@ def wall(s):
     value, slope = rest * rest * rest / t, -rest * rest * (1.0 + 2.0 * t) / (t * t)
     value += slope * (s - t)
     return value, slope
+
+
+def flattened(least: NDArray[np.float64]) -> str:
+    """Return a message that lists the flat or folded elements; empty if there are none.
+
+    Args:
+        least: (m,) least volume ratio at a corner of each element.
+    """
+    folded, flat = np.flatnonzero(~(least > 0.0)), np.flatnonzero(least < THRESHOLD)
+    found = folded if len(folded) else flat[np.argsort(least[flat], kind="stable")]
+    if not len(found):
+        return ""
+    what = "folded or turned inside out" if len(folded) else "pressed flat at a corner"
+    return f"elements {what} (least volume ratio {least[found].min():.3g}): {list_ids(found)}"

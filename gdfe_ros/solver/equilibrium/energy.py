@@ -18,10 +18,9 @@ from gdfe_ros.solver.contact.impulses import Impulses
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Minimiser, Observer, Task
 from gdfe_ros.solver.elements.pressures import at_rest
-from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.equilibrium.rest import take_rest
-from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.equilibrium.stability import Stability
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.equilibrium.model import Model
-from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.coupling import SINGULAR
 from gdfe_ros.solver.state import State

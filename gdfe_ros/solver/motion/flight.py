@@ -12,7 +12,7 @@ from gdfe_ros.solver.account import Failure
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.path import on_path
+from gdfe_ros.solver.stepping.way import on_path
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 HALVINGS = 4
