@@ -157,7 +157,8 @@ def _generalised_alpha(rho: float, h: float, x: Vectors, now: Kinematics) -> Rul
         sped = h * ((1.0 - 0.5 * gamma / beta) * now.shadow + gamma / beta * late)
         echo = (late - (0.5 - beta) * now.shadow) / beta
     rest = x + h * now.velocity + h * h * (0.5 - beta) * acceleration + moved
-    drift = rest - (now.velocity + h * (1.0 - gamma) * acceleration + sped) / theta
+    ratio = beta / gamma  # of this form, light bodies' large accelerations drop out with rho = 1
+    drift = x + h * (1.0 - ratio) * now.velocity + h * h * (0.5 - ratio) * acceleration + moved - sped / theta
     kappa = kappa_a * (1.0 - am) / (1.0 - af)
     aim = rest - (am * acceleration - af * now.balanced) / (kappa * (1.0 - af))
     pushing = {"share": 1.0 / (way * kappa * h * h), "answer": way / beta, "echo": echo}
