@@ -18,7 +18,7 @@ from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.account import Ledger
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.tangent.springs import Tangent
+from gdfe_ros.solver.terms.springs import Tangent
 from gdfe_ros.solver.value import changed
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.solver import state as states
 from gdfe_ros.solver.account import Bound, Failure, Ledger
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.tangent.springs import Tangent
+from gdfe_ros.solver.terms.springs import Tangent
 
 _VALUES = (
     Bound,

@@ -189,7 +189,6 @@ class Stepper:
             limit=limit,
             deadline=deadline,
             begins=way.done,
-            ends=way.next,
             divisible=not way.shortest,
         )
         solution = self.equilibrium.solve(problem, state)

@@ -22,8 +22,8 @@ from gdfe_ros.solver.tangent.assembly import Assembly
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness
 from gdfe_ros.solver.tangent.frames import unrotated, vertex_rotations
 from gdfe_ros.solver.tangent.fronts import Fronts, unturned_solutions
-from gdfe_ros.solver.tangent.springs import Springs, Tangent, spring_rows
 from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
+from gdfe_ros.solver.terms.springs import Springs, Tangent, spring_rows
 from gdfe_ros.solver.terms.term import Term
 
 SHIFT_GROWTH = 10.0

@@ -14,7 +14,7 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.springs import Tangent
+from gdfe_ros.solver.terms.springs import Tangent
 
 SCENE = """
 name: strip

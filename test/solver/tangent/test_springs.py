@@ -15,8 +15,8 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.springs import Springs
 from gdfe_ros.solver.terms.cable import TARGET
+from gdfe_ros.solver.terms.springs import Springs
 
 STRIP = """
 name: strip
