@@ -157,8 +157,9 @@ def _generalised_alpha(rho: float, h: float, x: Vectors, now: Kinematics) -> Rul
         sped = h * ((1.0 - 0.5 * gamma / beta) * now.shadow + gamma / beta * late)
         echo = (late - (0.5 - beta) * now.shadow) / beta
     rest = x + h * now.velocity + h * h * (0.5 - beta) * acceleration + moved
-    ratio = beta / gamma  # of this form, light bodies' large accelerations drop out with rho = 1
-    drift = x + h * (1.0 - ratio) * now.velocity + h * h * (0.5 - ratio) * acceleration + moved - sped / theta
+    drift = rest - (now.velocity + h * (1.0 - gamma) * acceleration + sped) / theta
+    if rho == 1.0:  # the same without the large accelerations of light bodies
+        drift = x + 0.5 * h * now.velocity
     kappa = kappa_a * (1.0 - am) / (1.0 - af)
     aim = rest - (am * acceleration - af * now.balanced) / (kappa * (1.0 - af))
     pushing = {"share": 1.0 / (way * kappa * h * h), "answer": way / beta, "echo": echo}
