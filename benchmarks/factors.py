@@ -23,7 +23,7 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.matrix.ordering import narrow_order
 from gdfe_ros.solver.tangent.fronts import Fronts
 from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.tangent import Tangent
+from gdfe_ros.solver.terms.springs import Tangent
 
 REPEATS = 21
 HEADINGS = (

@@ -17,6 +17,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.motion.internal_step import InternalStep
 from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.settings import Policy
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import Stepper
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from gdfe_ros.solver.sensitivity.motion import Trail
     from gdfe_ros.solver.sensitivity.result import Sensitivities
 
+CHANGE, TOLERANCE = 1e-2, 1e-8
+"""Change of a growth's command in a difference, and tolerance of the steps to both ends of it."""
 Interruption = Callable[[], bool] | None
 """Function that is called repeatedly; if it returns True, an error is raised."""
 
@@ -38,7 +41,9 @@ def make_differentiator(scene: Scene, stepper: Stepper | MotionStepper, orders: 
         stepper: the stepper of the scene's body.
         orders: names of the scene's probes and actuators.
     """
-    kind = Differentiator if scene.dynamics is None else MotionDifferentiator
+    if scene.dynamics is not None:
+        return MotionDifferentiator(scene, stepper, orders)
+    kind = RelativeDifferentiator if scene.solver.policy is Policy.RELATIVE else Differentiator
     return kind(scene, stepper, orders)
 
 
@@ -106,10 +111,9 @@ class Differentiator:
     def _jacobian(
         self, state: State, probes: list[str], actuators: list[str], interrupted: Interruption
     ) -> NDArray[np.float64]:
-        from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
-
-        points, chosen = self._orders.probes(probes), [self._orders.actuator(name) for name in actuators]
-        return np.stack(jacobian(self._stepper, state, points, chosen, interrupted=interrupted), axis=2)
+        outputs, wanted = [f"probes.{name}" for name in probes], [f"actuators.{name}" for name in actuators]
+        found = self.derivatives.found(state, outputs, wanted, interrupted=interrupted)
+        return found.matrix.reshape(len(probes), 3, len(actuators))
 
     def _require_rigid_joints(self) -> None:
         """Raise `GdfeError` if an arm has yielding joints: derivatives assume that its flange does not move."""
@@ -117,6 +121,31 @@ class Differentiator:
             if arm.springs is not None:
                 remedy = f"remedy: an arm {arm.name!r} without `compliance`"
                 raise GdfeError(f"no derivative: it would leave out the yielding joints of arm {arm.name!r}; {remedy}")
+
+
+class RelativeDifferentiator(Differentiator):
+    """Derivatives of the policy ``relative``, which has no forces: differences of two steps from the present state."""
+
+    def _jacobian(
+        self, state: State, probes: list[str], actuators: list[str], interrupted: Interruption
+    ) -> NDArray[np.float64]:
+        points, columns = self._orders.probes(probes), []
+        deadline = Deadline(interrupted=interrupted) if interrupted else None
+        for growth in map(self._orders.actuator, actuators):
+            here = state.commands[growth.name]
+            ends, places = (max(growth.low, here - CHANGE), min(growth.high, here + CHANGE)), []
+            for command in ends:
+                commands = {**state.commands, growth.name: command}
+                march = self._stepper.step(state, state.poses, commands, tolerance=TOLERANCE, deadline=deadline)
+                if deadline is not None and deadline.passed():
+                    raise GdfeError(ENDED)
+                if not march.sound:
+                    raise GdfeError(f"actuator {growth.name!r}: no equilibrium beside its command: {march.message}")
+                places.append(
+                    np.concatenate([np.zeros((0, 3)), *(point.at(march.state.positions) for point in points)])
+                )
+            columns.append((places[1] - places[0]) / (ends[1] - ends[0]))
+        return np.stack(columns, axis=2)
 
 
 class _Step(NamedTuple):

@@ -503,10 +503,9 @@ class Simulation:
     ) -> NDArray[np.float64]:
         """Return d(probe position)/d(command) at the present state, (probes, 3, actuators).
 
-        At an equilibrium it is computed by central differences, which need no tangent stiffness. For a cable that is
-        just slack, or a command at an end of its range, the difference is one-sided, in the direction in which the
-        actuator acts. For a motion the Jacobian is exact: it is the derivative of the state at the end of the last step
-        with respect to the final command of that step.
+        It is the derivative of `sensitivities`: at an equilibrium, a cable that is just slack counts as taut. For a
+        motion it is the derivative of the state at the end of the last step with respect to the final command of that
+        step. The policy ``relative`` has no forces; there it is a difference of two steps from the present state.
 
         Args:
             probes: names; None: all, in the scene's order.

@@ -10,7 +10,7 @@ from threadpoolctl import ThreadpoolController
 
 from gdfe_ros import Simulation, blas, load_scene
 from gdfe_ros.blas import one_blas_thread
-from gdfe_ros.solver.matrix import supernodes
+from gdfe_ros.solver.matrix import factor as factors
 
 
 def counts() -> set[int]:
@@ -28,11 +28,11 @@ def test_a_matrix_is_factored_with_one_thread(monkeypatch: pytest.MonkeyPatch) -
     """With two threads allowed, a body's factor is made with one BLAS thread, and two are allowed afterwards."""
     seen: list[set[int]] = []
 
-    def watched(*given: object, original: Callable = supernodes._factor) -> None:
+    def watched(*given: object, original: Callable = factors._factor) -> None:
         seen.append(counts())
         original(*given)
 
-    monkeypatch.setattr(supernodes, "_factor", watched)
+    monkeypatch.setattr(factors, "_factor", watched)
     with ThreadpoolController().limit(limits=2, user_api="blas"):
         Simulation(load_scene("bend5", overrides={"mesh.bar.cells": [60, 6, 6]}))
         assert counts() == {2}

@@ -16,9 +16,9 @@ from gdfe_ros.arms.limits import JointMotion
 from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.solver.contact.touch import Touch
-from gdfe_ros.solver.motion.flight import ROUNDING
 from gdfe_ros.solver.motion.scheme import Rule
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.value import NEGLIGIBLE
 
 Vector = NDArray[np.float64]
 Links = Mapping[str, LinkMotion]
@@ -122,7 +122,7 @@ class JointBalance:
         found = {}
         for arm, own in self._split(q):
             before, after = self.links[arm.name], self._after(arm, own)
-            cut = simulated is not None and simulated < self.h * (1.0 - ROUNDING)
+            cut = simulated is not None and simulated < self.h * (1.0 - NEGLIGIBLE)
             found[arm.name] = before.part_way(after, simulated / self.h) if cut else after
         return found
 

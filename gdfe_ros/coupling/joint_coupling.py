@@ -21,14 +21,13 @@ from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.motion.dynamics import Dynamics
-from gdfe_ros.solver.motion.flight import ROUNDING
 from gdfe_ros.solver.motion.integrator import reduction
 from gdfe_ros.solver.motion.stepper import CALM, MotionStepper
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.path import on_path
 from gdfe_ros.solver.stepping.stepper import FINER, Stepper
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.stepping.way import on_path
+from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 Vector = NDArray[np.float64]
 BALANCED = 0.1
@@ -163,7 +162,7 @@ class JointCoupling:
         """
         count, halvings = 1, HALVINGS
         if self._dynamics is not None:
-            count, halvings = max(1, math.ceil(duration / self._dynamics.step - ROUNDING)), MOVING_HALVINGS
+            count, halvings = max(1, math.ceil(duration / self._dynamics.step - NEGLIGIBLE)), MOVING_HALVINGS
         state = self._stepper.started(state, commands)
         task = _Task(state=state, links=links, motors=motors, targets=targets, commands=commands)
         return self._in_parts(task, count, duration, deadline, halvings)

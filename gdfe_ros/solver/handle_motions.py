@@ -82,11 +82,6 @@ class HandleMotions:
         turning = [np.full(len(handle.vertices), bool(handle.turning)) for handle in handles]
         return np.concatenate([np.zeros(0, dtype=bool), *turning])
 
-    def rotations(self, poses: Mapping[str, Pose], turns: Vectors) -> Vectors:
-        """Return the rotation matrices (p, 3, 3) of the handles with a free axis."""
-        found = [self.pose(handle.name, poses, turns).rotation for handle in self._loose]
-        return Rotation.from_rotvec(np.array(found).reshape(-1, 3)).as_matrix()
-
     def pose(self, name: str, poses: Mapping[str, Pose], turns: Vectors) -> Pose:
         """Return the pose of a handle: the commanded pose and its free rotation, without its free translation."""
         pose = poses[name]

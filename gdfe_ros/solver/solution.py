@@ -24,7 +24,7 @@ class Increment:
         tolerance: allowed distance to the equilibrium, divided by the body's size.
         limit: largest number of iterations.
         deadline: once it has passed, the solve returns its best positions so far; None for no deadline.
-        begins, ends: fractions of the load path at which the increment begins and ends.
+        begins: fraction of the load path at which the increment begins.
         divisible: whether a shorter increment may follow, so that a solve is given up once a chamber inflates.
         keeping: relative tolerance of commanded lengths and of hourglass scales; None stands for ``tolerance``.
         volumes: relative tolerance of the volumes of elements with a pressure; None stands for ``keeping``.
@@ -36,7 +36,6 @@ class Increment:
     limit: int
     deadline: Deadline | None = None
     begins: float = 0.0
-    ends: float = 1.0
     divisible: bool = False
     keeping: float | None = None
     volumes: float | None = None

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.account import Ledger
-from gdfe_ros.solver.elements.operators import Operators
-from gdfe_ros.solver.tangent.tangent import Tangent
+from gdfe_ros.solver.elements.blocks import Operators
+from gdfe_ros.solver.terms.springs import Tangent
 from gdfe_ros.solver.value import changed
 
 Array = NDArray[np.float64]
@@ -36,14 +36,14 @@ class ElementState:
         bulk: (k,) penalty bulk modulus [Pa] of each material, for elements with pressures; raised if pressures
             oscillate.
         hourglass_scale: (m,) present hourglass stiffness divided by the initial one.
-        hourglass_scale_before: (m,) the same for the accepted solve before it; None in older archives.
+        hourglass_scale_before: (m,) the same for the accepted solve before it.
     """
 
     pressures: Array
     pressures_before: Array
     bulk: Array
     hourglass_scale: Array
-    hourglass_scale_before: Array | None = None
+    hourglass_scale_before: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,13 +87,13 @@ class Unfinished:
     Attributes:
         tolerance: tolerance of the unfinished minimisation.
         iterations: number of iterations since the last finished solve.
-        steps, changes: (k, 3 r) [m] and [N] the pairs of the history, oldest first; None in older archives.
+        steps, changes: (k, 3 r) [m] and [N] the pairs of the history, oldest first.
     """
 
     tolerance: float
     iterations: int
-    steps: Array | None = None
-    changes: Array | None = None
+    steps: Array
+    changes: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -149,7 +149,6 @@ class State:
         poses: dict from handle or obstacle name to commanded pose.
         commands: dict from actuator or load name to command, in the unit of its mode.
         slides, turns: (p, 3) free translations [m] and free rotation vectors [rad] of the handles with a free axis.
-        orientation: (p, 3, 3) rotations of these handles when their coupling to the constant matrix was last computed.
         motion: changes of the last step; None before the first step.
         terms: dict from term name to its stored state.
         elements, shapes: state of the elements under the policies ``energy`` and ``relative``.
@@ -173,7 +172,6 @@ class State:
     commands: Mapping[str, float]
     slides: Array
     turns: Array
-    orientation: Array
     motion: Motion | None = None
     terms: Mapping[str, Saved]
     elements: ElementState | None = None

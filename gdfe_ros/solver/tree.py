@@ -15,8 +15,8 @@ from gdfe_ros.actuators.actuator import ActuatorState, Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver import state as states
 from gdfe_ros.solver.account import Bound, Failure, Ledger
-from gdfe_ros.solver.elements.operators import Operators
-from gdfe_ros.solver.tangent.tangent import Tangent
+from gdfe_ros.solver.elements.blocks import Operators
+from gdfe_ros.solver.terms.springs import Tangent
 
 _VALUES = (
     Bound,
@@ -36,20 +36,6 @@ _VALUES = (
 )
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """Dict from name to a dataclass that a tree may contain."""
-
-_RENAMED = {states.Summary: {"residual": "error_estimate"}}
-"""Dict from dataclass to a dict from a field's name in older archives to its present name."""
-
-_ADDED = {
-    Tangent: {"row", "ends", "ways", "softest", "searched", "positions", "solves", "latest"},
-    states.ElementState: {"hourglass_scale_before"},
-    states.Snapshot: {"scene", "joints", "links"},
-    states.State: {"soft"},
-    states.Summary: {"stable", "estimated"},
-    states.Unfinished: {"steps", "changes"},
-    Ledger: {"bound"},
-}
-"""Dict from dataclass to the fields that older archives lack."""
 
 
 class TreeError(ValueError):
@@ -109,9 +95,8 @@ def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
 def _instance(tree: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Any:
     """Return the dataclass of a tree with the keys ``class`` and ``fields``."""
     kind = _CLASSES[tree["class"]]
-    present = _RENAMED.get(kind, {})
-    given = {present.get(name, name): from_tree(item, arrays) for name, item in tree["fields"].items()}
+    given = {name: from_tree(item, arrays) for name, item in tree["fields"].items()}
     names = {item.name for item in fields(kind)} - ({"operators"} if kind is states.State else set())
-    if (set(given) ^ names) - _ADDED.get(kind, set()):
+    if set(given) != names:
         raise TreeError(f"{kind.__name__} has missing or unknown fields: {sorted(set(given) ^ names)}")
     return kind(**given, operators=None) if kind is states.State else kind(**given)

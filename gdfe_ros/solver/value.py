@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replacement of attributes in immutable values."""
+"""Replacement of attributes in immutable values, and the difference of numbers that counts as zero."""
 
 from __future__ import annotations
 
 from typing import TypeVar
+
+NEGLIGIBLE = 1e-9
+"""Relative difference, or fraction of a whole, that counts as zero."""
 
 Value = TypeVar("Value")
 

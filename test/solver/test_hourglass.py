@@ -16,7 +16,7 @@ from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.round_bodies import tube
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import corner_forces, strain_energies
-from gdfe_ros.solver.elements.torsion import OWN_SHEAR
+from gdfe_ros.solver.elements.hourglass import OWN_SHEAR
 from gdfe_ros.solver.settings import Torsion
 
 MakeBody = Callable[..., Body]

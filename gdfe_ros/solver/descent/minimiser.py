@@ -15,14 +15,13 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.impulses import Impulses
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.loop import Metric, choose, descend, move, start
+from gdfe_ros.solver.descent.loop import Metric, choose, descend, move, precondition, start
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.descent.workspace import End, Problem, Workspace, numbers
 from gdfe_ros.solver.distance import largest, largest_shift
-from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
 from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
-from gdfe_ros.solver.tangent.tangent import Tangent
+from gdfe_ros.solver.tangent.substitution import Kept
+from gdfe_ros.solver.terms.springs import Tangent
 
 SHARE, MOVING, FREE = 0.2, 0.1, 0.02
 """A minimisation ends if its distance to the equilibrium, divided by the tolerance, is at most this: in statics, in
@@ -51,14 +50,12 @@ class Task:
     Attributes:
         active: the unknowns, the elements and the workspace.
         problem: the constant data.
-        coupling: the constant matrix, and its coupling to the rigid rows of handles.
         deadline: once it has passed, the minimisation ends; None for no deadline.
         gives_up: whether the minimisation ends at positions (n, 3) [m] at which the tangent is indefinite.
     """
 
     active: ActiveSet
     problem: Problem
-    coupling: Coupling
     deadline: Deadline | None = None
     gives_up: Callable[[NDArray[np.float64]], bool] | None = None
 
@@ -158,7 +155,7 @@ class Minimiser:
                 self._show(work, begins=True)
             with task.turn:
                 most = self._age()
-                given = task.problem, work, self.metric(task.coupling), self._body.size, target, proven, most
+                given = task.problem, work, self.metric(task.active), self._body.size, target, proven, most
                 least = max(0, min(chunk, limit - done))
                 used = (self._touching if self.impulses else descend)(*given, least, begins)
             self._show(work, begins=False)
@@ -202,12 +199,7 @@ class Minimiser:
 
     def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
         """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""
-        if self.tangent is not None:
-            solve_kept(self.level.kept, gradient, step)
-            return
-        matrix, rows = task.active.matrix, len(task.active.unknowns.free)
-        matrix.solve(gradient.reshape(-1, 3)[:rows], step.reshape(-1, 3)[:rows])
-        close_coupling(gradient, task.coupling, step)
+        precondition(self.metric(task.active), gradient, step, None)
 
     def renew(self, task: Task) -> bool:
         """Take the tangent at the present unknowns of ``task`` if it is positive definite; return whether it is.
@@ -262,9 +254,9 @@ class Minimiser:
         far = not largest_shift(active.workspace.x, self._body.rest) <= FARTHEST * self._body.size
         return far or active.ended is End.RUNAWAY
 
-    def metric(self, coupling: Coupling) -> Metric:
+    def metric(self, active: ActiveSet) -> Metric:
         """Return the initial matrix for the kernels."""
-        held, tangent = bool(self._body.handles), self.tangent
+        held, tangent, coupling = bool(self._body.handles), self.tangent, active.matrix.coupling
         if tangent is None:
             return Metric(self._none, coupling, self._body.rest, held, TRUST, *self._given)
         before = self._body.rest if tangent.positions is None else tangent.positions

@@ -25,8 +25,10 @@ near folding (see `watch`). Bodies without such elements have no extra cost.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined
+from gdfe_ros.mesh.quality import list_ids
 
 THRESHOLD = 0.2
 """Threshold J_0. A value of 0.3 would act in sound scenes: the least volume ratios of a corner are 0.256 in
@@ -36,8 +38,8 @@ WEIGHT = 3.0
 """Weight w. The height of a body after a bounce changes by at most 1.2 % for w from 1 to 10, J_0 from 0.1 to 0.4."""
 LINE = 0.1
 """Ratio s_0 = J_c / J_0 below which the energy continues as a straight line."""
-NEARLY_FOLDED = 0.4
-"""An element is watched if the volume ratio of a corner is below this, which is twice the barriers' threshold."""
+NEARLY_FOLDED = 2.0 * THRESHOLD
+"""An element is watched if the volume ratio of a corner is below this."""
 NONE = np.zeros(0, dtype=np.int32)
 """No watched elements."""
 
@@ -50,3 +52,17 @@ def wall(s):
     value, slope = rest * rest * rest / t, -rest * rest * (1.0 + 2.0 * t) / (t * t)
     value += slope * (s - t)
     return value, slope
+
+
+def flattened(least: NDArray[np.float64]) -> str:
+    """Return a message that lists the flat or folded elements; empty if there are none.
+
+    Args:
+        least: (m,) least volume ratio at a corner of each element.
+    """
+    folded, flat = np.flatnonzero(~(least > 0.0)), np.flatnonzero(least < THRESHOLD)
+    found = folded if len(folded) else flat[np.argsort(least[flat], kind="stable")]
+    if not len(found):
+        return ""
+    what = "folded or turned inside out" if len(folded) else "pressed flat at a corner"
+    return f"elements {what} (least volume ratio {least[found].min():.3g}): {list_ids(found)}"

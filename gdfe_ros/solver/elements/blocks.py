@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.mesh.operators import ShapeOperators
-from gdfe_ros.solver.elements.torsion import couplings
+from gdfe_ros.solver.elements.hourglass import couplings
 
 LANES = 8
 """Number of elements in a block. The innermost loops run over the elements of a block."""
@@ -82,3 +83,18 @@ def block_geometry(shape: ShapeOperators, element: NDArray[np.int32]) -> NDArray
         axis=1,
     )
     return np.ascontiguousarray(geometry[element].transpose(0, 2, 1)).ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class Operators:
+    """The elements' rest shape; an immutable value.
+
+    Attributes:
+        shape: operators of the elements.
+        blocks: the same operators in the layout of the kernels' blocks.
+        stretch: (k, 3, 3) growth of the cells that can grow; (0, 3, 3) if none can.
+    """
+
+    shape: ShapeOperators
+    blocks: Blocks
+    stretch: NDArray[np.float64]

@@ -16,7 +16,7 @@ from numba.extending import overload
 
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.mesh.tet_operators import TetOperators
-from gdfe_ros.solver.elements import folding, hex_response, hexahedra, tetrahedra
+from gdfe_ros.solver.elements import hex_response, hexahedra, tetrahedra
 
 _INLINED = {"nogil": True, "error_model": "numpy", "forceinline": True, "no_cpython_wrapper": True}
 
@@ -49,7 +49,7 @@ def _of(*modules) -> CellKernels:
     return CellKernels(*found)
 
 
-KERNELS = {ShapeOperators: _of(hex_response, folding, hexahedra), TetOperators: _of(tetrahedra)}
+KERNELS = {ShapeOperators: _of(hex_response, hexahedra), TetOperators: _of(tetrahedra)}
 """The functions of each cell type, by the class of its operators."""
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from gdfe_ros.compiled import inlined
 from gdfe_ros.solver.elements.blocks import GEOMETRY_ROWS, LANES, REFERENCE
+from gdfe_ros.solver.elements.hourglass import AMPLITUDE as UNIT
 from gdfe_ros.solver.elements.lanes import (
     COORDINATES,
     FORCES,
@@ -21,9 +22,6 @@ from gdfe_ros.solver.elements.lanes import (
     load9,
     store3,
 )
-
-UNIT = 8.0**-0.5
-"""Factor that scales a pattern of signs over eight corners to unit length."""
 
 
 @inlined

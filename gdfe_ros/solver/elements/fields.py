@@ -13,6 +13,7 @@ from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.elements.cell_kernels import least_corners, volume_ratio
 from gdfe_ros.solver.elements.measures import (
     softened_scale,
@@ -20,7 +21,6 @@ from gdfe_ros.solver.elements.measures import (
     update_hourglass_scales,
     volume_at,
 )
-from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.elements.response import evaluate
 
 

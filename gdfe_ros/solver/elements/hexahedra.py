@@ -1,13 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled measures of hexahedra: mean gradient, volume ratio, least corner (see `cell_kernels`)."""
+"""Compiled measures and fold barrier of hexahedra: mean gradient, volume ratios, forces that open corners.
+
+See `cell_kernels` for the measures, and `barrier` for the barrier.
+"""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from gdfe_ros.compiled import inlined, internal
+from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.mesh.triples import cross, dot
+from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, wall
+
+EDGES = np.array(
+    [
+        [[0, 1], [0, 3], [0, 4]],
+        [[0, 1], [1, 2], [1, 5]],
+        [[3, 2], [1, 2], [2, 6]],
+        [[3, 2], [0, 3], [3, 7]],
+        [[4, 5], [4, 7], [0, 4]],
+        [[4, 5], [5, 6], [1, 5]],
+        [[7, 6], [5, 6], [2, 6]],
+        [[7, 6], [4, 7], [3, 7]],
+    ],
+    dtype=np.int32,
+)
+"""First and last corner of the three edges that meet in each corner (8, 3, 2), along xi, eta and zeta."""
+SIDES = np.array([[0, 1, 1, 0, 0, 1, 1, 0], [0, 0, 1, 1, 0, 0, 1, 1], [0, 0, 0, 0, 1, 1, 1, 1]], dtype=np.int32).T
+"""Coordinates xi, eta and zeta, each 0 or 1, of the corners (8, 3) of a cell."""
 
 
 @inlined
@@ -31,6 +55,13 @@ def mean_gradient(x, shape, e):
 
 
 @inlined
+def volume_ratio(x, shape, e):
+    """Return the determinant of the mean deformation gradient of element ``e``."""
+    f = mean_gradient(x, shape, e)
+    return determinant(f, cofactor(f))
+
+
+@inlined
 def corner(x, v):
     """Return the position (3,) [m] of vertex ``v``."""
     return x[v, 0], x[v, 1], x[v, 2]
@@ -42,46 +73,33 @@ def edge(a, b):
     return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
-@inlined
-def between(a, b, share):
-    """Return the point at the fraction ``share`` from a to b."""
-    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
+@internal
+def least_corners(x, shape, elements, out):
+    """Write the least volume ratio det F over the corners of each of ``elements`` (k,) to ``out`` (m,).
+
+    The value is NaN if one of the ratios is NaN. The mean gradient does not show a folded corner, because hourglass
+    patterns do not contribute to it. The corners of a cut cell are the corners of the box that its material fills; the
+    empty part of the cell may fold. Cut cells have a loop of their own: numba would count references to all arrays of
+    ``shape`` in each pass of a loop with both cases, which takes ten times as long.
+    """
+    for e in elements:
+        if not shape.cut[e]:
+            out[e] = least_ratio(x, shape.cells[e], shape.corner_ratio[e])
+    corners, own = np.empty((8, 3)), np.arange(8)
+    for e in elements:
+        if shape.cut[e]:
+            load_corners(x, shape, e, corners)
+            out[e] = least_ratio(corners, own, shape.corner_ratio[e])
 
 
 @inlined
-def part(a, b, sides):
-    """Return the two points at the fractions ``sides`` from a to b."""
-    return between(a, b, sides[0]), between(a, b, sides[1])
+def least_ratio(x, cell, r):
+    """Return the least of the volume ratios at the vertices ``cell`` (8,) with ``r`` (8,) [1/m^3]; NaN if one is NaN.
 
-
-@inlined
-def box_corners(x0, x1, x2, x3, x4, x5, x6, x7, box):
-    """Return the corners of the box (3, 2) of a cut cell from the cell's corners, by trilinear weights."""
-    x0, x1 = part(x0, x1, box[0])
-    x3, x2 = part(x3, x2, box[0])
-    x4, x5 = part(x4, x5, box[0])
-    x7, x6 = part(x7, x6, box[0])
-    x0, x3 = part(x0, x3, box[1])
-    x1, x2 = part(x1, x2, box[1])
-    x4, x7 = part(x4, x7, box[1])
-    x5, x6 = part(x5, x6, box[1])
-    x0, x4 = part(x0, x4, box[2])
-    x1, x5 = part(x1, x5, box[2])
-    x2, x6 = part(x2, x6, box[2])
-    x3, x7 = part(x3, x7, box[2])
-    return x0, x1, x2, x3, x4, x5, x6, x7
-
-
-@inlined
-def corners_of(x, cell):
-    """Return the eight positions (3,) [m] of the vertices ``cell`` (8,)."""
+    The sums are written out: a loop over `EDGES` takes twice as long.
+    """
     x0, x1, x2, x3 = corner(x, cell[0]), corner(x, cell[1]), corner(x, cell[2]), corner(x, cell[3])
-    return x0, x1, x2, x3, corner(x, cell[4]), corner(x, cell[5]), corner(x, cell[6]), corner(x, cell[7])
-
-
-@inlined
-def least_ratio(x0, x1, x2, x3, x4, x5, x6, x7, r):
-    """Return the least of the volume ratios at corners ``x0`` .. ``x7`` with ``r`` (8,) [1/m^3]; NaN if one is NaN."""
+    x4, x5, x6, x7 = corner(x, cell[4]), corner(x, cell[5]), corner(x, cell[6]), corner(x, cell[7])
     a01, a32, a45, a76 = edge(x0, x1), edge(x3, x2), edge(x4, x5), edge(x7, x6)
     b03, b12, b47, b56 = edge(x0, x3), edge(x1, x2), edge(x4, x7), edge(x5, x6)
     c04, c15, c26, c37 = edge(x0, x4), edge(x1, x5), edge(x2, x6), edge(x3, x7)
@@ -96,27 +114,101 @@ def least_ratio(x0, x1, x2, x3, x4, x5, x6, x7, r):
 
 
 @internal
-def least_corners(x, shape, elements, out):
-    """Write the least volume ratio det F over the corners of each of ``elements`` (k,) to ``out`` (m,).
-
-    The value is NaN if one of the ratios is NaN. The mean gradient does not show a folded corner, because hourglass
-    patterns do not contribute to it. The corners of a cut cell are the corners of the box that its material fills; the
-    empty part of the cell may fold. Cut cells have a loop of their own: numba would count references to all arrays of
-    ``shape`` in each pass of a loop with both cases, which takes ten times as long.
-    """
-    for e in elements:
-        if not shape.cut[e]:
-            x0, x1, x2, x3, x4, x5, x6, x7 = corners_of(x, shape.cells[e])
-            out[e] = least_ratio(x0, x1, x2, x3, x4, x5, x6, x7, shape.corner_ratio[e])
-    for e in elements:
-        if shape.cut[e]:
-            x0, x1, x2, x3, x4, x5, x6, x7 = corners_of(x, shape.cells[e])
-            x0, x1, x2, x3, x4, x5, x6, x7 = box_corners(x0, x1, x2, x3, x4, x5, x6, x7, shape.box[e])
-            out[e] = least_ratio(x0, x1, x2, x3, x4, x5, x6, x7, shape.corner_ratio[e])
+def add_walls(x, watched, shape, material, table, force, energy):
+    """Add the fold barriers of the ``watched`` elements (k,) to corner forces (m, 8, 3) [N] and energies (m,) [J]."""
+    corners, slopes = np.empty((8, 3)), np.empty((8, 3))
+    for e in watched:
+        load_corners(x, shape, e, corners)
+        slopes[...] = 0.0
+        scale = 0.125 * WEIGHT * shape.volume[e] * table.parameters[material[e], SHEAR]
+        pressed = False
+        for c in range(8):
+            a, b, d = edge_at(corners, c, 0), edge_at(corners, c, 1), edge_at(corners, c, 2)
+            over_a, over_b, over_d = cross(b, d), cross(d, a), cross(a, b)
+            ratio = shape.corner_ratio[e, c] * dot(a, over_a)
+            if not ratio < THRESHOLD:
+                continue
+            pressed = True
+            value, slope = wall(ratio / THRESHOLD)
+            energy[e] += scale * value
+            slope *= scale * shape.corner_ratio[e, c] / THRESHOLD
+            add_edge(slopes, c, 0, slope, over_a)
+            add_edge(slopes, c, 1, slope, over_b)
+            add_edge(slopes, c, 2, slope, over_d)
+        if pressed:
+            add_slopes(slopes, shape, e, force)
 
 
 @inlined
-def volume_ratio(x, shape, e):
-    """Return the determinant of the mean deformation gradient of element ``e``."""
-    f = mean_gradient(x, shape, e)
-    return determinant(f, cofactor(f))
+def edge_at(corners, c, axis):
+    """Return the edge vector (3,) [m] at corner ``c`` along xi, eta or zeta (``axis`` 0, 1 or 2)."""
+    return edge(corner(corners, EDGES[c, axis, 0]), corner(corners, EDGES[c, axis, 1]))
+
+
+@inlined
+def add_edge(slopes, c, axis, share, derivative):
+    """Add ``share`` times the derivative with respect to an edge to the derivatives at the edge's two corners."""
+    first, last = EDGES[c, axis, 0], EDGES[c, axis, 1]
+    for i in range(3):
+        slopes[last, i] += share * derivative[i]
+        slopes[first, i] -= share * derivative[i]
+
+
+@inlined
+def load_corners(x, shape, e, corners):
+    """Write the corners (8, 3) [m] of an element, or of the box that the material of a cut cell fills."""
+    for c in range(8):
+        for i in range(3):
+            if not shape.cut[e]:
+                corners[c, i] = x[shape.cells[e, c], i]
+            else:
+                corners[c, i] = 0.0
+                for a in range(8):
+                    corners[c, i] += box_weight(shape.box[e], c, a) * x[shape.cells[e, a], i]
+
+
+@inlined
+def add_slopes(slopes, shape, e, force):
+    """Add the derivatives ``slopes`` (8, 3) [N] of the energy to the corner forces ``force`` (m, 8, 3) [N] of ``e``.
+
+    The derivatives are with respect to the corners that `load_corners` writes.
+    """
+    for c in range(8):
+        for i in range(3):
+            if not shape.cut[e]:
+                force[e, c, i] += slopes[c, i]
+            else:
+                for a in range(8):
+                    force[e, a, i] += box_weight(shape.box[e], c, a) * slopes[c, i]
+
+
+@inlined
+def box_weight(box, c, cell_corner):
+    """Return the trilinear weight of the corner ``cell_corner`` of a cell at the corner ``c`` of its ``box`` (3, 2)."""
+    weight = 1.0
+    for axis in range(3):
+        place = box[axis, SIDES[c, axis]]
+        weight *= place if SIDES[cell_corner, axis] else 1.0 - place
+    return weight
+
+
+@inlined
+def room(x, shape, e, corners):
+    """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 if nearly folded."""
+    load_corners(x, shape, e, corners)
+    return element_room(corners, shape.corner_ratio[e])
+
+
+@inlined
+def element_room(corners, ratios):
+    """Return the result of `room` [m] for an element's corners (8, 3) [m] and its ``ratios`` r_c (8,) [1/m^3]."""
+    room = math.inf
+    for c in range(8):
+        a, b, d = edge_at(corners, c, 0), edge_at(corners, c, 1), edge_at(corners, c, 2)
+        ratio = ratios[c] * dot(a, cross(b, d))
+        if not ratio >= NEARLY_FOLDED:
+            return 0.0
+        first, second, third = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(d, d))
+        share = 3.0 * ratios[c] * (first * second + second * third + third * first)
+        room = min(room, min(min(first, second), min(third, (ratio - THRESHOLD) / share)))
+    return 0.5 * room

@@ -14,12 +14,21 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.tensor import scaled, times
 from gdfe_ros.mesh.triples import dot
 
+OWN_SHEAR = (6.0 * 0.14057702, 0.37384848, 0.22901768, 0.15517115)
+"""Weight 1 - chi of the uncoupled shear strains in a twisted element, by the number of cells across a square bar. With
+1, 2, 3 and 4 cells the bar has Saint-Venant's constant 0.14057702 h^4 to the last digit, where h is its width. For more
+than 4 cells the weight of 4 cells is used. The error is then at most 0.2 %. Smaller weights would resist hourglassing
+too little.
+"""
 AMPLITUDE = 8.0**-0.5
-"""Amplitude, at the corners, of a mode whose projection on its unit hourglass vector is 1."""
+"""Size of the entries of a unit hourglass vector, and the amplitude of a mode whose projection on it is 1."""
 LEAST_EDGE = 1e-3
 """Stretch e in the regularised length sqrt(|F d_i|^2 + e^2); with it, a collapsed edge keeps a finite direction."""
 
@@ -115,3 +124,8 @@ def turning(t, q, d, inverse):
 def combine(a, u, b, v, c, w):
     """Return a u + b v + c w."""
     return a * u[0] + b * v[0] + c * w[0], a * u[1] + b * v[1] + c * w[1], a * u[2] + b * v[2] + c * w[2]
+
+
+def couplings(across: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the coupling chi (m,) of elements in sections that are ``across`` (m,) cells wide."""
+    return (1.0 - np.array(OWN_SHEAR))[np.minimum(across, len(OWN_SHEAR)) - 1]

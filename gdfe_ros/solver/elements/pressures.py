@@ -106,4 +106,5 @@ def at_rest(body: Body) -> ElementState:
         pressures_before=none,
         bulk=body.table.parameters[:, PENALTY].copy(),
         hourglass_scale=np.ones_like(none),
+        hourglass_scale_before=np.ones_like(none),
     )

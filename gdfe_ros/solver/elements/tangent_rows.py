@@ -21,7 +21,9 @@ from gdfe_ros.solver.elements.lanes import GRADIENT, MODES, ROWS, STRESS
 from gdfe_ros.solver.elements.stress_rows import stress_rows
 
 SPACING = 1e-5
-"""Change of an entry of F in a difference. Truncation and rounding errors are then both about 1e-10."""
+"""Change of an entry of F in a difference, or displacement divided by the cube root of an element's volume. Truncation
+and rounding errors are then both about 1e-10.
+"""
 NUMBERS = 21
 """Length of z and r."""
 WIDTH = 24

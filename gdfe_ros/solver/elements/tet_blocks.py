@@ -12,6 +12,7 @@ from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.mesh.tet_operators import TetOperators
 from gdfe_ros.solver.elements.blocks import LANES, lanes_of
 from gdfe_ros.solver.elements.lanes import ROWS
+from gdfe_ros.solver.value import NEGLIGIBLE
 
 INVERSE, WEIGHT, TET_GEOMETRY_ROWS = 0, 36, 40
 """First rows in ``TetBlocks.geometry`` of the inverses of dX/dxi (4 x 9) and the weights (4) of the integration points;
@@ -23,8 +24,6 @@ hexahedra come before them, because the laws are evaluated in the rows of hexahe
 SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENTS + 38
 """Row of the pressure that acts on the mean volume, row of the energy, and first of the geometry's 40 rows."""
 TET_ROWS = GEOMETRY_OF_TET + TET_GEOMETRY_ROWS
-STRAIGHT = 1e-9
-"""Edges count as straight if dxi/dX differs by at most this fraction between the integration points."""
 
 
 class TetBlocks(NamedTuple):
@@ -56,7 +55,7 @@ def make_tet_blocks(
     """Return the ``elements`` (k,) in blocks, sorted by law and edge shape; within a kind the order is kept."""
     inverse = shape.inverse.reshape(-1, 4, 9)
     bend = np.abs(inverse - inverse[:, :1]).max(axis=(1, 2))
-    straight = bend <= STRAIGHT * np.abs(inverse[:, 0]).max(axis=1)
+    straight = bend <= NEGLIGIBLE * np.abs(inverse[:, 0]).max(axis=1)
     element, used = lanes_of((2 * table.law[material] + straight)[elements], elements)
     kind = straight[element[:, 0]]
     sizes = LANES * np.where(kind, TET_GEOMETRY_ROWS // 4, TET_GEOMETRY_ROWS)

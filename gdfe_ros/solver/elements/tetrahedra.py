@@ -13,6 +13,7 @@ from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.mesh.triples import cross, dot
 from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, wall
 from gdfe_ros.solver.elements.blocks import LANES
+from gdfe_ros.solver.elements.tangent_rows import SPACING
 from gdfe_ros.solver.elements.tet_blocks import NODES, STORED_ENERGY, TET_ROWS, TOTAL
 from gdfe_ros.solver.elements.tet_rows import L, load_geometry, load_nodes, load_shares, respond
 
@@ -25,8 +26,6 @@ OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]], dtype=np.int32)
 """The other corners (4, 3) of the edges in `CORNER_NODES`."""
 ORDER = np.array([1.0, -1.0, 1.0, -1.0])
 """Sign of the triple product of the edges in the order of `CORNER_NODES`."""
-SPACING = 1e-5
-"""Displacement in a finite difference, divided by the cube root of an element's volume."""
 
 
 @internal

@@ -18,14 +18,12 @@ from gdfe_ros.solver.contact.impulses import Impulses
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Minimiser, Observer, Task
 from gdfe_ros.solver.elements.pressures import at_rest
-from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.equilibrium.rest import take_rest
-from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.equilibrium.stability import Stability
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
-from gdfe_ros.solver.matrix.coupling import Coupling
 from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.reactions import vertex_forces
 from gdfe_ros.solver.settings import Skip
@@ -35,8 +33,6 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
 
-REORIENT = 0.3
-"""If a handle has rotated by this angle [rad], its coupling to the constant matrix is recomputed."""
 RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 
@@ -129,7 +125,6 @@ class EquilibriumSolver:
             commands=dict(neutral),
             slides=loose,
             turns=loose,
-            orientation=self.handles.rotations(poses, loose),
             terms=saved,
             elements=at_rest(body),
             operators=ungrown,
@@ -150,7 +145,7 @@ class EquilibriumSolver:
 
     def evaluated(self, solve: Solve) -> Task:
         """Evaluate all terms at the start of a solve; return the minimisation's task at that start."""
-        return solve.evaluate(self._whole, self.matrix.coupling, threads=None)
+        return solve.evaluate(self._whole, threads=None)
 
     @property
     def remarks(self) -> list[str]:
@@ -185,9 +180,7 @@ class EquilibriumSolver:
     def forces(self, state: State) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of all terms at a state; zero for vertices inside handles."""
         work, vertices = self._whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
-        Solve.at(self._model, state).evaluate(
-            self._whole, self.matrix.coupling, threads=self._whole.threads(self._threads)
-        )
+        Solve.at(self._model, state).evaluate(self._whole, threads=self._whole.threads(self._threads))
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def skipped(self) -> dict[str, int]:
@@ -198,8 +191,7 @@ class EquilibriumSolver:
     def task_at(self, solve: Solve, found: Solution) -> Task:
         """Return the minimisation's task at a solution, with unchanged multipliers."""
         solve.go_on_from(found.state)
-        threads = self._whole.threads(self._threads)
-        return solve.evaluate(self._whole, self._coupling(self._orientation(solve)), threads=threads)
+        return solve.evaluate(self._whole, threads=self._whole.threads(self._threads))
 
     def _judged(self, solve: Solve, found: Solution) -> Solution:
         """Return a solution with its stability, and with a new tangent if that lowers the cost of the next solves."""
@@ -212,18 +204,13 @@ class EquilibriumSolver:
             return found
         return self._stability.judged(self, solve, found)
 
-    def _coupling(self, orientation: NDArray[np.float64] | None) -> Coupling:
-        """Return the coupling of the handles' rigid rows at a result of `_orientation`."""
-        return self.matrix.coupling if orientation is None else self.matrix.turned(orientation)
-
     def descend(self, solve: Solve, *, spent: int = 0) -> Solution:
         """Return the solution of minimisations and multiplier updates from the present positions of ``solve``.
 
         ``spent`` is the number of iterations that the solve has made before.
         """
-        orientation, active = self._orientation(solve), self._whole
-        coupling = self._coupling(orientation)
-        solve.descend(active, coupling, threads=active.threads(self._threads), limit=solve.problem.limit - spent)
+        active, limit = self._whole, solve.problem.limit - spent
+        solve.descend(active, threads=active.threads(self._threads), limit=limit)
         if self.minimiser.ran_away(active):
             summary = changed(solve.start.summary, converged=False, error_estimate=np.inf, message=RAN_AWAY)
             return Solution(
@@ -232,16 +219,4 @@ class EquilibriumSolver:
                 diverged=True,
                 began=solve.start.positions,
             )
-        solution = solve.solution(active, self._stored, self._least)
-        if orientation is None:
-            return solution
-        return changed(solution, state=solution.state.with_(orientation=orientation))
-
-    def _orientation(self, solve: Solve) -> NDArray[np.float64] | None:
-        """Return the rotations (p, 3, 3) for coupling the rigid rows of handles; None if no handle rotates freely."""
-        if not self.handles.turn:
-            return None
-        kept = solve.start.orientation
-        now = self.handles.rotations(solve.problem.poses, solve.turns)
-        cosine = 0.5 * (np.einsum("pij,pij->p", now, kept) - 1.0)
-        return kept if (cosine >= np.cos(REORIENT)).all() else now
+        return solve.solution(active, self._stored, self._least)

@@ -34,14 +34,12 @@ class Prediction:
         positions: (n, 3) [m].
         slides, turns: (p, 3) free motions of handles [m], [rad].
         ratio: multiple of the last step that was extrapolated.
-        sure: whether the prediction counts as near the end of the step, even if the step is long.
     """
 
     positions: NDArray[np.float64]
     slides: NDArray[np.float64]
     turns: NDArray[np.float64]
     ratio: float
-    sure: bool = False
 
 
 class Predictor:

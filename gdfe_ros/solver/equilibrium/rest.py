@@ -7,15 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.equilibrium.model import Model
-from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.matrix.coupling import SINGULAR
 from gdfe_ros.solver.state import State
 
-MECHANISM = 1e-10
-"""A mode counts as rigid if its stiffness, divided by that in the constant matrix, is below this: the handles let the
-body turn or move as a whole.
-"""
 INVERSE_ITERATIONS = 6
 """Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
 
@@ -35,7 +31,7 @@ def take_rest(model: Model, whole: ActiveSet, matrix: ConstantMatrix, rest: Stat
     count, minimiser = len(whole.unknowns.free), model.minimiser
     if count == 0:
         return
-    task, work = Solve.at(model, rest).evaluate(whole, matrix.coupling, threads=None), whole.workspace
+    task, work = Solve.at(model, rest).evaluate(whole, threads=None), whole.workspace
     tangent = minimiser.level.take(task.problem, work.u, work.x)
     if tangent.shift > 0.0:
         return
@@ -46,7 +42,7 @@ def take_rest(model: Model, whole: ActiveSet, matrix: ConstantMatrix, rest: Stat
         minimiser.level.solve(load, found)
         least = float(found @ load) / float(found @ _weighed(matrix, found, count))
         load = _weighed(matrix, found / np.abs(found).max(), count)
-    if least >= MECHANISM:
+    if least >= SINGULAR:  # else the handles let the body turn or move as a whole
         minimiser.level.first_shift, minimiser.rest = least, tangent
         minimiser.level.keep(tangent)
 

@@ -3,28 +3,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.minimiser import Task
+from gdfe_ros.solver.descent.minimiser import Minimiser, Task
 from gdfe_ros.solver.descent.pairs import history, load_history
 from gdfe_ros.solver.descent.search import ROUNDING
 from gdfe_ros.solver.descent.workspace import End, Problem
+from gdfe_ros.solver.elements.barrier import flattened
 from gdfe_ros.solver.elements.fields import store_energies
-from gdfe_ros.solver.elements.flatness import flattened
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
 from gdfe_ros.solver.elements.pressures import Pressures
 from gdfe_ros.solver.elements.watch import Watch
-from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Prediction
-from gdfe_ros.solver.equilibrium.schedule import FIRST_TOLERANCE, LINEAR, DescentSchedule
-from gdfe_ros.solver.matrix.coupling import Coupling
+from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
+from gdfe_ros.solver.terms.actuation import Actuation
 
+FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
+"""If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
+LINEAR = 1e-4
+"""Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, a step with the tangent does
+not measure the distance: the bending stiffness of a sheet or of a hanging bar changes within a thickness.
+"""
 FAINT = 0.3
 """If the error of a constraint, or the change of an hourglass scale, exceeds this multiple of the tolerance, a
 minimisation has to show that the positions are still within the tolerance. (With a single cell across, the whole
@@ -40,6 +48,57 @@ MOST_UPDATES = 200
 """Limit of the updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need most."""
 UNSETTLED = "the faces that touch each other do not settle"
 TOO_STRONG = "a load or an actuator is so strong that the rounding of its energy hides the energy of the body"
+
+
+class DescentSchedule:
+    """Tolerances of the minimisations between which multipliers are updated: coarse at first, the solve's at the end.
+
+    Args:
+        tolerance: tolerance of the solve.
+        first: tolerance of the first minimisation.
+
+    Attributes:
+        present: tolerance of the present minimisation.
+    """
+
+    def __init__(self, tolerance: float, *, first: float) -> None:
+        self._tolerance, self._finest, self._aim, self.present = tolerance, tolerance, first, first
+
+    def aim(self, *, confirms: bool) -> float:
+        """Return the tolerance of the next minimisation; if it only ``confirms`` the positions, that of the solve."""
+        self._aim = self._tolerance if confirms else self.present
+        return self._aim
+
+    @property
+    def exact(self) -> bool:
+        """Whether the last minimisation had the tolerance of the solve, or a finer one that was asked for."""
+        return self.present <= self._tolerance and self._aim <= self.present
+
+    def refine(self) -> None:
+        """Decrease the tolerance of the solve: multipliers still change, but by too little for another iteration."""
+        self._finest *= TIGHTEN
+
+    def tighten(self) -> None:
+        """Decrease the tolerance for the next minimisation, at most to that of the solve."""
+        self.present = max(self._finest, TIGHTEN * self.present)
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Data common to all solves of a body: body, external terms, kinematics of its handles, and minimiser.
+
+    Attributes:
+        softening: whether hourglass scales follow the strain. With ``newmark`` they stay constant, because a change of
+            scale would create or remove energy.
+        moving: whether inertia is among the terms.
+    """
+
+    body: Body
+    actuation: Actuation
+    handles: HandleMotions
+    minimiser: Minimiser
+    softening: bool = True
+    moving: bool = False
 
 
 class Solve:
@@ -102,7 +161,8 @@ class Solve:
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
         self._tangent = start.tangent
         self.pressures = Pressures(self._body, start.elements, here.ratio)
-        self._scale = _followed_scale(start.elements, here.ratio)
+        last, before = start.elements.hourglass_scale, start.elements.hourglass_scale_before
+        self._scale = np.clip(last + here.ratio * (last - before), LEAST_SCALE, MOST_SCALE)
         given = here.positions, self.problem.poses, start
         self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
@@ -118,13 +178,13 @@ class Solve:
         self._resumed = None
         self._prediction = Prediction(state.positions, state.slides, state.turns, 0.0)
 
-    def evaluate(self, active: ActiveSet, coupling: Coupling, *, threads: int | None) -> Task:
+    def evaluate(self, active: ActiveSet, *, threads: int | None) -> Task:
         """Set the unknowns to the start and evaluate all terms there; return the minimisation's task."""
-        task = self._placed(active, coupling, threads)
+        task = self._placed(active, threads)
         task.evaluate()
         return task
 
-    def _placed(self, active: ActiveSet, coupling: Coupling, threads: int | None) -> Task:
+    def _placed(self, active: ActiveSet, threads: int | None) -> Task:
         """Set the unknowns to the start; return the minimisation's task."""
         blocks = self._operators.blocks if self._actuation.growths else active.blocks
         problem = Problem(
@@ -143,19 +203,19 @@ class Solve:
         active.place(self._positions, self._base, self._slides, self.turns)
         self._watch.room[...] = -1.0
         gives_up = self._inflates if self.problem.divisible else None
-        return Task(active, problem, coupling, self.problem.deadline, gives_up)
+        return Task(active, problem, self.problem.deadline, gives_up)
 
     def _inflates(self, positions: NDArray[np.float64]) -> bool:
         """Return whether a chamber of given pressure inflated far since the last equilibrium."""
         last = self.start.anchor or self.start
         return bool(self._actuation.unstable(positions, last.positions, self.problem.commands))
 
-    def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
+    def descend(self, active: ActiveSet, *, threads: int | None, limit: int) -> None:
         """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
         self._minimiser.begin(active, self._tangent)
-        if self._resumed is not None and self._resumed.steps is not None:
+        if self._resumed is not None:
             load_history(active.workspace, self._resumed.steps, self._resumed.changes)
-        task = self._placed(active, coupling, threads)
+        task = self._placed(active, threads)
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
         self._schedule = self._scheduled(updates=updates)
         self._settled, self._exact, self.iterations, self._cut = not updates, 0, 0, False
@@ -336,11 +396,3 @@ class Solve:
         steps, changes = history(active.workspace)
         tolerance = self._schedule.present
         return Unfinished(tolerance=tolerance, iterations=done + self.iterations, steps=steps, changes=changes)
-
-
-def _followed_scale(elements: ElementState, ratio: float) -> NDArray[np.float64]:
-    """Return the initial hourglass scales (m,) of a solve: the last ones plus ``ratio`` times their last change."""
-    last, before = elements.hourglass_scale, elements.hourglass_scale_before
-    if before is None or ratio == 0.0:
-        return last.copy()
-    return np.clip(last + ratio * (last - before), LEAST_SCALE, MOST_SCALE)

@@ -25,7 +25,7 @@ from gdfe_ros.solver.distance import largest, largest_distance
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 GROWTH, LONG = 2.0, 1e-2
 """A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex moves by
@@ -42,8 +42,6 @@ ROUNDS = 12
 FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
 """First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers are
 the largest numbers of doublings of this length and of its divisions by four."""
-FALL = 1e-9
-"""Least relative decrease of the energy along a descent direction; a smaller decrease counts as rounding."""
 UNSTABLE = (
     "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
 )
@@ -128,10 +126,8 @@ class Stability:
         stable, distance = None, np.inf
         for count in range(ROUNDS):
             task = descents.task_at(solve, found)
-            if count == 0 and (least := self._least_curvature(task)) > SURE:
-                distance, _ = self._minimiser.newton_step(task)
-                if distance <= SHARE * least * solve.aim:
-                    return _told(_at(found, distance / least), stable=True)
+            if count == 0 and (known := self._proved_with_kept(task, solve, found)):
+                return known
             definite = self._minimiser.renew(task)
             found = _with(found, tangent=self._minimiser.tangent)
             stable, direction = self._verdict(task, definite=definite)
@@ -156,6 +152,15 @@ class Stability:
             return _told(_at(found, distance), stable=stable)
         summary = changed(found.state.summary, converged=False, error_estimate=distance, message=NEUTRAL)
         return changed(_with(found, summary=summary), exhausted=True)
+
+    def _proved_with_kept(self, task: Task, solve: Solve, found: Solution) -> Solution | None:
+        """Return a solution that the kept tangent proves to be a near minimum; None if it does not."""
+        least = self._least_curvature(task)
+        if not least > SURE:
+            return None
+        distance, _ = self._minimiser.newton_step(task)
+        near = distance <= SHARE * least * solve.aim
+        return _told(_at(found, distance / least), stable=True) if near else None
 
     def _leave(
         self, descents: Descents, solve: Solve, found: Solution, task: Task, direction: NDArray[np.float64]
@@ -222,7 +227,7 @@ class Stability:
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
         unit, length, best, found = sign / largest(direction) * direction, FIRST * self._size, np.inf, None
         start = float(task.active.status["energy"])
-        least = start - FALL * float(task.active.status["absolute"] + task.active.status["outside"])
+        least = start - NEGLIGIBLE * float(task.active.status["absolute"] + task.active.status["outside"])
         self._product.begin(task)
         for _ in range(SHORTENINGS + DOUBLINGS):
             with task.turn:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.cell_type import cell_type_of
-from gdfe_ros.solver.matrix.coupling import Coupling, RigidFields, close_coupling
+from gdfe_ros.solver.matrix.coupling import close_coupling, couple
 from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
 from gdfe_ros.solver.matrix.inverse import apply_free
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, Unknowns, gather_rigid_rows, handle_centres
@@ -89,17 +89,7 @@ class ConstantMatrix:
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
         self._factor = factor_of(block, rest[free], library or usual_kind(len(free)))
         self.kind = self._factor.kind
-        self._fields = RigidFields(matrix, rest, unknowns, self.solve_exactly)
-        self._turned: tuple[NDArray[np.float64], Coupling] | None = None
-        self.coupling = self.turned(np.array([np.eye(3)] * len(unknowns.slides)))
-
-    def turned(self, rotations: NDArray[np.float64]) -> Coupling:
-        """Return the coupling of handles at the rotation matrices ``rotations`` (p, 3, 3) to the free vertices."""
-        # Solves keep the array until a handle has turned far enough.
-        kept = self._turned
-        if kept is None or kept[0] is not rotations:
-            self._turned = kept = rotations, self._fields.coupling(rotations, self._factor.inverse)
-        return kept[1]
+        self.coupling = couple(matrix, rest, unknowns, self.solve_exactly, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Solve A_ff out = right for three right-hand sides (f, 3), with a relative error up to `factor.SOUND`."""

@@ -3,14 +3,13 @@
 
 The constant matrix does not couple x, y and z, but a rotation does. Each handle moves its vertices by scalar fields:
 the constant 1 and, for a rotating handle, the three components of r, the undeformed position relative to the centre.
-For a handle at the rotation Q with the rotation vector theta, dx = dt + (J_l(theta) dtheta) x (Q r). Each axis of this
-motion is a combination of the fields. The harmonic extensions of the fields are computed once; they give the Schur
-complement of the rigid rows for any Q.
+About the rest pose, dx = dt + dtheta x r. Each axis of this motion is a combination of the fields, whose harmonic
+extensions give the Schur complement of the rigid rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -53,56 +52,48 @@ class Coupling(NamedTuple):
     fixed: NDArray[np.int64]
 
 
-class RigidFields:
-    """The scalar fields of a body's handles, their harmonic extensions and their Gram matrix.
+def couple(
+    matrix: sparse.csc_matrix, rest: NDArray[np.float64], unknowns: Unknowns, solve: Solve, inverse: Inverse
+) -> Coupling:
+    """Return the coupling of handles in their rest poses to the free vertices, linearised.
 
     Args:
         matrix: the assembled matrix (n, n).
         rest: (n, 3) rest vertices [m].
         unknowns: the numbering of the unknowns.
         solve: function that solves with the free block A_ff for three right-hand sides (f, 3).
+        inverse: the inverse of this block, for the kernels.
     """
+    fields, motion = _fields(rest, unknowns)
+    columns = np.ascontiguousarray(matrix[unknowns.free] @ fields)
+    harmonic = np.zeros_like(columns)
+    for k in range(columns.shape[1]):
+        solution = np.zeros((len(columns), 3))
+        solve(np.ascontiguousarray(np.repeat(columns[:, [k]], 3, axis=1)), solution)
+        harmonic[:, k] = solution[:, 0]
+    gram = fields.T @ (matrix @ fields) - columns.T @ harmonic
+    many = motion.shape[2] > MANY  # products of matrices, whose sums depend on the machine
+    schur = np.einsum("ika,kl,ilb->ab", motion, gram, motion, optimize=many)
+    return Coupling(columns, harmonic, motion, _pseudo_inverse(schur), inverse, unknowns.fixed)
 
-    def __init__(self, matrix: sparse.csc_matrix, rest: NDArray[np.float64], unknowns: Unknowns, solve: Solve) -> None:
-        self._unknowns, free = unknowns, unknowns.free
-        fields, self._first = [], []
-        for p in range(len(unknowns.slides)):
-            members = unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]
-            values = np.zeros((len(rest), 4 if unknowns.turn_row[p] >= 0 else 1))
-            values[members, 0] = 1.0
-            if unknowns.turn_row[p] >= 0:
-                values[members, 1:] = rest[members] - rest[members].mean(axis=0)
-            self._first.append(sum(field.shape[1] for field in fields))
-            fields.append(values)
-        fields = np.concatenate([np.zeros((len(rest), 0)), *fields], axis=1)
-        self.columns = np.ascontiguousarray(matrix[free] @ fields)
-        self.harmonic = np.zeros_like(self.columns)
-        for k in range(self.columns.shape[1]):
-            solution = np.zeros((len(free), 3))
-            solve(np.ascontiguousarray(np.repeat(self.columns[:, [k]], 3, axis=1)), solution)
-            self.harmonic[:, k] = solution[:, 0]
-        self._gram = fields.T @ (matrix @ fields) - self.columns.T @ self.harmonic
 
-    def coupling(self, turned: Sequence[NDArray[np.float64]], inverse: Inverse) -> Coupling:
-        """Return the coupling of handles at the rotation matrices ``turned`` (3, 3), linearised about theta = 0."""
-        motion = self._motion(turned)
-        many = motion.shape[2] > MANY  # products of matrices, whose sums depend on the machine
-        schur = np.einsum("ika,kl,ilb->ab", motion, self._gram, motion, optimize=many)
-        return Coupling(self.columns, self.harmonic, motion, _pseudo_inverse(schur), inverse, self._unknowns.fixed)
-
-    def _motion(self, turned: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        unknowns, count = self._unknowns, len(self._unknowns.free)
-        motion = np.zeros((3, self.columns.shape[1], 3 * unknowns.rigid_rows))
-        for p, first in enumerate(self._first):
-            for axis in range(3):
-                motion[axis, first, 3 * p + axis] = unknowns.slides[p, axis]
-            if unknowns.turn_row[p] < 0:
-                continue
+def _fields(rest: NDArray[np.float64], unknowns: Unknowns) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the scalar fields (n, k) of all handles, and `Coupling.motion`."""
+    turning, count = unknowns.turn_row >= 0, len(unknowns.free)
+    first = np.cumsum([0, *np.where(turning, 4, 1)])
+    fields, motion = np.zeros((len(rest), first[-1])), np.zeros((3, first[-1], 3 * unknowns.rigid_rows))
+    for p, begin in enumerate(first[:-1]):
+        members = unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]
+        fields[members, begin] = 1.0
+        for axis in range(3):
+            motion[axis, begin, 3 * p + axis] = unknowns.slides[p, axis]
+        if turning[p]:
+            fields[members, begin + 1 : begin + 4] = rest[members] - rest[members].mean(axis=0)
             column = 3 * (unknowns.turn_row[p] - count)
-            # For each axis, dx is the cross product with Q r: row i contains the coefficients of r's three components.
+            # For each axis, dx is the cross product with r: row i contains the coefficients of r's three components.
             scale = unknowns.turns[p] / unknowns.radius[p]
-            motion[:, first + 1 : first + 4, column : column + 3] = np.einsum("aki,kb->iba", CROSS, turned[p]) * scale
-        return motion
+            motion[:, begin + 1 : begin + 4, column : column + 3] = CROSS.transpose(2, 1, 0) * scale
+    return fields, motion
 
 
 def _pseudo_inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,8 +18,6 @@ from gdfe_ros.solver.vectors import copy_part
 
 SLACK = 0.05
 """Largest fraction of zeros in a supernode. Fewer and broader supernodes are faster if the matrix is factored often."""
-SMALL = 1.0
-"""A subtree is not divided further if its entries are at most this multiple of a group's mean number of entries."""
 NARROW = 2
 """If a merged supernode has at most this number of columns, its fraction of zeros is not limited."""
 
@@ -250,7 +248,7 @@ def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int
     """Return an elimination with its supernodes sorted into ``count`` groups, and the groups' offsets (count + 1,).
 
     A group consists of whole subtrees, so that groups are independent of each other. Large subtrees are divided until
-    each has at most `SMALL` times a group's mean number of entries. The supernodes above these subtrees come last.
+    each has at most a group's mean number of entries. The supernodes above these subtrees come last.
     """
     if count == 0:
         return found, np.zeros(1, np.int64)
@@ -273,12 +271,12 @@ def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int
 
 
 def _opened(found: Elimination, whole: NDArray[np.int64], count: int) -> list[int]:
-    """Return the roots of the largest subtrees with at most `SMALL` times a group's mean number of entries."""
+    """Return the roots of the largest subtrees with at most a group's mean number of entries."""
     below: dict[int, list[int]] = {}
     for node, above in enumerate(found.parent.tolist()):
         below.setdefault(above, []).append(node)
     waiting, roots = list(below[-1]), []
-    most = SMALL * found.entries / count
+    most = found.entries / count
     while waiting:
         node = waiting.pop()
         if whole[node] > most:

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors of symmetric positive definite matrices; equal matrices in a process have one factor."""
+"""Factors of symmetric positive definite matrices; equal matrices in a process have one factor.
+
+The sparse Cholesky factor A = U^T U is made by the multifrontal method (Liu 1992), with LAPACK. Each supernode
+assembles its entries of the matrix and its children's update matrices in a dense front. It eliminates its own vertices
+there, and passes the remaining update matrix to its parent.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +15,14 @@ from weakref import WeakValueDictionary
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
+from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.lapack import dpotrf
 
-from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
-from gdfe_ros.solver.matrix.supernodes import supernodal
+from gdfe_ros.blas import one_blas_thread
+from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.matrix.elimination import Elimination, eliminated, grouped
+from gdfe_ros.solver.matrix.inverse import LINE, Inverse, apply_free
+from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
 
 DENSE_UP_TO = 200
 """Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
@@ -24,6 +34,96 @@ REFINED = 3
 """Number of corrections of a solution with a factor of 16 bits; each reduces the error to at most the fraction
 `SOUND`.
 """
+COARSE_FROM = 4_000_000
+"""A factor with at least this number of entries is stored as 16-bit integers."""
+CODES = np.iinfo(np.int16).max
+"""Integer that stands for the largest entry of a row."""
+
+GROUPS = 4
+"""Number of groups of supernodes in a large factor; threads divide the groups."""
+REGULAR = 1e-12
+"""Multiple of the largest diagonal entry of a supernode that is added to its diagonal if it has no factor; it grows
+tenfold until there is one.
+"""
+ZEROS = 0.15
+"""Largest fraction of zeros in a supernode. This matrix is factored once and used often; few zeros are then fastest."""
+
+
+@kernel
+def extend(left, places, front):
+    """Add a child's update matrix (p, p), lower triangle, to the rows ``places`` (p,) of the front."""
+    for b in range(len(places)):
+        row, line = left[b], front[places[b]]
+        for a in range(b + 1):
+            line[places[a]] += row[a]
+
+
+def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact: bool = False) -> Inverse:
+    """Return the factor of a matrix (f, f) of vertices at ``points`` (f, 3) [m], for the kernels.
+
+    A large factor is stored as 16-bit integers, unless ``exact`` is set. Where rounding leaves the matrix not positive
+    definite, as for a body that nothing holds, a small multiple of the diagonal is added.
+    """
+    graph = matrix.tocsr()
+    graph.sort_indices()
+    orders = narrow_order(graph, points), dissected(graph, points)
+    found = min((eliminated(graph, order, slack=ZEROS) for order in orders), key=lambda each: each.entries)
+    large = found.entries >= COARSE_FROM
+    found, group_start = grouped(found, GROUPS if large else 0)
+    length = -(-found.heights // LINE) * LINE
+    start = np.concatenate([[0], np.cumsum(found.widths * length)]).astype(np.int64)
+    coarse = large and not exact
+    values, none = np.zeros(start[-1] + length.max(), np.int16 if coarse else np.float64), np.zeros(0)
+    pivot, scale = np.zeros((2, len(points)))
+    lists = found.order, found.first, found.row_start, found.rows, group_start, length, start, pivot, scale
+    kept = (none, values) if coarse else (values, none.astype(np.int16))
+    inverse = Inverse(np.zeros((0, 0)), *lists, *kept)
+    with one_blas_thread():
+        _factor(graph, found, inverse, values)
+    return inverse
+
+
+def _factor(graph: sparse.csr_matrix, found: Elimination, inverse: Inverse, values: NDArray) -> None:
+    """Write the factor to an inverse, whose ``values`` are given, supernode by supernode."""
+    taken, rows, columns, part_start = found.parts(graph)
+    entries = graph.data[taken]
+    inside, widths = found.inside(), found.widths
+    left: dict[int, list[tuple[NDArray[np.float64], NDArray[np.int64]]]] = {}
+    for node in range(len(widths)):
+        begin, end = found.row_start[node : node + 2]
+        own, height = int(widths[node]), int(end - begin)
+        front = np.zeros((height, height), order="F")
+        parts = slice(*part_start[node : node + 2])
+        front[rows[parts], columns[parts]] = entries[parts]
+        for child, places in reversed(left.pop(node, [])):
+            extend(child, places, front.T)
+        upper, failed = dpotrf(front[:own, :own], clean=1)
+        added = REGULAR * float(np.abs(front[range(own), range(own)]).max())
+        while failed:
+            front[range(own), range(own)] += added
+            upper, failed = dpotrf(front[:own, :own], clean=1)
+            added *= 10.0
+        own_rows = np.zeros((own, height))
+        own_rows[:, :own] = upper
+        if own < height:
+            own_rows[:, own:] = beyond = dtrsm(1.0, upper, front[:own, own:], trans_a=1)
+            rest = dsyrk(-1.0, beyond, beta=1.0, c=front[own:, own:], trans=1)
+            left.setdefault(int(found.parent[node]), []).append((rest.T, inside[begin + own : end]))
+        lines = slice(*found.first[node : node + 2])
+        kept = values[slice(*inverse.value_start[node : node + 2])].reshape(own, -1)
+        _keep(own_rows, kept, inverse.pivot[lines], inverse.scale[lines])
+
+
+def _keep(rows: NDArray[np.float64], kept: NDArray, pivot: NDArray[np.float64], scale: NDArray[np.float64]) -> None:
+    """Write rows (k, h) of U to ``kept`` (k, length), ``pivot`` (k,) and ``scale`` (k,), as `Inverse` describes."""
+    own = range(len(rows))
+    pivot[...], scale[...] = 1.0 / rows[own, own], 1.0
+    rows[own, own] = 0.0
+    if kept.dtype == np.int16:
+        largest = np.abs(rows).max(axis=1)
+        scale[largest > 0.0] = largest[largest > 0.0] / CODES
+        rows = np.rint(rows / scale[:, None])
+    kept[:, : rows.shape[1]] = rows
 
 
 class Factorisation(str, Enum):

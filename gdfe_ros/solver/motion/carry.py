@@ -63,7 +63,6 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, old: Sequence[Handle], new
         poses=_known(before.poses, start.poses),
         slides=_taken(before.slides, start.slides, loose),
         turns=_taken(before.turns, start.turns, loose),
-        orientation=_taken(before.orientation, start.orientation, loose),
         motion=None,
         terms=terms,
         tangent=start.tangent,

@@ -85,12 +85,17 @@ class Dynamics:
             raise ValueError(f"shares of a Prony series must sum to less than 1, got {self.prony!r}")
 
     @property
+    def radius(self) -> float:
+        """Spectral radius at infinite frequency; 1 for ``newmark``, which damps nothing."""
+        return 1.0 if self.scheme is Scheme.NEWMARK else self.rho_inf
+
+    @property
     def swing(self) -> float:
         """Energy that the first step may add, divided by h^2 a^T M a with the accelerations a at the start.
 
         Numerical damping removes this energy later.
         """
-        damped = (1.0 - self.rho_inf) / (1.0 + self.rho_inf) if self.scheme is Scheme.GENERALISED_ALPHA else 0.0
+        damped = 0.0 if self.scheme is Scheme.BDF2 else (1.0 - self.radius) / (1.0 + self.radius)
         return 0.125 * damped**2
 
     @property

@@ -12,8 +12,8 @@ from gdfe_ros.solver.account import Failure
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.path import on_path
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.stepping.way import on_path
+from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 HALVINGS = 4
 """How often a failing internal step may be halved."""
@@ -21,8 +21,6 @@ WHOLE = 2**HALVINGS
 """Number of units of an internal step that is not halved."""
 DEEPEST_FOLD = -0.5
 """An undriven motion continues if every corner's volume ratio is above this; fold barriers then open the folds."""
-ROUNDING = 1e-9
-"""Length, divided by the longest internal step, that counts as zero."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,7 +56,7 @@ class Flight:
         cls, duration: float, longest: float, state: State, poses: Mapping[str, Pose], commands: Mapping[str, float]
     ) -> Flight:
         """Return the flight that divides ``duration`` [s] into equal internal steps of at most ``longest`` [s]."""
-        count = max(1, math.ceil(duration / longest - ROUNDING))
+        count = max(1, math.ceil(duration / longest - NEGLIGIBLE))
         return cls(state=state, began=state, poses=poses, commands=commands, duration=duration, total=WHOLE * count)
 
     def repeats(self, failure: Failure) -> bool:

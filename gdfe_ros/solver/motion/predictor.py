@@ -55,4 +55,4 @@ class FlightPredictor(Predictor):
             start[self._free] += share * flight + (1.0 - share) * drift
             if least_volume_ratio(start, self._shape) > 0.0:
                 break
-        return Prediction(start, slides, turns, 1.0, sure=True)
+        return Prediction(start, slides, turns, 1.0)

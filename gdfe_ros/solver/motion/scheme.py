@@ -102,8 +102,9 @@ class Rule:
     @classmethod
     def of(cls, dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
         """Return the rule of a step of length ``h`` [s] from positions ``x`` (n, 3) [m]."""
-        make = {Scheme.BDF2: _bdf2, Scheme.NEWMARK: _newmark, Scheme.GENERALISED_ALPHA: _generalised_alpha}
-        return make[dynamics.scheme](dynamics, h, x, now)
+        if dynamics.scheme is Scheme.BDF2:
+            return _bdf2(h, x, now)
+        return _generalised_alpha(dynamics.radius, h, x, now)
 
     def velocity(self, x: Vectors) -> Vectors:
         """Return the velocity (n, 3) [m/s] at new positions."""
@@ -130,7 +131,7 @@ def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
     return rule.kappa, rule.theta
 
 
-def _bdf2(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
+def _bdf2(h: float, x: Vectors, now: Kinematics) -> Rule:
     if now.first:  # backward Euler: an assumed previous step may have far more energy than the body
         aim = x + h * now.velocity
         return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim, share=1.0)
@@ -140,20 +141,11 @@ def _bdf2(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
     return Rule(theta=theta, drift=drift, kappa_a=theta * theta, rest=aim, kappa=theta * theta, aim=aim, share=1.0)
 
 
-def _newmark(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
-    """Return the rule of average acceleration (the trapezoidal rule)."""
-    acceleration, answer, echo = now.acceleration, 1.0, 0.0
-    if now.pushed is not None:
-        acceleration, answer, echo = acceleration - now.pushed, 2.0, -now.shadow
-    drift = x + 0.5 * h * now.velocity
-    aim = x + h * now.velocity + 0.25 * h * h * acceleration
-    kappa, pushing = 4.0 / (h * h), {"share": 0.5, "answer": answer, "echo": echo}
-    return Rule(theta=2.0 / h, drift=drift, kappa_a=kappa, rest=aim, kappa=kappa, aim=aim, **pushing)
+def _generalised_alpha(rho: float, h: float, x: Vectors, now: Kinematics) -> Rule:
+    """Return the rule of Chung and Hulbert (1993): (1 - am) a + am a_n = (1 - af) f + af f_n.
 
-
-def _generalised_alpha(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
-    """Return the rule of Chung and Hulbert (1993): (1 - am) a + am a_n = (1 - af) f + af f_n."""
-    rho = dynamics.rho_inf
+    With the spectral radius ``rho`` = 1 it is Newmark's average acceleration (the trapezoidal rule).
+    """
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     beta, gamma = 0.25 * (1.0 - am + af) ** 2, 0.5 - am + af
     way = _way(beta, gamma)
@@ -166,6 +158,8 @@ def _generalised_alpha(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics
         echo = (late - (0.5 - beta) * now.shadow) / beta
     rest = x + h * now.velocity + h * h * (0.5 - beta) * acceleration + moved
     drift = rest - (now.velocity + h * (1.0 - gamma) * acceleration + sped) / theta
+    if rho == 1.0:  # the same without the large accelerations of light bodies
+        drift = x + 0.5 * h * now.velocity
     kappa = kappa_a * (1.0 - am) / (1.0 - af)
     aim = rest - (am * acceleration - af * now.balanced) / (kappa * (1.0 - af))
     pushing = {"share": 1.0 / (way * kappa * h * h), "answer": way / beta, "echo": echo}

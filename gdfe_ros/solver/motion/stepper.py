@@ -15,13 +15,12 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.ceiling import Ceiling, told
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.flight import Flight
 from gdfe_ros.solver.motion.inertia import kinematics_of, saved_of
 from gdfe_ros.solver.motion.integrator import Integrator
 from gdfe_ros.solver.motion.internal_step import InternalStep, Trial, failed, unfolded
-from gdfe_ros.solver.motion.ledger import Accounts
+from gdfe_ros.solver.motion.ledger import Accounts, Ceiling, told
 from gdfe_ros.solver.motion.mass import FreeMass
 from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free
 from gdfe_ros.solver.motion.scheme import Kinematics

@@ -28,9 +28,7 @@ from gdfe_ros.solver.motion.viscous_law import (
     WIDTH,
     all_strains,
     point_strains,
-    viscous_energy,
     viscous_entry,
-    viscous_point_energy,
     viscous_point_entry,
     viscous_point_tangents,
     viscous_tangents,
@@ -101,12 +99,6 @@ class Viscosity(Term):
         tangents = np.empty((len(self._body.cells), 3 * self._body.cells.shape[1], 3 * self._body.cells.shape[1]))
         (viscous_point_tangents if self._points else viscous_tangents)(positions, self.reals, self.integers, tangents)
         return tangents
-
-    def forces(self, x: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Return dE/dx (n, 3) [N] at ``x`` (n, 3) [m] with other nodes ``cells`` (m, c) of the elements."""
-        energy, force = viscous_point_energy if self._points else viscous_energy, np.zeros_like(x)
-        energy(x, self.reals, np.repeat(cells, self._places, axis=0).ravel(), force, np.zeros(1))
-        return force
 
     def neutral(self) -> Saved:
         """Return the stored state of the undeformed body: strains and branches."""

@@ -17,17 +17,16 @@ from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.minimiser import Observer
 from gdfe_ros.solver.distance import largest
+from gdfe_ros.solver.elements.barrier import flattened
+from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.elements.fields import corner_forces, store_energies, strain_states, volume_pressures
-from gdfe_ros.solver.elements.flatness import flattened
-from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble_centring
 from gdfe_ros.solver.matrix.coupling import close_coupling
 from gdfe_ros.solver.matrix.unknowns import gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.reactions import handle_reactions
-from gdfe_ros.solver.relative.shape_factor import shape_factors
-from gdfe_ros.solver.relative.shapes import blend, capture_shapes, shape_differences
+from gdfe_ros.solver.relative.shapes import blend, capture_shapes, shape_differences, shape_factors
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ShapeState, State, Summary
 from gdfe_ros.solver.terms.actuation import Actuation
@@ -85,7 +84,6 @@ class RelativeEquilibrium:
             commands=commands,
             slides=loose,
             turns=loose,
-            orientation=self.handles.rotations(poses, loose),
             terms={},
             shapes=ShapeState(captured=self._rest, strain=np.zeros_like(strain), omega=omega),
             operators=operators,

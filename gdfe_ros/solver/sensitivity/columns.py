@@ -13,14 +13,11 @@ from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
-from gdfe_ros.solver.motion import viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics
-from gdfe_ros.solver.sensitivity.curvature import curved
 from gdfe_ros.solver.sensitivity.linearised import Linearised
 from gdfe_ros.solver.sensitivity.parameter import Parameter
 from gdfe_ros.solver.sensitivity.result import Outputs, Sensitivities
 from gdfe_ros.solver.sensitivity.side import Column, Pair, VariedInputs
-from gdfe_ros.solver.sensitivity.stiffness import WholeStiffness
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import TangentLevel
 
@@ -52,10 +49,7 @@ class Tangents:
         equilibrium, self._last = self._equilibrium, None
         if self._level is None:
             terms = equilibrium.actuation.terms
-            dashpots = next((term for term in terms if term.name == viscosity.NAME), None)
-            elements = WholeStiffness(equilibrium.body, dashpots)
-            own = curved(terms, equilibrium.body)
-            self._level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, own, elements=elements)
+            self._level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, terms)
         made = Linearised(equilibrium, self._level, start, end)
         self._last = start, end, made
         return made

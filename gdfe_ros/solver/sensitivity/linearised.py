@@ -21,21 +21,19 @@ from scipy.linalg import LinAlgError
 from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.solver.descent.workspace import Problem
-from gdfe_ros.solver.elements.operators import Operators
+from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.elements.pressures import with_bulk
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, gather_rigid_rows, place
 from gdfe_ros.solver.reactions import vertex_forces
-from gdfe_ros.solver.sensitivity.elimination import MOST, SchurComplement
-from gdfe_ros.solver.sensitivity.krylov import ConjugateResiduals
-from gdfe_ros.solver.sensitivity.multipliers import Multipliers
-from gdfe_ros.solver.sensitivity.products import add_products
-from gdfe_ros.solver.sensitivity.softening import slopes
+from gdfe_ros.solver.sensitivity.krylov import ELIMINATED, ConjugateResiduals, SchurComplement
+from gdfe_ros.solver.sensitivity.softening import add_products, slopes
 from gdfe_ros.solver.sensitivity.volumes import Volumes
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.terms.multiplier import Multipliers
 from gdfe_ros.solver.terms.term import terms_energy
 
 EXACT, STIFF = 1e-8, 1e-10
@@ -281,7 +279,7 @@ class Linearised:
     @cached_property
     def _eliminated(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
         """The preconditioner: a solve with the factor, and block elimination of the multipliers if they are few."""
-        if not 0 < len(self.multipliers) <= MOST:
+        if not 0 < len(self.multipliers) <= ELIMINATED:
             return self._preconditioned
         try:
             return SchurComplement(self._multiplied, self._factored, 3 * self._unknowns.rows, len(self.multipliers))

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.solver.descent.products import SPACING
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.internal_step import InternalStep
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.sensitivity.columns import Tangents, own_side, pair_of
 from gdfe_ros.solver.sensitivity.parameter import Parameter, moved
-from gdfe_ros.solver.sensitivity.side import NEAR, Column, Pair, VariedInputs
+from gdfe_ros.solver.sensitivity.side import Column, Pair, VariedInputs
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
@@ -123,7 +124,7 @@ class Trail:
         largest = max(np.abs(column.positions).max(initial=0.0), *ways)
         if not (largest > 0.0 or column.share):
             return None
-        step = NEAR * size / max(largest, 1e-300) if largest > 0.0 else parameter.step(own.commands)
+        step = SPACING * size / max(largest, 1e-300) if largest > 0.0 else parameter.step(own.commands)
         sides = (replace(own, start=_beside(own.start, parameter, column, sign * step)) for sign in (1.0, -1.0))
         return Pair(*sides, own, step)
 

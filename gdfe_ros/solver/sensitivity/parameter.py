@@ -25,8 +25,8 @@ NEAR = 1e-5
 the parameter, so that the relative error is about 1e-10.
 """
 TOUCH = 1e-8
-"""Variation of a translation, divided by the body's size, and of a rotation [rad]. It is so small that no contact opens
-or closes.
+"""Variation of a translation or of a commanded length, divided by the body's size, and of a rotation [rad]. It is so
+small that no contact opens or closes, and that no cable becomes slack.
 """
 FAINT = 1e-8
 """Order of magnitude of a tension, divided by Young's modulus times the squared body size, and of a pressure, divided
@@ -62,7 +62,7 @@ class Parameter:
 
     def step(self, commands: Mapping[str, float]) -> float:
         """Return the variation of the parameter for finite differences, in its unit, at the given commands."""
-        near = TOUCH if self.handle else NEAR
+        near = TOUCH if self.unit in ("m", "rad") else NEAR
         return near * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
 
     def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivative of hourglass scales with respect to strain; minimisations keep the scales constant."""
+"""Products with the elements' tangents, and the derivative of hourglass scales with respect to strain.
+
+Minimisations keep the scales constant.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.compiled import internal, kernel, vector_kernel
 from gdfe_ros.materials.stress import curve_state
 from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
@@ -53,3 +56,35 @@ def slopes(
     out = np.zeros((len(material), 8, 3))
     scale_slopes(x, elements, shape, material, table, out)
     return out.reshape(len(material), 24)
+
+
+@vector_kernel
+def add_products(stiffness, softened, slopes, cells, motion, forces):
+    """Add (K + f s^T) dx of elements to ``forces`` (n, 3) [N].
+
+    Args:
+        stiffness: K (m, 3 c, 3 c) [N/m].
+        softened: f (m, 3 c) [N], derivative of the forces with respect to the hourglass scale; empty if it is constant.
+        slopes: s (m, 3 c) [1/m], derivative of the scale with respect to the node positions.
+        cells: (m, c) nodes of the elements.
+        motion: dx (n, 3) [m].
+        forces: (n, 3) [N], to which the products are added.
+    """
+    nodes, soft = cells.shape[1], len(softened) > 0
+    local = np.empty(3 * nodes)
+    for e in range(len(cells)):
+        for a in range(nodes):
+            for i in range(3):
+                local[3 * a + i] = motion[cells[e, a], i]
+        scale = 0.0
+        if soft:
+            for j in range(3 * nodes):
+                scale += slopes[e, j] * local[j]
+        for a in range(nodes):
+            for i in range(3):
+                row, total = stiffness[e, 3 * a + i], 0.0
+                for j in range(3 * nodes):
+                    total += row[j] * local[j]
+                if soft:
+                    total += softened[e, 3 * a + i] * scale
+                forces[cells[e, a], i] += total

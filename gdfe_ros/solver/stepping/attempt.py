@@ -72,13 +72,25 @@ class Attempt:
         return once_sound and not self.sound and not passing and (self.way.moves or began.anchor is not None)
 
     @property
+    def divides(self) -> bool:
+        """Whether a shorter increment is tried, because this one failed, or to avoid a jump."""
+        way = self.way
+        avoidable = self.jumps and way.length > SHORTEST_JUMP and not way.leaping
+        return ((self.failed and not way.shortest) or avoidable) and not self.spent
+
+    @property
+    def unusable(self) -> bool:
+        """Whether there is no state from which the load path could go on."""
+        unstable = bool(self.unstable) or (self.spent and bool(self.way.unstable) and self.failed)
+        return self.solution.diverged or unstable or self.folds
+
+    @property
     def verdict(self) -> AttemptOutcome:
         """The verdict: accept, stop, halve, leap or withdraw."""
         way = self.way
-        avoidable = self.jumps and way.length > SHORTEST_JUMP and not way.leaping
-        if ((self.failed and not way.shortest) or avoidable) and not self.spent:
+        if self.divides:
             return AttemptOutcome.HALVE
-        if self.solution.diverged or self.unstable or self.folds or (self.spent and way.unstable and self.failed):
+        if self.unusable:
             return AttemptOutcome.LEAP if way.leap and not (way.leaping or self.spent) else AttemptOutcome.WITHDRAW
         return AttemptOutcome.STOP if self.snapped or self.spent or way.next == 1.0 else AttemptOutcome.ACCEPT
 

@@ -18,10 +18,9 @@ from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.attempt import FOLDS, Attempt
 from gdfe_ros.solver.stepping.balance import jumped
-from gdfe_ros.solver.stepping.increments import planned_increments
 from gdfe_ros.solver.stepping.march import NEAR, March, crumpled
 from gdfe_ros.solver.stepping.placing import placed, require_own
-from gdfe_ros.solver.stepping.way import AttemptOutcome, Goal, Way
+from gdfe_ros.solver.stepping.way import AttemptOutcome, Goal, Way, planned_increments
 from gdfe_ros.solver.terms.actuation import Actuation, past_limit
 from gdfe_ros.solver.value import changed
 
@@ -190,7 +189,6 @@ class Stepper:
             limit=limit,
             deadline=deadline,
             begins=way.done,
-            ends=way.next,
             divisible=not way.shortest,
         )
         solution = self.equilibrium.solve(problem, state)

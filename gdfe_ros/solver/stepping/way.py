@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Load path of a step, from the present commands to the target, and the progress on it."""
+"""Load path of a step, from the present commands to the target, its increments, and the progress on it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -12,13 +13,40 @@ from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.path import on_path
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 SHORTEST_SUBSTEP = 1.0 / 256.0
 """An increment of at most this fraction of a load path is not halved again."""
-ROUNDING = 1e-9
-"""Fraction of a load path that counts as zero."""
+LARGEST_TURN = math.radians(100.0)
+"""Largest rotation of a handle in one increment [rad]."""
+Place = tuple[Mapping[str, Pose], Mapping[str, float]]
+"""Dict from handle or obstacle to its pose, and dict from actuator or load to its command."""
+
+
+def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
+    """Return the number of increments. In each, a handle turns by at most `LARGEST_TURN` and moves by at most ``size``.
+
+    Args:
+        targets: pose of every handle.
+        poses: present poses of the handles.
+        size: size of the body [m].
+    """
+    most = 1.0
+    for name, target in targets.items():
+        if target == poses[name]:
+            continue
+        turn = math.dist(target.rotation, poses[name].rotation)
+        shift = math.dist(target.translation, poses[name].translation)
+        most = max(most, turn / LARGEST_TURN, shift / size)
+    return math.ceil(most)
+
+
+def on_path(began: Place, goal: Place, share: float) -> Place:
+    """Return the poses and commands at a ``share`` of the linear path; from 1 on they are those of ``goal``."""
+    if share >= 1.0:
+        return goal
+    poses = {name: began[0][name].blend(target, share) for name, target in goal[0].items()}
+    return poses, {name: value + share * (goal[1][name] - value) for name, value in began[1].items()}
 
 
 class AttemptOutcome(Enum):
@@ -99,7 +127,7 @@ class Way:
     @property
     def next(self) -> float:
         """Position on the load path at which the next attempt ends, as a fraction of the load path."""
-        return 1.0 if self.done + self.length > 1.0 - ROUNDING else self.done + self.length
+        return 1.0 if self.done + self.length > 1.0 - NEGLIGIBLE else self.done + self.length
 
     @property
     def left(self) -> int:

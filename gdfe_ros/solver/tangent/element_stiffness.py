@@ -10,11 +10,7 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.cell_type import cell_type_with
 from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.cell_kernels import add_walls
-
-SPACING = 1e-5
-"""Displacement in a finite difference, divided by the cube root of an element's volume. Truncation and rounding errors
-are then both about 1e-10.
-"""
+from gdfe_ros.solver.elements.tangent_rows import SPACING
 
 
 @kernel

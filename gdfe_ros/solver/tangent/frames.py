@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gdfe_ros.compiled import kernel
+from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 from gdfe_ros.solver.vectors import clear_part
@@ -37,6 +37,28 @@ def vertex_rotations(x, before, shape, rows, held, sums, out):
     conserve its momentum. ``sums`` (n, 9) is scratch.
     """
     free, fixed = rows
+    add_gradients(x, before, shape, sums)
+    if not held:
+        share_sum(sums)
+    most = 0.0
+    for i in range(len(free)):
+        m = sums[free[i]]
+        r, margin, _ = rotation((m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]))
+        for k in range(9):
+            out[i, k] = r[k] if margin > UNIQUE else (1.0 if k % 4 == 0 else 0.0)
+        most = max(most, 3.0 - out[i, 0] - out[i, 4] - out[i, 8])
+    if most < LEAST_TURN * LEAST_TURN:
+        for i in range(len(free)):
+            for k in range(9):
+                out[i, k] = 1.0 if k % 4 == 0 else 0.0
+    for i in range(len(fixed)):
+        for k in range(9):
+            out[fixed[i] // 3, k] = 1.0 if k % 4 == 0 else 0.0
+
+
+@internal
+def add_gradients(x, before, shape, sums):
+    """Write to ``sums`` (n, 9), for each vertex, the sum of the gradients from ``before`` to ``x`` of its elements."""
     for i in range(len(sums)):
         clear_part(sums[i], 0, 9)
     for e in range(len(shape.cells)):
@@ -53,27 +75,17 @@ def vertex_rotations(x, before, shape, rows, held, sums, out):
                 total[i] += p[i] / j
                 total[3 + i] += q[i] / j
                 total[6 + i] += s[i] / j
-    most = 0.0
-    if not held:
-        for i in range(9):
-            total = 0.0
-            for k in range(len(sums)):
-                total += sums[k, i]
-            for k in range(len(sums)):
-                sums[k, i] = total
-    for i in range(len(free)):
-        m = sums[free[i]]
-        r, margin, _ = rotation((m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]))
-        for k in range(9):
-            out[i, k] = r[k] if margin > UNIQUE else (1.0 if k % 4 == 0 else 0.0)
-        most = max(most, 3.0 - out[i, 0] - out[i, 4] - out[i, 8])
-    if most < LEAST_TURN * LEAST_TURN:
-        for i in range(len(free)):
-            for k in range(9):
-                out[i, k] = 1.0 if k % 4 == 0 else 0.0
-    for i in range(len(fixed)):
-        for k in range(9):
-            out[fixed[i] // 3, k] = 1.0 if k % 4 == 0 else 0.0
+
+
+@internal
+def share_sum(sums):
+    """Replace the rows of ``sums`` (n, 9) by their sum."""
+    for i in range(9):
+        total = 0.0
+        for k in range(len(sums)):
+            total += sums[k, i]
+        for k in range(len(sums)):
+            sums[k, i] = total
 
 
 def unrotated(count: int) -> np.ndarray:

@@ -18,11 +18,9 @@ from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
 from gdfe_ros.solver.matrix.elimination import eliminated
 from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order
 from gdfe_ros.solver.tangent.frames import unrotated
-from gdfe_ros.solver.tangent.substitution import Kept, Plan, solve_columns, solve_unturned
+from gdfe_ros.solver.tangent.substitution import PANEL, Kept, Plan, solve_columns, solve_unturned
 from gdfe_ros.solver.vectors import clear_part, copy_part
 
-PANEL = 6
-"""Columns that are eliminated together: two vertices. The rest of the front is updated once for all of them."""
 TILE = 256
 """Number of columns of a row that are updated at a time; six rows of this length fit into the fastest cache."""
 

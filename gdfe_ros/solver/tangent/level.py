@@ -22,9 +22,8 @@ from gdfe_ros.solver.tangent.assembly import Assembly
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness
 from gdfe_ros.solver.tangent.frames import unrotated, vertex_rotations
 from gdfe_ros.solver.tangent.fronts import Fronts, unturned_solutions
-from gdfe_ros.solver.tangent.springs import Springs, spring_rows
 from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
-from gdfe_ros.solver.tangent.tangent import Tangent
+from gdfe_ros.solver.terms.springs import Springs, Tangent, spring_rows
 from gdfe_ros.solver.terms.term import Term
 
 SHIFT_GROWTH = 10.0
@@ -50,7 +49,6 @@ class TangentLevel:
         body: the discretised body.
         matrix: (n, n) the assembled constant matrix.
         terms: the external terms.
-        elements: evaluator of the elements' tangents; None stands for the tangents of their material laws.
 
     Attributes:
         price: cost of factoring a tangent, divided by the cost of a solution with it.
@@ -66,11 +64,9 @@ class TangentLevel:
         body: Body,
         matrix: sparse.csc_matrix,
         terms: Sequence[Term] = (),
-        *,
-        elements: ElementStiffness | None = None,
     ) -> None:
         self._body, self._unknowns, self._terms = body, body.unknowns, terms
-        self._elements = elements or ElementStiffness(*body.cells.shape)
+        self._elements = ElementStiffness(*body.cells.shape)
         self._assembly = Assembly([body.cells, *(term.couplings() for term in terms)], body.unknowns)
         self._constant = self._assembly.spread(matrix, body.unknowns)
         self._assembly.fix(self._constant, self._constant.copy())

@@ -22,8 +22,8 @@ from gdfe_ros.compiled import vector_internal, vector_kernel
 from gdfe_ros.solver.matrix.unknowns import clear_fixed
 from gdfe_ros.solver.vectors import clear_part, copy_part
 
-ROWS = 6
-"""Rows of the factor that are processed together: two vertices."""
+PANEL = 6
+"""Rows of the factor that are eliminated, or solved, together: two vertices."""
 
 
 class Plan(NamedTuple):
@@ -209,8 +209,8 @@ def expand_all(values, plan, x, local):
 @vector_internal
 def reduce_rows(values, at, local, width, own):
     """Solve the first ``own`` rows of a supernode with U^T, and subtract their products from its other rows."""
-    for first in range(0, own, ROWS):
-        last = min(first + ROWS, own)
+    for first in range(0, own, PANEL):
+        last = min(first + PANEL, own)
         rows = values[at + first * width : at + last * width]
         for i in range(first, last):
             total = local[i]
@@ -218,7 +218,7 @@ def reduce_rows(values, at, local, width, own):
                 total -= rows[(k - first) * width + i] * local[k]
             local[i] = total * rows[(i - first) * width + i]
         p, q, r, n = local[first], local[first + 1], local[first + 2], uint64(width)
-        if last - first == ROWS:
+        if last - first == PANEL:
             s, t, u = local[first + 3], local[first + 4], local[first + 5]
             for j in range(uint64(last), n):
                 k = j + n
@@ -238,11 +238,11 @@ def reduce_rows(values, at, local, width, own):
 @vector_internal
 def expand_rows(values, at, local, width, own):
     """Solve the first ``own`` rows of a supernode with U; the solution in its other rows is known."""
-    for first in range((own - 1) // ROWS * ROWS, -1, -ROWS):
-        last, none, n = min(first + ROWS, own), local.dtype.type(0.0), uint64(width)
+    for first in range((own - 1) // PANEL * PANEL, -1, -PANEL):
+        last, none, n = min(first + PANEL, own), local.dtype.type(0.0), uint64(width)
         rows = values[at + first * width : at + last * width]
         p, q, r, s, t, u = none, none, none, none, none, none
-        if last - first == ROWS:
+        if last - first == PANEL:
             for j in range(uint64(last), n):
                 k, known = j + n, local[j]
                 p += rows[j] * known

@@ -14,7 +14,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.pairs import contacts_of
-from gdfe_ros.solver.elements.operators import Operators
+from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Balance, Saved, State
 from gdfe_ros.solver.terms.cable import CableTerm
@@ -24,11 +24,10 @@ from gdfe_ros.solver.terms.grip import GripTerm
 from gdfe_ros.solver.terms.growth import Growths
 from gdfe_ros.solver.terms.pressure import PressureTerm
 from gdfe_ros.solver.terms.term import Term, TermTable
+from gdfe_ros.solver.value import NEGLIGIBLE
 
 LOAD_FACTOR = 1.0
 """Default command of a load."""
-ROUNDING = 1e-9
-"""Fraction of a cable's length that counts as zero."""
 
 
 class Actuation:
@@ -168,7 +167,7 @@ class Actuation:
         """
         for term in self.strung:
             least, wanted = term.shortest(base), term.wanted(commands[term.name])
-            if wanted < least * (1.0 - ROUNDING):
+            if wanted < least * (1.0 - NEGLIGIBLE):
                 return (
                     f"cable {term.name!r} is commanded to a length of {wanted:.6g} m, but the handles that it runs "
                     f"between are {least:.6g} m apart; remedy: command at least that, or bring the handles nearer"

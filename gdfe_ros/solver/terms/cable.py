@@ -24,9 +24,10 @@ from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
-from gdfe_ros.solver.tangent.springs import Springs
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
+from gdfe_ros.solver.terms.springs import Springs
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.value import NEGLIGIBLE
 
 EFFORT, TARGET, STIFFNESS, EYELET, EXCESS, CARRIERS, WEIGHTS = range(7)
 """Offsets in ``reals`` of T [N], l [m], k [N/m], e [m], c [m], the number of vertices that carry each point, and the
@@ -36,17 +37,11 @@ ROUND = 3e-4
 Newton step onto the kink.
 """
 
-BALANCED = 1e-9
-"""Force on a movable vertex that counts as zero, divided by the tension."""
-NO_WEIGHT = 1e-9
-"""A cable point does not depend on a vertex whose weight is below this."""
 FAINT, NEARLY = 1e-12, 3e-6
 """FAINT: negligible tension, divided by Young's modulus times the squared body size. NEARLY: negligible lengthening,
 divided by the body's size. In finite differences, a cable that is about to become taut gets a tension from both
 amounts, so that it counts as taut.
 """
-ROUNDING = 1e-9
-"""Fraction of a cable's length that counts as zero."""
 
 
 @inlined
@@ -155,7 +150,7 @@ class CableTerm(Term):
         self._body, self._command, self._lifted = body, self.neutral_command, 0.0
         stiff = [handle.vertices for handle in body.handles if not handle.loose]
         held = np.isin(cable.points.corners, np.concatenate([np.zeros(0, np.int32), *stiff]))
-        self._anchored = (held | (np.abs(cable.points.weights) < NO_WEIGHT)).all(axis=1)
+        self._anchored = (held | (np.abs(cable.points.weights) < NEGLIGIBLE)).all(axis=1)
 
     @property
     def updates(self) -> bool:
@@ -171,7 +166,7 @@ class CableTerm(Term):
             return
         force, unknowns = self._pull(slice(None)), self._body.unknowns
         moving = np.concatenate([unknowns.free, unknowns.members])
-        if np.abs(force[moving]).max(initial=0.0) <= BALANCED:
+        if np.abs(force[moving]).max(initial=0.0) <= NEGLIGIBLE:
             # The segments of a cable that is straight between handles balance each other: use the most compliant one.
             stretches = [self._pull(slice(first, first + 2)) for first in range(len(self._anchored) - 1)]
             force = max(stretches, key=matrix.compliance)
@@ -243,7 +238,7 @@ class CableTerm(Term):
         if self.actuator.mode is not Mode.TENSION and not self._elastic:
             numbers[EFFORT] = found["effort"][0]
         length = cable_length(positions, numbers, self.integers)
-        taut = length >= (1.0 - ROUNDING) * numbers[TARGET]
+        taut = length >= (1.0 - NEGLIGIBLE) * numbers[TARGET]
         self._lifted = least if taut and cable_tension(length, numbers) < least else 0.0
         numbers[EFFORT] += self._lifted
 

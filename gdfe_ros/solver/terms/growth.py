@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Growth
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.operators import Operators
+from gdfe_ros.solver.elements.blocks import Operators
 
 
 class Growths:

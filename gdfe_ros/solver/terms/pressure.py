@@ -15,78 +15,25 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators.load import GAUSS, PressureLoad
-from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.actuators.load import PressureLoad
+from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints import Pose
-from gdfe_ros.mesh.triples import cross
 from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import wander
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
-from gdfe_ros.solver.terms.volume_curvature import PRODUCTS, Products, volume_curvature
+from gdfe_ros.solver.terms.volume import COUNT, FACES, NODES, PRODUCTS, face_forces, pack_faces, volume_curvature
+from gdfe_ros.solver.value import NEGLIGIBLE
 
 PRESSURE, VOLUME, APEX, EDGE = 0, 1, 2, 5
 """Offsets in ``reals`` of p [Pa], a volume [m^3] that is subtracted to keep energies small, the cones' common point
 (3,) [m], and the vectors b (k, 3) [m^2] of the nodes on open edges."""
-NODES, COUNT, FACES = range(3)
-"""Offsets in ``integers`` of the number of nodes of a face, the number of faces, and the nodes of all faces. The nodes
-on open edges follow them."""
 FINE = 1e-2
 """Allowed displacement by the last change of the forces p b, divided by the tolerance."""
 GROWTH = 1e3
 """The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
-ZERO = 1e-9
-"""A vector b counts as zero below this fraction of the area of all faces."""
-
-
-def _at_gauss_points() -> Products:
-    """Return the products of a bilinear quad at its 2 x 2 Gauss points, which integrate its volume exactly."""
-    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    factors = 1.0 + signs[None] * (GAUSS * signs)[:, None]
-    along = [0.25 * signs[:, i] * factors[:, :, 1 - i] for i in (0, 1)]
-    return Products(0.25 * factors.prod(axis=2), *map(np.ascontiguousarray, along), np.full(4, 1.0 / 3.0))
-
-
-POINTS = {4: _at_gauss_points(), 6: PRODUCTS[6]}
-"""Dict from the number of a face's nodes to the shape functions and their slopes at its integration points."""
-_N4, _G4, _H4, _S4 = POINTS[4]
-_N6, _G6, _H6, _S6 = POINTS[6]
-
-
-@internal
-def add_faces(x, reals, integers, n, g, h, share, of_volume, of_area, force):
-    """Return the volume V [m^3]; add ``of_volume`` times dV/dx and ``of_area`` times f to ``force`` (n, 3)."""
-    nodes, total = integers[NODES], 0.0
-    for q in range(integers[COUNT]):
-        first = FACES + nodes * q
-        for p in range(len(share)):
-            u0, u1, u2 = -reals[APEX], -reals[APEX + 1], -reals[APEX + 2]
-            v0, v1, v2, w0, w1, w2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for a in range(nodes):
-                at, slope, rise = n[p, a], g[p, a], h[p, a]
-                d0, d1, d2 = x[integers[first + a], 0], x[integers[first + a], 1], x[integers[first + a], 2]
-                u0, u1, u2 = u0 + at * d0, u1 + at * d1, u2 + at * d2
-                v0, v1, v2 = v0 + slope * d0, v1 + slope * d1, v2 + slope * d2
-                w0, w1, w2 = w0 + rise * d0, w1 + rise * d1, w2 + rise * d2
-            u, v, w = (u0, u1, u2), (v0, v1, v2), (w0, w1, w2)
-            across, over, under = cross(v, w), cross(w, u), cross(u, v)
-            total += share[p] * (u0 * across[0] + u1 * across[1] + u2 * across[2])
-            for a in range(nodes):
-                normal = (of_volume + 3.0 * of_area) * share[p] * n[p, a]
-                slope, rise = of_volume * share[p] * g[p, a], of_volume * share[p] * h[p, a]
-                for i in range(3):
-                    force[integers[first + a], i] += normal * across[i] + slope * over[i] + rise * under[i]
-    return total
-
-
-@kernel
-def face_forces(x, reals, integers, of_volume, of_area, force):
-    """Do `add_faces` for faces with four or six nodes."""
-    if integers[NODES] == 4:
-        return add_faces(x, reals, integers, _N4, _G4, _H4, _S4, of_volume, of_area, force)
-    return add_faces(x, reals, integers, _N6, _G6, _H6, _S6, of_volume, of_area, force)
 
 
 @kernel
@@ -95,7 +42,7 @@ def pressure_energy(x, reals, integers, force, size):
     pressure = reals[PRESSURE]
     if pressure == 0.0:
         return 0.0
-    volume = face_forces(x, reals, integers, -pressure, 0.0, force)
+    volume = face_forces(x, integers, reals[APEX:EDGE], -pressure, 0.0, force)
     first = FACES + integers[NODES] * integers[COUNT]
     for k in range(len(integers) - first):
         for i in range(3):
@@ -123,13 +70,12 @@ class PressureTerm(Term):
 
     def __init__(self, load: PressureLoad, body: Body) -> None:
         self._load, self._faces = load, load.quads.astype(np.int32)
-        own, (count, nodes) = np.unique(self._faces), self._faces.shape
-        head = np.concatenate([[nodes, count], self._faces.ravel()]).astype(np.int32)
+        own, head = np.unique(self._faces), pack_faces(self._faces)
         far = body.rest[own].min(axis=0) - body.size * np.array([1.0, 2.0, 3.0])
         super().__init__(load.name, np.concatenate([[0.0, 0.0], far]), head)
         areas = self._pushed(body.rest, 0.0, 1.0)
         self._area = float(np.abs(areas).sum())
-        beside = np.abs(areas - self._pushed(body.rest, 1.0, 0.0)).max(axis=1) > ZERO * self._area
+        beside = np.abs(areas - self._pushed(body.rest, 1.0, 0.0)).max(axis=1) > NEGLIGIBLE * self._area
         self._edge = np.flatnonzero(beside).astype(np.int32)
         middle = body.rest[self._edge if len(self._edge) else own].mean(axis=0)
         super().__init__(
@@ -153,7 +99,7 @@ class PressureTerm(Term):
     def _pushed(self, x: NDArray[np.float64], of_volume: float, of_area: float) -> NDArray[np.float64]:
         """Return the sum (n, 3) [m^2] of dV/dx and f with these factors."""
         force = np.zeros_like(x)
-        face_forces(x, self.reals, self.integers, of_volume, of_area, force)
+        face_forces(x, self.integers, self.reals[APEX:EDGE], of_volume, of_area, force)
         return force
 
     def _beside(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -161,7 +107,7 @@ class PressureTerm(Term):
         return self._pushed(x, -1.0, 1.0)[self._edge]
 
     def _volume(self, x: NDArray[np.float64]) -> float:
-        return float(face_forces(x, self.reals, self.integers, 0.0, 0.0, np.zeros_like(x)))
+        return float(face_forces(x, self.integers, self.reals[APEX:EDGE], 0.0, 0.0, np.zeros((0, 3))))
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Compute the displacement [m/N] by a force of 1 N that is distributed over the faces as the pressure is."""
@@ -175,13 +121,11 @@ class PressureTerm(Term):
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tangents -p d2V/dx2 [N/m] of the faces, (q, 3 c, 3 c); without the part of open edges."""
         count, nodes = self._faces.shape
-        found = np.zeros((count + 1, 3 * nodes, 3 * nodes))
+        found = np.zeros((count, 3 * nodes, 3 * nodes))
         if self.reals[PRESSURE]:
-            # A first face of zero size is the reference point of the kernel: the common point of the cones.
-            places = np.concatenate([positions, self.reals[None, APEX:EDGE]])
-            faces = np.concatenate([np.full((1, nodes), len(positions), np.int32), self._faces])
-            volume_curvature(places, faces, PRODUCTS[nodes], -self.reals[PRESSURE], found)
-        return found[1:]
+            given = positions, self.integers, self.reals[APEX:EDGE], PRODUCTS[nodes]
+            volume_curvature(*given, -self.reals[PRESSURE], found)
+        return found
 
     def neutral(self) -> Saved:
         """Return the stored state of a pressure that has not moved anything."""

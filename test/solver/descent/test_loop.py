@@ -185,7 +185,7 @@ def test_a_factor_follows_a_rotation() -> None:
     first, second = (TangentLevel(body, equilibrium.matrix.assembled) for _ in range(2))
     for level, x in ((first, body.rest), (second, turned)):
         solve = Solve.at(equilibrium.model, state.with_(positions=x, base=x))
-        task = solve.evaluate(equilibrium.whole, equilibrium.matrix.coupling, threads=None)
+        task = solve.evaluate(equilibrium.whole, threads=None)
         level.take(task.problem, task.active.workspace.u, x)
     right = np.random.default_rng(4).standard_normal(3 * len(body.unknowns.free))
     answers = np.empty((3, len(right)))

@@ -12,7 +12,7 @@ from benchmarks.blows import CUBE as THROWN
 from benchmarks.blows import thrown
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.motion.ceiling import Ceiling
+from gdfe_ros.solver.motion.ledger import Ceiling
 from gdfe_ros.solver.result import StepResult
 
 CUBE = """

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.mesh.tetmesh import divided
 from test.solver.sensitivity.test_equilibrium import BAR, TIP, command_error, worst_error
 from test.solver.sensitivity.test_motion import CASES, motion_error
@@ -39,6 +41,13 @@ def test_materials(key: str, value: float, step: float) -> None:
 def test_actuators(kind: str, value: float, step: float) -> None:
     """Derivatives with respect to the shortening of a cable and the fraction of a growth."""
     assert command_error(kind, value, step, mesh=MESH) <= 1.0
+
+
+def test_a_chamber_of_given_pressure() -> None:
+    """Derivatives with respect to the pressure in a cavity, whose faces have six nodes."""
+    block = keep_cells(bar([0.1, 0.03, 0.03], [5, 3, 3]), np.arange(45) != 22)
+    kind, mesh = "{chamber: {cavity: 0, command: pressure}}", {"embedded": pack_mesh(divided(block))}
+    assert command_error(kind, 4000.0, 40.0, mesh=mesh) <= 1.0
 
 
 def test_poses() -> None:

@@ -25,13 +25,13 @@ loads: {weight: {gravity: [0, 0, -1.0]}}
 def bent(angle: float) -> tuple[float, np.ndarray, np.ndarray]:
     """Bend the strip at rest to first order, its tip by ``angle`` [rad]; return factor, d and c at the tip's middle."""
     equilibrium = Simulation(scene_from_text(STRIP)).stepper.equilibrium
-    body, coupling, minimiser = equilibrium.body, equilibrium.matrix.coupling, equilibrium.minimiser
-    task = Solve.at(equilibrium.model, equilibrium.at_rest()).evaluate(equilibrium.whole, coupling, threads=None)
+    body, minimiser = equilibrium.body, equilibrium.minimiser
+    task = Solve.at(equilibrium.model, equilibrium.at_rest()).evaluate(equilibrium.whole, threads=None)
     work, (x, y, z) = task.active.workspace, body.rest.T
     moved = angle / LENGTH * np.stack([-x * z, 0.0 * x, 0.5 * x * x], axis=1)
     work.direction[...] = moved[body.unknowns.free].ravel()
     minimiser.begin(task.active, None)
-    arc.follow_arc(task.problem, work, minimiser.metric(coupling))
+    arc.follow_arc(task.problem, work, minimiser.metric(equilibrium.whole))
     tip = np.flatnonzero((x == LENGTH) & (y == 0.0) & (z == 0.0))[0]
     row = body.unknowns.free.tolist().index(tip)
     linear = work.direction.reshape(-1, 3)[row]

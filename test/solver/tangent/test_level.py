@@ -14,7 +14,7 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.tangent import Tangent
+from gdfe_ros.solver.terms.springs import Tangent
 
 SCENE = """
 name: strip
@@ -40,9 +40,7 @@ def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
     state, share = equilibrium.at_rest(), (body.rest[:, 0] - body.rest[:, 0].min()) / 0.1
     moved = body.rest + np.outer(share**power * stretch * 0.1, [1.0, 0.0, 0.0])
     moved[body.unknowns.prescribed] = body.rest[body.unknowns.prescribed]
-    task = Solve.at(equilibrium._model, state.with_(positions=moved)).evaluate(
-        equilibrium._whole, equilibrium.matrix.coupling, threads=None
-    )
+    task = Solve.at(equilibrium._model, state.with_(positions=moved)).evaluate(equilibrium._whole, threads=None)
     level, work = TangentLevel(body, equilibrium.matrix.assembled), task.active.workspace
     products = TangentProducts(body)
     products.begin(task)

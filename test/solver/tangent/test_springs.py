@@ -15,8 +15,8 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.springs import Springs
 from gdfe_ros.solver.terms.cable import TARGET
+from gdfe_ros.solver.terms.springs import Springs
 
 STRIP = """
 name: strip
@@ -66,9 +66,7 @@ def drawn() -> SimpleNamespace:
     """Return the terms of such a strip, its tangent, and products with it."""
     simulation = pulled()
     equilibrium = simulation.stepper.equilibrium
-    task = Solve.at(equilibrium.model, simulation.state).evaluate(
-        equilibrium.whole, equilibrium.matrix.coupling, threads=None
-    )
+    task = Solve.at(equilibrium.model, simulation.state).evaluate(equilibrium.whole, threads=None)
     level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, equilibrium.actuation.terms)
     products, work = TangentProducts(equilibrium.body), task.active.workspace
     products.begin(task)

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 
 from gdfe_ros import Command, Simulation
 from gdfe_ros.checkpoint import load_state, save_state
-from gdfe_ros.errors import CommandError
+from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import scene_from_text
 
 WRONG = Command(actuators={"nobody": 1.0}), Command(loads={"nobody": 1.0})
@@ -145,7 +146,8 @@ def test_asking_changes_nothing(feature: Any, differences: Any) -> None:
         simulation.actuator_states()
         save_state(simulation)
         if index == len(feature.way) // 2:
-            simulation.jacobian()
+            with suppress(GdfeError):  # a step that was cut has no derivative
+                simulation.jacobian()
         found += feature.run(simulation, [step])
     assert not differences.run(found, feature.results)
 

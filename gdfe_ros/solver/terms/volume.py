@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled volume between faces and a point, with its derivatives, and the integrals of the faces' normals.
+
+The volume of the cones from the faces to an apex is V = 1/3 int x . n dA, with x relative to the apex. It is a sum of
+triple products u . (v x w) over integration points, with u = sum_a n_a x_a, v = sum_a g_a x_a and w = sum_a h_a x_a:
+the shape functions of the faces and their two slopes. These sums are exact for bilinear quads and six-node triangles.
+With [w] the matrix of the cross product w x ., the second derivative of one triple product is
+
+    d2/dx_a dx_b = (g_a n_b - n_a g_b) [w] + (h_a g_b - g_a h_b) [u] + (n_a h_b - h_a n_b) [v] .
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.load import GAUSS
+from gdfe_ros.compiled import inlined, internal, kernel
+from gdfe_ros.mesh.tetrahedra import face_slopes, face_weights, triangle_rule
+from gdfe_ros.mesh.triples import cross, dot
+
+NODES, COUNT, FACES = range(3)
+"""Offsets in ``integers`` of the number of nodes of a face, the number of faces, and the nodes of all faces."""
+
+
+class Products(NamedTuple):
+    """The triple products of a face with c nodes.
+
+    Attributes:
+        n, g, h: (p, c) weights of the nodes in u, v and w.
+        share: (p,) weight of each product in the volume.
+    """
+
+    n: NDArray[np.float64]
+    g: NDArray[np.float64]
+    h: NDArray[np.float64]
+    share: NDArray[np.float64]
+
+
+def _quad() -> Products:
+    """Return the products of a quad: the mean over both divisions into two triangles."""
+    corners = np.eye(4)[[[0, 0, 0, 1], [1, 2, 1, 2], [2, 3, 3, 3]]]
+    return Products(*np.ascontiguousarray(corners), np.full(4, 1.0 / 12.0))
+
+
+def _at_gauss_points() -> Products:
+    """Return the products of a bilinear quad at its 2 x 2 Gauss points, as integrals of the normal need them."""
+    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    factors = 1.0 + signs[None] * (GAUSS * signs)[:, None]
+    along = [0.25 * signs[:, i] * factors[:, :, 1 - i] for i in (0, 1)]
+    return Products(0.25 * factors.prod(axis=2), *map(np.ascontiguousarray, along), np.full(4, 1.0 / 3.0))
+
+
+def _six() -> Products:
+    """Return the products of a six-node face at its integration points."""
+    places, shares = triangle_rule(3)
+    slopes = np.ascontiguousarray(np.moveaxis(face_slopes(places), -1, 0))
+    return Products(face_weights(places), *slopes, shares / 6.0)
+
+
+PRODUCTS = {4: _quad(), 6: _six()}
+"""Dict from the number of a face's nodes to its products."""
+_N4, _G4, _H4, _S4 = _at_gauss_points()
+_N6, _G6, _H6, _S6 = PRODUCTS[6]
+
+
+def pack_faces(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return faces (q, c) in the layout of the kernels."""
+    return np.concatenate([faces.shape[::-1], faces.ravel()]).astype(np.int32)
+
+
+@inlined
+def combined(x, apex, integers, first, weights, p):
+    """Return the sum of the weights ``weights[p]`` times the nodes from ``first`` on, relative to ``apex``."""
+    s0, s1, s2 = 0.0, 0.0, 0.0
+    for a in range(weights.shape[1]):
+        weight, v = weights[p, a], integers[first + a]
+        s0 += weight * (x[v, 0] - apex[0])
+        s1 += weight * (x[v, 1] - apex[1])
+        s2 += weight * (x[v, 2] - apex[2])
+    return s0, s1, s2
+
+
+@inlined
+def add_faces(x, integers, apex, n, g, h, share, of_volume, of_area, force):
+    """Do `face_forces` with the products of the faces."""
+    total, nodes, pushes = 0.0, n.shape[1], of_volume != 0.0 or of_area != 0.0
+    for q in range(integers[COUNT]):
+        first = FACES + nodes * q
+        for p in range(len(share)):
+            u = combined(x, apex, integers, first, n, p)
+            v, w = combined(x, apex, integers, first, g, p), combined(x, apex, integers, first, h, p)
+            across, over, under = cross(v, w), cross(w, u), cross(u, v)
+            total += share[p] * (u[0] * across[0] + u[1] * across[1] + u[2] * across[2])
+            for a in range(nodes if pushes else 0):
+                normal = (of_volume + 3.0 * of_area) * share[p] * n[p, a]
+                slope, rise = of_volume * share[p] * g[p, a], of_volume * share[p] * h[p, a]
+                for i in range(3):
+                    force[integers[first + a], i] += normal * across[i] + slope * over[i] + rise * under[i]
+    return total
+
+
+@inlined
+def corner(x, apex, v):
+    """Return the position (3,) of vertex ``v`` relative to ``apex``."""
+    return x[v, 0] - apex[0], x[v, 1] - apex[1], x[v, 2] - apex[2]
+
+
+@internal
+def add_quads(x, integers, apex, scale, force):
+    """Return the volume of quads: the mean over both divisions into triangles. Add ``scale`` times its derivative.
+
+    This is exact as the products are, and five times as fast.
+    """
+    total, share = 0.0, scale / 12.0
+    for q in range(integers[COUNT]):
+        i, j, k, m = (
+            integers[FACES + 4 * q],
+            integers[FACES + 4 * q + 1],
+            integers[FACES + 4 * q + 2],
+            integers[FACES + 4 * q + 3],
+        )
+        a, b, c, d = corner(x, apex, i), corner(x, apex, j), corner(x, apex, k), corner(x, apex, m)
+        bc, cd, bd = cross(b, c), cross(c, d), cross(b, d)
+        total += a[0] * (bc[0] + cd[0] + bd[0]) + a[1] * (bc[1] + cd[1] + bd[1]) + a[2] * (bc[2] + cd[2] + bd[2])
+        total += dot(b, cd)
+        if scale != 0.0:
+            ab, ac, ad = cross(a, b), cross(a, c), cross(a, d)
+            for axis in range(3):
+                force[i, axis] += share * (bc[axis] + cd[axis] + bd[axis])
+                force[j, axis] += share * (cd[axis] - ac[axis] - ad[axis])
+                force[k, axis] += share * (ab[axis] - ad[axis] - bd[axis])
+                force[m, axis] += share * (ac[axis] + ab[axis] + bc[axis])
+    return total / 12.0
+
+
+@kernel
+def face_forces(x, integers, apex, of_volume, of_area, force):
+    """Return the volume V [m^3] between faces and ``apex`` (3,) [m]; add derivatives to ``force`` (n, 3).
+
+    They are ``of_volume`` times dV/dx at a constant apex, and ``of_area`` times f_a = int N_a n dA.
+    """
+    if integers[NODES] == 4 and of_area == 0.0:
+        return add_quads(x, integers, apex, of_volume, force)
+    if integers[NODES] == 4:
+        return add_faces(x, integers, apex, _N4, _G4, _H4, _S4, of_volume, of_area, force)
+    return add_faces(x, integers, apex, _N6, _G6, _H6, _S6, of_volume, of_area, force)
+
+
+@kernel
+def volume_curvature(x, integers, apex, products, scale, out):
+    """Write ``scale`` times the second derivative of the volume between faces and ``apex`` to ``out`` (k, 3 c, 3 c)."""
+    out[...] = 0.0
+    nodes = integers[NODES]
+    for q in range(integers[COUNT]):
+        for p in range(len(products.share)):
+            n, g, h, share = products.n[p], products.g[p], products.h[p], scale * products.share[p]
+            u = combined(x, apex, integers, FACES + nodes * q, products.n, p)
+            v = combined(x, apex, integers, FACES + nodes * q, products.g, p)
+            w = combined(x, apex, integers, FACES + nodes * q, products.h, p)
+            for a in range(nodes):
+                for b in range(nodes):
+                    of_w = share * (g[a] * n[b] - n[a] * g[b])
+                    of_u = share * (h[a] * g[b] - g[a] * h[b])
+                    of_v = share * (n[a] * h[b] - h[a] * n[b])
+                    for i in range(3):
+                        j, k = (i + 1) % 3, (i + 2) % 3
+                        turn = of_w * w[i] + of_u * u[i] + of_v * v[i]
+                        out[q, 3 * a + k, 3 * b + j] += turn
+                        out[q, 3 * a + j, 3 * b + k] -= turn
