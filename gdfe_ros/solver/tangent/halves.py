@@ -11,7 +11,7 @@ from __future__ import annotations
 from numpy import uint64
 
 from gdfe_ros.compiled import internal, kernel
-from gdfe_ros.solver.tangent.substitution import ROWS
+from gdfe_ros.solver.tangent.substitution import PANEL
 
 GROUP = 8
 """Number of columns of Y that are found together."""
@@ -34,8 +34,8 @@ def reduce_columns(values, plan, used, x, local):
         begin, own = plan.row_start[node], 3 * (plan.first[node + 1] - plan.first[node])
         width, start = 3 * (plan.row_start[node + 1] - begin), 3 * plan.first[node]
         local[:, :own], local[:, own:width] = x[:, start : start + own], 0.0
-        for first in range(0, own, ROWS):
-            last, at = min(first + ROWS, own), plan.value_start[node] + first * width
+        for first in range(0, own, PANEL):
+            last, at = min(first + PANEL, own), plan.value_start[node] + first * width
             for y in local:
                 for i in range(first, last):
                     total = y[i]
@@ -58,7 +58,7 @@ def subtract_rows(rows, width, local, first, left):
     """Subtract three or six ``rows`` of a supernode from a tile of the columns ``local``, two columns at a time."""
     right = min(left + TILE, width)
     a, b, c = rows[left:right], rows[width + left : width + right], rows[2 * width + left : 2 * width + right]
-    if len(rows) < ROWS * width:
+    if len(rows) < PANEL * width:
         for y in local:
             tile, p, q, r = y[left:right], y[first], y[first + 1], y[first + 2]
             for j in range(uint64(right - left)):
@@ -96,15 +96,15 @@ def multiply_columns(new, every, used, out):
     for left in range(0, every.shape[1], WIDE):
         right = min(left + WIDE, every.shape[1])
         for begin, end in used:
-            for first in range(begin, end, ROWS):
-                subtract_products(every, new, first, min(first + ROWS, end), left, right, out)
+            for first in range(begin, end, PANEL):
+                subtract_products(every, new, first, min(first + PANEL, end), left, right, out)
 
 
 @internal
 def subtract_products(every, new, first, last, left, right, out):
     """Subtract the products of three or six rows, from ``first`` up to ``last``, from some columns of ``out``."""
     a, b, c = every[first, left:right], every[first + 1, left:right], every[first + 2, left:right]
-    if last - first < ROWS:
+    if last - first < PANEL:
         for i in range(new.shape[1]):
             row, p, q, r = out[i, left:right], new[first, i], new[first + 1, i], new[first + 2, i]
             for j in range(uint64(right - left)):
