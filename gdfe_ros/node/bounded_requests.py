@@ -34,7 +34,7 @@ def bounded(kind: type) -> type:
     attribute ``unread`` is its size [bytes].
 
     Raises:
-        OSError, AttributeError: the type support of Fast DDS is not installed for this package.
+        OSError, AttributeError, ValueError: the type support of Fast DDS is not installed for this package.
     """
     package, folder, _ = kind.__module__.split(".")
     library = ctypes.CDLL(f"lib{package}__rosidl_typesupport_fastrtps_c.so")
@@ -66,7 +66,7 @@ def bounded_service(kind: type, warn: Callable[[str], object]) -> Any:
     """
     try:
         return SimpleNamespace(Request=bounded(kind.Request), Response=kind.Response)
-    except (OSError, AttributeError) as error:
+    except (OSError, AttributeError, ValueError) as error:
         warn(f"requests of {kind.__name__} of any size are read: {error}")
         return kind
 
