@@ -20,8 +20,8 @@ from gdfe_ros.errors import RecordingError
 
 RATIO, LEAST, LARGEST = 1000, 64 << 20, 512 << 20
 """Data may expand by the first factor, or to the second number of bytes if that is more, but not beyond the third. The
-strains of a large body at rest are a message of zeros, which expands by more than 10000. The chunks of a file together
-may expand by the first factor, or to four times the second number.
+strains of an undeformed large body are a message of zeros, which expands by more than 10000. The chunks of a file
+together may expand by the first factor, or to four times the second number.
 """
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 

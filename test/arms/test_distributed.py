@@ -174,7 +174,7 @@ def test_a_missing_reader_is_named() -> None:
     code = "import sys; sys.modules['collada'] = None\nfrom pathlib import Path\n"
     code += f"from gdfe_ros.arms.meshes import read_surface; read_surface('wrist3.dae', Path({str(mesh)!r}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert "missing `pip install pycollada`; remedy: that, or pip install 'gdfe_ros[arm]'" in done.stderr
+    assert "missing `pip install pycollada`; remedy: pip install 'gdfe_ros[arm]'" in done.stderr
 
 
 def test_a_package_in_a_folder_of_another_name_is_told(tmp_path: Path) -> None:
