@@ -192,6 +192,11 @@ def load_json_object(text: str | bytes, *, largest: int = LARGEST_TEXT) -> dict[
     return data
 
 
+def plain_lines(text: str) -> str:
+    """Return a text with its control characters as escape sequences, except line feeds and tabulators."""
+    return text if is_plain(text) else "".join(each if is_plain(each) else repr(each)[1:-1] for each in text)
+
+
 def is_plain(text: str) -> bool:
     """Return whether a text has no control characters except line feeds and tabulators; a terminal obeys them."""
     return text.translate(_HARMLESS).isprintable()

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from gdfe_ros import __version__
+from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.entry import INTERRUPTED, imported, quiet_imports
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.extras import remedy
@@ -53,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return parsed.run(parsed)
     except (GdfeError, argparse.ArgumentTypeError, ValueError, OSError) as error:
-        print(f"gdfe {parsed.command}: {error}", file=sys.stderr)
+        print(plain_lines(f"gdfe {parsed.command}: {error}"), file=sys.stderr)
         return BAD_INPUT
     except ModuleNotFoundError as error:
         if (text := remedy(error)) is None:

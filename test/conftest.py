@@ -7,7 +7,6 @@ The environment is set before anything imports rclpy, a message package or numba
 from __future__ import annotations
 
 import fcntl
-import gc
 import os
 import re
 import signal
@@ -249,8 +248,6 @@ class RosSession:
         self._destroy_nodes()
         self.executor.shutdown()
         rclpy.shutdown(context=self.context)
-        # A node that was active keeps its last timers, and with them its name in the graph, until it is collected.
-        gc.collect()
 
     def _destroy_nodes(self) -> None:
         while self._nodes:

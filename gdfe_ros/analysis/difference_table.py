@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 
-from rich.console import Console
 from rich.table import Table
 
 from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD
 from gdfe_ros.analysis.difference import Differences, FieldDifference, Place
+from gdfe_ros.terminal import PlainConsole
 
 UNITS = {
     "x": "m", "y": "m", "z": "m", "ux": "m", "uy": "m", "uz": "m",
@@ -22,10 +22,10 @@ _VECTORS = {part: vector for vector in _COLUMNS for part in vector.split()}
 _NARROW = 130
 
 
-def wide_console() -> Console:
+def wide_console() -> PlainConsole:
     """Return a console that does not limit tables to the 80 columns of a file or pipe."""
-    console = Console(soft_wrap=True)
-    return console if console.is_terminal else Console(soft_wrap=True, width=_NARROW)
+    console = PlainConsole(soft_wrap=True)
+    return console if console.is_terminal else PlainConsole(soft_wrap=True, width=_NARROW)
 
 
 def difference_table(differences: Differences, *, factor: float) -> Table:

@@ -20,7 +20,7 @@ DEBRIS = 1e-6
 """Least volume of a convex piece of a collision mesh, divided by that of the largest piece."""
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 """Vertices (n, 3) [m], and triangles (t, 3)."""
-LINK_SUFFIXES = (*SUFFIXES, ".dae", ".glb", ".gltf", ".3mf")
+LINK_SUFFIXES = (*SUFFIXES, ".dae", ".glb", ".gltf")
 """Suffixes of files with the shape of a link."""
 
 

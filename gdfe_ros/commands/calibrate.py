@@ -6,10 +6,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from gdfe_ros.analysis.calibration import CalibrationPoint, calibrate
+from gdfe_ros.terminal import PlainConsole
 
 NOT_CONVERGED = 3
 
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the calibration and print its result; return 0, or 3 if a bar did not converge."""
     points = calibrate(arguments.steps)
-    Console().print(_table(points))
+    PlainConsole().print(_table(points))
     if arguments.picture:
         _draw(arguments.picture, points)
     return 0 if all(point.converged for point in points) else NOT_CONVERGED

@@ -36,12 +36,12 @@ def run(arguments: argparse.Namespace) -> int:
     differences, console = comparison.differences, wide_console()
     verdict = comparison.verdict(arguments.within)
     for text in _remarks(comparison):
-        console.print(text, markup=False)
+        console.print(text)
     if differences.differing:
         console.print(difference_table(differences, factor=arguments.within))
     passed = verdict in (Difference.IDENTICAL, Difference.WITHIN)
-    colour = "green" if passed else "red"
-    console.print(f"[{colour}]{verdict.value}[/]: {differences.steps} steps, {differences.compared} arrays compared")
+    text = f"{verdict.value}: {differences.steps} steps, {differences.compared} arrays compared"
+    console.print(text, style="green" if passed else "red")
     return 0 if passed else DIFFERENT
 
 

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.scene import load_scene, scene_names
+from gdfe_ros.terminal import PlainConsole
 
 FIRST = "bend5"
 """Scene that is compiled before all others, because they use the same kernels."""
@@ -41,8 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
             with waiting(f"loading {name}"):
                 _compile(name, {})
         return 0
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=PlainConsole(stderr=True), transient=True) as progress:
         task = progress.add_task("compiling", total=len(work()) + 1)
         for name in _compiled(max(1, arguments.jobs)):
             progress.update(task, advance=1, description=f"compiling, {name} is ready")

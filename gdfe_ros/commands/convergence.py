@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from rich.console import Console
+from gdfe_ros.terminal import PlainConsole
 
 MOST_LINES = 3
 """Largest number of steps that are listed individually."""
@@ -36,10 +36,10 @@ def convergence(steps: Sequence[Outcome]) -> str:
 
 def print_failures(steps: Sequence[Outcome], *, first: int = 1) -> None:
     """Print each step that did not converge to stderr: number, time, reason; ``first`` is the first step's number."""
-    console = Console(stderr=True, soft_wrap=True)
+    console = PlainConsole(stderr=True, soft_wrap=True)
     failed = [(number, step) for number, step in enumerate(steps, start=first) if not step.converged]
     for number, step in failed[:MOST_LINES]:
         text = f"step {number}, t = {step.time:.4g} s, did not converge: {step.message}"
-        console.print(text, style="red", markup=False, highlight=False)
+        console.print(text, style="red", highlight=False)
     if len(failed) > MOST_LINES:
         console.print(f"and {len(failed) - MOST_LINES} more", style="red")

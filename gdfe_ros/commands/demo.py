@@ -9,7 +9,6 @@ from datetime import datetime
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -20,6 +19,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import IN_RUN
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import Scene, load_scene
+from gdfe_ros.terminal import PlainConsole
 
 FAILED = 1
 
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out or path_inside(Path("runs"), f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S}")
     from gdfe_ros.analysis.report.pictures import write_png  # matplotlib takes a second to import
 
-    console = Console()
+    console = PlainConsole()
     first = _play(scene, str(arguments.scene), out / IN_RUN, arguments.dt)
     bag = BagRun(out / IN_RUN)
     console.print(_table(scene, bag, first))
@@ -57,8 +57,8 @@ def _play(scene: Scene, source: str, bag: Path, dt: float) -> float:
     """Send the program to a node, with a progress bar; return the time [s] from the node's start to its first step."""
     from gdfe_ros.testing.player import play_program
 
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=PlainConsole(stderr=True), transient=True) as progress:
         task = progress.add_task(f"{scene.name}: starting the node", total=scene.program.duration)
 
         def tell(moment: float) -> None:

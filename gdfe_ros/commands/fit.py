@@ -7,14 +7,13 @@ import argparse
 import time
 from pathlib import Path
 
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import path_inside
+from gdfe_ros.terminal import PlainConsole
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
 LAWS = ("linear", "neo_hookean", "mooney_rivlin", "yeoh", "arruda_boyce", "gent", "ogden", "curve")
@@ -106,13 +105,13 @@ def _fit_tensile(arguments: argparse.Namespace) -> int:
     name = arguments.tensile.stem
     out = arguments.out or Path(f"{name}_fit")
     out.mkdir(parents=True, exist_ok=True)
-    console = Console(soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     table = Table(title=f"{arguments.tensile}: {len(fit.strain)} points", title_justify="left", show_header=False)
     for row in tensile_rows(fit):
-        table.add_row(*map(escape, row))
+        table.add_row(*row)
     console.print(table)
     for text in [*curve.remarks, *tensile_remarks(fit)]:
-        console.print(f"note: {text}", style="yellow", markup=False, highlight=False)
+        console.print(f"note: {text}", style="yellow", highlight=False)
     (out / "material.yaml").write_text(material_text(fit, name), encoding="utf-8")
     draw_tensile(out / "tensile.png", fit, title=name)
     console.print(f"written  {out / 'material.yaml'}, {out / 'tensile.png'}")
@@ -139,7 +138,7 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
     console.print(f"{len(fitted)} recordings with {count} values are fitted, {len(held_out)} held out", highlight=False)
     for recording in recordings:
         for text in recording.remarks:
-            console.print(f"{recording.name}: {text}", markup=False, highlight=False)
+            console.print(f"{recording.name}: {text}", highlight=False)
     starts = ", ".join(f"{parameter.key} = {parameter.start:.4g}" for parameter in parameters)
     with open_pool(scene.source, arguments.workers) as pool, waiting(f"simulating and searching, from {starts}"):
         fit = fit_scene(
@@ -149,7 +148,7 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
             pool=pool,
             held_out=held_out,
             loss=arguments.loss,
-            told=lambda text: console.print(text, markup=False, highlight=False),
+            told=lambda text: console.print(text, highlight=False),
         )
     _print(console, fit, time.perf_counter() - started)
     out = arguments.out or path_inside(Path(), f"{scene.name}_fit")
@@ -157,7 +156,7 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _print(console: Console, fit: object, elapsed: float) -> None:
+def _print(console: PlainConsole, fit: object, elapsed: float) -> None:
     """Print values, misfits and warnings."""
     from gdfe_ros.fitting.fit_tables import NOT_INCLUDED, match_rows, own_rows, parameter_rows
 
@@ -165,17 +164,17 @@ def _print(console: Console, fit: object, elapsed: float) -> None:
     for head in ("key", "value", "95 % interval", "correlations with those above"):
         table.add_column(head, overflow="fold")
     for row in parameter_rows(fit):
-        table.add_row(*map(escape, row))
+        table.add_row(*row)
     console.print(table)
     console.print(NOT_INCLUDED, highlight=False)
     table = Table(title="measured and simulated", title_justify="left")
-    for head in ("recording", "series", "", "values", escape("misfit, rms [SI]"), "of the motion"):
+    for head in ("recording", "series", "", "values", "misfit, rms [SI]", "of the motion"):
         table.add_column(head, overflow="fold")
     for row in match_rows(fit):
-        table.add_row(*map(escape, row))
+        table.add_row(*row)
     console.print(table)
     for name, text in own_rows(fit):
-        console.print(f"{name}: {text}", markup=False, highlight=False)
+        console.print(f"{name}: {text}", highlight=False)
     for text in fit.warnings:
-        console.print(f"warning: {text}", style="yellow", markup=False, highlight=False)
+        console.print(f"warning: {text}", style="yellow", highlight=False)
     console.print(f"{fit.simulations} simulations in {elapsed:.3g} s", highlight=False)

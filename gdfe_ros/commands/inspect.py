@@ -7,7 +7,6 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from gdfe_ros.commands.number_option import require_number
@@ -18,6 +17,7 @@ from gdfe_ros.mesh.inspection import Inspection, inspect_file
 from gdfe_ros.mesh.quality import check_mesh
 from gdfe_ros.scene.mesh_schema import SIZE
 from gdfe_ros.scene.skin_schema import SCALE
+from gdfe_ros.terminal import PlainConsole
 
 DEFECTIVE = 1
 
@@ -60,11 +60,11 @@ def run(arguments: argparse.Namespace) -> int:
             raise MeshError("--picture", ["it draws one file, but several are given; remedy: one file at a time"])
         return _inspect_several(arguments.files, scale=arguments.scale, size=arguments.size)
     found = inspect_file(arguments.files[0], scale=arguments.scale, size=arguments.size)
-    Console().print(_table(found))
+    PlainConsole().print(_table(found))
     for defect in found.defects:
-        Console(stderr=True).print(f"fix: {defect}", style="red", markup=False)
+        PlainConsole(stderr=True).print(f"fix: {defect}", style="red")
     for remark in found.remarks:
-        Console(stderr=True).print(f"note: {remark}", style="yellow", markup=False)
+        PlainConsole(stderr=True).print(f"note: {remark}", style="yellow")
     if arguments.picture:
         _draw(arguments.picture, found)
     return DEFECTIVE if found.defects else 0
@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _inspect_several(paths: Sequence[Path], *, scale: float | None, size: float | None) -> int:
     """Print one line for each file: its kind and size, or its first defect; return 0, or 1 if one has defects."""
-    console, worst = Console(soft_wrap=True, highlight=False), 0
+    console, worst = PlainConsole(soft_wrap=True, highlight=False), 0
     for path in paths:
         found = inspect_file(path, scale=scale, size=size)
         facts = dict(found.facts)
@@ -82,7 +82,7 @@ def _inspect_several(paths: Sequence[Path], *, scale: float | None, size: float 
         notes = f"; {len(found.remarks)} remarks" if found.remarks else ""
         first = f": {found.defects[0]}" if found.defects else ""
         style = "red" if found.defects else None
-        console.print(f"{path}: {'; '.join([*known, _verdict(found)])}{notes}{first}", style=style, markup=False)
+        console.print(f"{path}: {'; '.join([*known, _verdict(found)])}{notes}{first}", style=style)
         worst = DEFECTIVE if found.defects else worst
     return worst
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 
+from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.peer import full_name, open_peer
 from gdfe_ros.spelling import did_you_mean
@@ -37,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
             offered = peer.call(f"{name}/get_available_transitions", {}, patience=patience).available_transitions
         state = peer.call(f"{name}/get_state", {}, patience=patience).current_state.label
     labels = ", ".join(each.transition.label for each in offered) or "none"
-    print(f"{name}: {state}; transitions: {labels}")
+    print(plain_lines(f"{name}: {state}; transitions: {labels}"))
     if not done:
         print(f"{wanted} failed; the node's log gives the reason")
     return 0 if done else REFUSED

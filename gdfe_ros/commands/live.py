@@ -12,6 +12,7 @@ import webbrowser
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.entry import catch_endings, collect, without_collection
@@ -115,7 +116,7 @@ def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> Live
     with waiting(f"preparing {scene.name}"):
         simulation = Simulation(scene)
     for remark in simulation.remarks():
-        print(f"warning: {remark}", file=sys.stderr)
+        print(plain_lines(f"warning: {remark}"), file=sys.stderr)
     clock = ClockMode.FAST if arguments.fast else ClockMode.WALL
     dt = DT if arguments.dt is None else arguments.dt
     return LiveSession(simulation, dt=dt, clock=clock, told=page.take, warn=page.say)

@@ -7,6 +7,7 @@ import argparse
 import sys
 from typing import Any
 
+from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.message_text import parse
 from gdfe_ros.node.parameter_calls import get_parameters, set_parameter
@@ -43,11 +44,11 @@ def run(arguments: argparse.Namespace) -> int:
                 value = float(value)  # an integer is a number for a parameter that has a decimal point
             answer = set_parameter(peer, node, wanted, value, patience=arguments.wait)
             if not answer.successful:
-                print(f"refused: {answer.reason}", file=sys.stderr)
+                print(plain_lines(f"refused: {answer.reason}"), file=sys.stderr)
                 return REFUSED
             values = [value]
     for name, value in zip(names, values, strict=True):
-        print(f"{name}: {_text(value)}")
+        print(plain_lines(f"{name}: {_text(value)}"))
     return 0
 
 

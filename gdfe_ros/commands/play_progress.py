@@ -7,11 +7,11 @@ import time
 from threading import Event, Thread
 from types import TracebackType
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gdfe_ros.commands.convergence import Outcome
 from gdfe_ros.commands.waiting import INTERVAL
+from gdfe_ros.terminal import PlainConsole
 
 TERMINAL_INTERVAL = 0.2
 """Time [s] between two updates of the text at a terminal."""
@@ -31,10 +31,10 @@ class PlayProgress:
     """
 
     def __init__(
-        self, name: str, *, duration: float, console: Console | None = None, interval: float = INTERVAL
+        self, name: str, *, duration: float, console: PlainConsole | None = None, interval: float = INTERVAL
     ) -> None:
         self._name, self._duration = name, duration
-        self._console = console or Console(stderr=True, soft_wrap=True)
+        self._console = console or PlainConsole(stderr=True, soft_wrap=True)
         self._interval = interval
         self._started = self._step_started = time.monotonic()
         self._time, self._steps, self._failed, self._reason = 0.0, 0, 0, ""
@@ -77,4 +77,4 @@ class PlayProgress:
             return
         while not self._ended.wait(self._interval):
             elapsed = time.monotonic() - self._started
-            self._console.print(f"{self.text()} ({elapsed:.0f} s)", markup=False, highlight=False)
+            self._console.print(f"{self.text()} ({elapsed:.0f} s)", highlight=False)

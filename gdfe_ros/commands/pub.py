@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import sys
 
+from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.node.message_text import parse
 from gdfe_ros.node.peer import full_name, open_peer
 
@@ -27,5 +28,5 @@ def run(arguments: argparse.Namespace) -> int:
         count, refusals = peer.publish(arguments.topic, values)
     print(f"published on {full_name(arguments.topic)} to {count} listener{'s' if count > 1 else ''}")
     for refusal in refusals:
-        print(f"refused: {refusal}", file=sys.stderr)
+        print(plain_lines(f"refused: {refusal}"), file=sys.stderr)
     return REFUSED if refusals else 0

@@ -6,10 +6,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from gdfe_ros.recording.recovery import RecoveryReport, recover
+from gdfe_ros.terminal import PlainConsole
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write a new bag with the recovered contents; return 0."""
     report = recover(arguments.bag, arguments.out)
-    console = Console()
+    console = PlainConsole()
     console.print(_table(report))
     for text in _remarks(report):
         console.print(text)

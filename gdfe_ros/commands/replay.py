@@ -70,8 +70,9 @@ def _replay(path: Path, overrides: dict[str, object], factor: float, *, ros: boo
     passed = verdict in (Difference.IDENTICAL, Difference.WITHIN)
     text = _partly(report, factor) if verdict is Difference.INCOMPLETE else verdict.value
     console.print(
-        f"[{'green' if passed else 'red'}]{text}[/]: {path}, {differences.steps} steps, "
-        f"{differences.compared} arrays; {report.duration:.3g} s of simulation in {report.wall_time:.3g} s"
+        f"{text}: {path}, {differences.steps} steps, "
+        f"{differences.compared} arrays; {report.duration:.3g} s of simulation in {report.wall_time:.3g} s",
+        style="green" if passed else "red",
     )
     return passed
 

@@ -7,10 +7,9 @@ import argparse
 import time
 from pathlib import Path
 
-from rich.console import Console
-
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import bag_directory
+from gdfe_ros.terminal import PlainConsole
 
 BESIDE = Path()
 """Value of ``--gif`` without a file name: the animation is written beside the report."""
@@ -52,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise GdfeError(f"--out {arguments.out}: {text}; remedy: {arguments.out}.html")
     bag = bag_directory(arguments.bag.resolve())
     out = arguments.out or bag.with_name(f"{bag.stem}_report.html")
-    console, started = Console(soft_wrap=True), time.perf_counter()
+    console, started = PlainConsole(soft_wrap=True), time.perf_counter()
     facts = write_report(bag, out)
     elapsed = time.perf_counter() - started
     console.print(

@@ -10,7 +10,6 @@ import sys
 import time
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from gdfe_ros.actuators.actuator import Mode
@@ -26,6 +25,7 @@ from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
+from gdfe_ros.terminal import PlainConsole
 
 NOT_CONVERGED = 3
 
@@ -61,14 +61,14 @@ def run(arguments: argparse.Namespace) -> int:
         scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
         simulation = Simulation(scene, settings=_settings(scene, arguments))
     for remark in simulation.remarks():
-        Console(stderr=True).print(f"warning: {remark}", style="yellow", highlight=False)
+        PlainConsole(stderr=True).print(f"warning: {remark}", style="yellow", highlight=False)
     with waiting(f"preparing {scene.name}"):
         simulation.warm_up()
     started = time.perf_counter()
     results, interrupted = _play(simulation, keep_going=arguments.keep_going)
     wall_time = time.perf_counter() - started
     last = results[-1]
-    Console().print(_table(simulation, results, wall_time))
+    PlainConsole().print(_table(simulation, results, wall_time))
     if arguments.out:
         write_result(arguments.out, simulation, last, steps=len(results), wall_time=wall_time, whole=not interrupted)
     if arguments.picture:
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     print_failures(results)
     if not last.converged and not arguments.keep_going:
         text = stopped(results, beyond=_withdrawn(simulation, last))
-        Console(stderr=True, soft_wrap=True).print(text, style="red", markup=False, highlight=False)
+        PlainConsole(stderr=True, soft_wrap=True).print(text, style="red", highlight=False)
     if interrupted:
         print(f"gdfe solve: interrupted after t = {last.time:.4g} s", file=sys.stderr)
         return INTERRUPTED

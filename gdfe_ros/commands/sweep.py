@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from gdfe_ros.analysis.sweep.archive import Archive
@@ -15,6 +14,7 @@ from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
+from gdfe_ros.terminal import PlainConsole
 
 FAILED = 1
 _SHOWN = 10
@@ -63,14 +63,14 @@ def run(arguments: argparse.Namespace) -> int:
     write_parquet(rows, arguments.out / "results.parquet")
     draw_results(rows, arguments.out / "results.png", title=f"{scene.name}: {len(rows)} cases")
     bad = [row for row in rows if row["status"] != "converged"]
-    console = Console(soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     alike: dict[tuple[str, str], list[dict]] = {}
     for row in bad:
         alike.setdefault((row["status"], row["error"]), []).append(row)
     for (status, error), group in list(alike.items())[:_SHOWN]:
         settings = {key.removeprefix("set."): value for key, value in group[0].items() if key.startswith("set.")}
         more = f" and {len(group) - 1} more" if len(group) > 1 else ""
-        console.print(f"{status}: {settings}{more}: {error}", style="red", markup=False)
+        console.print(f"{status}: {settings}{more}: {error}", style="red")
     console.print(f"{len(rows) - len(bad)} of {len(rows)} cases converged; {arguments.out / 'results.parquet'}")
     return FAILED if bad else 0
 
@@ -87,12 +87,12 @@ def _complete(arguments: argparse.Namespace, scene: str, cases: list[Case], arch
     from gdfe_ros.analysis.sweep.runner import connect, run_cases
 
     left = [case for case in cases if _is_left(archive, case, retry=arguments.retry)]
-    console = Console(stderr=True)
+    console = PlainConsole(stderr=True)
     if len(left) < len(cases):
         console.print(f"{len(cases) - len(left)} of {len(cases)} cases are done already")
     if not left:
         return
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with (
         connect(arguments.scheduler, arguments.workers) as client,
         Progress(*columns, console=console, transient=True) as progress,

@@ -43,9 +43,10 @@ def waiting(
 
 @contextmanager
 def _at_a_terminal(text: str, console: Console | None, silent: float) -> Iterator[None]:
-    from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
     from rich.text import Text
+
+    from gdfe_ros.terminal import PlainConsole
 
     class Task(TextColumn):
         """The text, or a line about kernels while they are compiled."""
@@ -54,7 +55,7 @@ def _at_a_terminal(text: str, console: Console | None, silent: float) -> Iterato
             return Text(compilations.text() or task.description)
 
     columns = SpinnerColumn(), Task(""), TimeElapsedColumn()
-    progress = Progress(*columns, console=console or Console(stderr=True), transient=True)
+    progress = Progress(*columns, console=console or PlainConsole(stderr=True), transient=True)
     progress.add_task(text, total=None)
     timer = Timer(silent, progress.start)
     timer.daemon = True

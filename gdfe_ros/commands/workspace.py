@@ -7,8 +7,6 @@ import argparse
 import time
 from pathlib import Path
 
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from gdfe_ros.actuators import Mode
@@ -18,6 +16,7 @@ from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import load_scene
+from gdfe_ros.terminal import PlainConsole
 
 UNREACHED = 3
 
@@ -72,16 +71,16 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out or path_inside(Path(), f"{scene.name}_workspace")
     out.mkdir(parents=True, exist_ok=True)
     write_workspace(out / "workspace.csv", found)
-    console = Console(soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     table = Table(title=f"{scene.name}: where {probe} can be", title_justify="left", show_header=False)
     for row in workspace_rows(found):
-        table.add_row(*map(escape, row))
+        table.add_row(*row)
     console.print(table)
     if found.reached.any():
         draw_workspace(out / "workspace.png", found, title=f"{scene.name}: where {probe} can be")
     missing = [message for message in found.messages if message]
     if missing:
-        console.print(f"{len(missing)} commands have no equilibrium, first: {missing[0]}", style="yellow", markup=False)
+        console.print(f"{len(missing)} commands have no equilibrium, first: {missing[0]}", style="yellow")
     console.print(f"written  {out}, {time.perf_counter() - started:.3g} s", highlight=False)
     return UNREACHED if missing else 0
 

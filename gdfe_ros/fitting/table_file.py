@@ -16,6 +16,8 @@ from gdfe_ros.fitting.units import FACTORS
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.spelling import did_you_mean
 
+_LARGEST = 256_000_000
+"""Largest size of a file [bytes]."""
 _HEAD = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\]]*)\])?$")
 
 
@@ -36,7 +38,7 @@ class TableFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            text = read_text(path, encoding="utf-8-sig")
+            text = read_text(path, most=_LARGEST, encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
             raise GdfeError(
                 f"{path} cannot be read: {error}; a CSV file or the directory of a bag is needed"
@@ -45,7 +47,10 @@ class TableFile:
         if len(lines) < 2:
             raise GdfeError(f"{path} has no rows of data; a header and rows of numbers are needed")
         delimiter = max(",;\t", key=lines[0].count)
-        head, *rows = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+        try:
+            head, *rows = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+        except csv.Error as error:
+            raise GdfeError(f"{path} is no table: {error}; a header and rows of numbers are needed") from error
         parts = [_HEAD.match(title.strip()) for title in head]
         self.names = [part["name"] for part in parts]
         if twice := sorted({name for name in self.names if self.names.count(name) > 1}):

@@ -18,6 +18,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.admission import Admission
 from gdfe_ros.live.field import Range, fields_of, legend
@@ -138,7 +139,7 @@ class Page:
 
     def say(self, text: str) -> None:
         """Show a text to every viewer and on the terminal."""
-        print(text, file=sys.stderr)
+        print(plain_lines(text), file=sys.stderr)
         for client in self._server.get_clients().values():
             client.add_notification("gdfe live", text[:_LONGEST_NOTE], auto_close_seconds=10.0)
 

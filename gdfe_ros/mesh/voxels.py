@@ -152,6 +152,10 @@ def _read(path: Path, heading: str, suffixes: tuple[str, ...]) -> tuple[NDArray[
     try:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()), np.errstate(all="ignore"):
             surface = library.load(path, force="mesh", process=False)
+    except ImportError as error:  # trimesh does not name pycollada
+        wanted = error.name or "'gdfe_ros[arm]'"
+        text = f"cannot be read as {path.suffix}: {error}; remedy: pip install {wanted}"
+        raise MeshError(heading, [text]) from error
     except Exception as error:  # trimesh's parsers raise anything on a broken file
         reason = _broken_stl(path) or "its content does not fit its kind"
         raise MeshError(heading, [f"cannot be read as {path.suffix}: {reason}; remedy: export it again"]) from error

@@ -21,6 +21,7 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from gdfe_ros.node.bounded_requests import LARGEST, bounded_service, unread_size
 from gdfe_ros.node.eventless import NO_PUBLISHER_EVENTS, EventlessNode
 from gdfe_ros.node.plain_log import PlainLog, log_throttle
 from gdfe_ros.node.standard_answers import ResultCode, failed
@@ -191,9 +192,10 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def _shield(self, service: Service) -> None:
         """Make a service answer with a failure if its callback raises, and send a ``Future`` response once it is set.
 
-        A request with a too long list is refused. Exceptions are counted and logged as faults.
+        A request that is too large, or has a too long list, is refused. Exceptions are counted and logged as faults.
         """
         callback, send, place = service.callback, service.send_response, f"the service {service.srv_name}"
+        service.srv_type = bounded_service(service.srv_type, self.get_logger().warning)
 
         def answer(request: Any, response: Any) -> Any:
             if text := _describe_excess(request):
@@ -311,7 +313,9 @@ def _ignore_call() -> None:
 
 
 def _describe_excess(request: Any) -> str:
-    """Return which list of a request is too long; empty if none is."""
+    """Return what of a request is too large; empty if nothing is."""
+    if size := unread_size(request):
+        return f"it has {size} bytes; allowed: up to {LARGEST}"
     for name, kind in request.get_fields_and_field_types().items():
         if kind.startswith("sequence") and (count := len(getattr(request, name))) > _MOST_ENTRIES:
             return f"{name} has {count} entries; allowed: up to {_MOST_ENTRIES}"
@@ -324,7 +328,7 @@ def _failure(request: Any, response: Any, text: str) -> Any:
     if hasattr(response, "message"):
         response.message = text
     if hasattr(response, "results"):
-        response.results = [refused] * min(len(request.parameters), _MOST_ENTRIES)
+        response.results = [refused] * max(1, min(len(request.parameters), _MOST_ENTRIES))
     if hasattr(response, "result") and isinstance(response.result, SetParametersResult):
         response.result = refused
     elif hasattr(response, "result") and hasattr(response.result, "error_message"):

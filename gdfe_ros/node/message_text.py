@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from gdfe_ros.bounded_text import load_yaml
+from gdfe_ros.bounded_text import load_yaml, plain_lines
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.spelling import did_you_mean
@@ -62,8 +62,9 @@ def fill(message: Any, values: object, where: str = "") -> Any:
 
 
 def show(message: Any) -> str:
-    """Return a message as YAML, with long arrays truncated."""
-    return yaml.safe_dump(_plain(message), sort_keys=False, allow_unicode=True, default_flow_style=None).rstrip()
+    """Return a message as YAML, with long arrays truncated and control characters escaped."""
+    text = yaml.safe_dump(_plain(message), sort_keys=False, allow_unicode=True, default_flow_style=None)
+    return plain_lines(text.rstrip())
 
 
 def _converted(kind: str, value: object, path: str, present: Any) -> Any:

@@ -19,6 +19,7 @@ from std_msgs.msg import String
 from gdfe_ros.bounded_text import load_json_object
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.message_text import fill
+from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.spelling import did_you_mean
@@ -33,6 +34,8 @@ UNCHANGED = 4.0
 """If the discovered graph lacks a name and has not changed for this time [s], the name is reported as missing."""
 WHOLE = 1.0
 """If the discovered graph has not changed for this time [s], it is listed."""
+_LONGEST = 300
+"""Largest number of shown characters of a name of another node."""
 
 
 class Peer:
@@ -86,9 +89,13 @@ class Peer:
             return [name for name in names if self._node.count_publishers(name)]
 
         def hear(message: String) -> None:
-            refusal = load_json_object(message.data)
-            if refusal["source"] == topic:
-                heard.append(refusal["message"])
+            try:
+                refusal = load_json_object(message.data)
+            except ValueError as error:
+                heard.append(f"unknown, because {error}")
+                return
+            if refusal.get("source") == topic:
+                heard.append(str(refusal.get("message")))
 
         if not (names := self._wait(reporting, REFUSING)):
             return None
@@ -165,7 +172,8 @@ class Peer:
 
         def names() -> list[str]:
             found = self._node.get_node_names_and_namespaces()
-            return sorted(f"{space.rstrip('/')}/{name}" for name, space in found if name != self._node.get_name())
+            others = (f"{space.rstrip('/')}/{name}" for name, space in found if name != self._node.get_name())
+            return sorted(shorten(name, _LONGEST) for name in others)
 
         return self._settled(names)
 
@@ -179,8 +187,8 @@ class Peer:
         def entries() -> list[tuple[str, str, int, int]]:
             look = self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic
             found = self._node.get_topic_names_and_types()
-            rows = ((name, ", ".join(types), *(others(each(name)) for each in look)) for name, types in found)
-            return sorted(row for row in rows if any(row[2:]))
+            rows = [(name, ", ".join(types), *(others(each(name)) for each in look)) for name, types in found]
+            return sorted((*(shorten(text, _LONGEST) for text in row[:2]), *row[2:]) for row in rows if any(row[2:]))
 
         return self._settled(entries)
 
@@ -273,7 +281,7 @@ class Peer:
         return interface_class(found[0])
 
     def _nobody(self, text: str, given: str, names: Sequence[str], kind: str) -> str:
-        listed = ", ".join(names) or "none"
+        listed = ", ".join(shorten(name, _LONGEST) for name in names) or "none"
         return f"{text} in ROS domain {self._domain}; {did_you_mean(given, names)}{kind}: {listed}"
 
 

@@ -44,8 +44,7 @@ _RECONNECTION = 1.0
 class SimNode(ManagedNode):
     """Lifecycle node with a soft-robot simulation, commanded and published on topics.
 
-    It can be added to any executor of rclpy; a multi-threaded one runs its callbacks one at a time. Call ``close``
-    before ``destroy_node``, to finish a bag.
+    It can be added to any executor of rclpy; a multi-threaded one runs its callbacks one at a time.
 
     Args:
         interrupted: event that is set by a request to end the process; a long service then stops early.
@@ -124,6 +123,11 @@ class SimNode(ManagedNode):
             session.destroy()
             del session
             self.collect()
+
+    def destroy_node(self) -> None:
+        """Do `close`, and destroy the node: its threads and topics would keep it in the ROS graph."""
+        self.close()
+        super().destroy_node()
 
     def prepare(self) -> None:
         """Load the scene, factor its matrices and compile the kernels for the transition ``configure``."""

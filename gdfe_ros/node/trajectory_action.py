@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.bounded_requests import LARGEST, bounded_action, unread_size
 from gdfe_ros.node.interface.services import FOLLOW_TRAJECTORY
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.messages import header
@@ -34,18 +35,38 @@ class TrajectoryAction:
         self._node, self._session = node, session
         if not installed(FOLLOW_TRAJECTORY.type):
             return
-        from rclpy.action import ActionServer, CancelResponse
+        from rclpy.action import ActionServer, CancelResponse, GoalResponse
+
+        class Server(ActionServer):
+            """A server that rejects goals that were too large to be read."""
+
+            unread = 0
+
+            async def execute(self, taken_data: Any) -> None:
+                """Respond to requests, as rclpy does."""
+                self.unread = unread_size(taken_data["goal"][1]) if "goal" in taken_data else 0
+                await super().execute(taken_data)
 
         self._kind = interface_class(FOLLOW_TRAJECTORY.type)
         self._pursuits: dict[bytes, Pursuit] = {}
-        self._action = ActionServer(
+        self._action = Server(
             node,
             self._kind,
             FOLLOW_TRAJECTORY.name,
+            goal_callback=lambda goal: GoalResponse.REJECT if self._too_large() else GoalResponse.ACCEPT,
             execute_callback=lambda goal: self._kind.Result(),
             handle_accepted_callback=self._accept,
             cancel_callback=lambda goal: self._cancel(goal) or CancelResponse.ACCEPT,
         )
+        self._action._action_type = bounded_action(self._kind, node.get_logger().warning)
+
+    def _too_large(self) -> bool:
+        """Return whether the goal that has come was too large to be read, and log that."""
+        size = self._action.unread
+        if size:
+            text = f"a goal of {FOLLOW_TRAJECTORY.name} is refused: it has {size} bytes; allowed: up to {LARGEST}"
+            self._node.get_logger().warning(text)
+        return bool(size)
 
     def _accept(self, goal: Any) -> None:
         """Queue the order of a goal, or end the goal at once with the reason of the refusal."""

@@ -8,9 +8,13 @@ from pathlib import Path
 
 import yaml
 
+from gdfe_ros.bounded_text import load_yaml
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY
+from gdfe_ros.regular_file import read_text
 
+LARGEST_METADATA = 4_000_000
+"""Largest size of metadata.yaml [bytes]."""
 _HEAD = 16
 
 
@@ -87,7 +91,7 @@ def _compression(metadata: Path) -> str:
     if not metadata.is_file():
         return ""
     try:
-        info = yaml.safe_load(metadata.read_text(encoding="utf-8"))[ROOT_KEY]
+        info = load_yaml(read_text(metadata, most=LARGEST_METADATA))[ROOT_KEY]
         mode = str(info.get("compression_mode") or "").lower()
     except (OSError, UnicodeDecodeError, yaml.YAMLError, TypeError, KeyError, AttributeError):
         return ""  # the reader of MCAP bags says what is wrong with this file

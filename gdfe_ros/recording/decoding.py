@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import Any
 
 from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.expansion import expand_message
 from gdfe_ros.recording.topic import TopicInfo
 
 _RULE = "=" * 80 + "\n"
@@ -48,7 +49,7 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
 
     def decode(type_name: str, data: bytes) -> Any:
         try:
-            return store.deserialize_cdr(data, type_name)
+            return store.deserialize_cdr(expand_message(data), type_name)
         except Exception as error:  # the exceptions for invalid bytes are not documented either
             raise RecordingError(
                 f"{len(data)} bytes do not match the bag's definition of {type_name}: {_line(error)}"

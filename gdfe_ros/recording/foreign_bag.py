@@ -4,24 +4,30 @@
 from __future__ import annotations
 
 import shutil
+import sqlite3
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag1 import ReaderError as Ros1Error
+from rosbags.rosbag1 import reader as rosbag1_reader
 from rosbags.rosbag2 import ReaderError as Ros2Error
+from rosbags.rosbag2 import reader as rosbag2_reader
+from rosbags.rosbag2 import storage_mcap
 from rosbags.typesys import Stores, get_typestore
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.bag_info import METADATA_FILE, bag_directory
+from gdfe_ros.recording.bag_info import bag_directory
 from gdfe_ros.recording.bag_kind import BagKind, file_kind, is_plain_mcap, storage_files
+from gdfe_ros.recording.expansion import bound_libraries, expand_message, open_zstd
 from gdfe_ros.recording.reader import BagMessage, BagReader
 from gdfe_ros.recording.topic import TopicInfo
 
+bound_libraries(rosbag1_reader, rosbag2_reader, storage_mcap)
 _SUFFIXES = {BagKind.MCAP: ".mcap", BagKind.SQLITE: ".db3", BagKind.ROS1: ".bag"}
 _REMEDIES = {
     BagKind.SQLITE: "remedy: `sqlite3 OLD.db3 .recover | sqlite3 NEW.db3`",
@@ -59,7 +65,8 @@ class ForeignBag:
             raise RecordingError(f"{self.path} is neither a bag directory nor a bag file (.mcap, .db3, .bag)")
         self.kind = file_kind(files[0])
         self._folder = TemporaryDirectory(prefix="gdfe_bag_")
-        self._files = self._readable(files)
+        # Not by metadata.yaml, which rosbags reads without a limit: the files say what they are.
+        self._files = [self._named(file) for file in files]
         self.topics: dict[str, TopicInfo] = {}
         self.counts: Counter[str] = Counter()
         with self._opened() as reader:
@@ -96,19 +103,13 @@ class ForeignBag:
                     f"{text}; remedy: record it again with ROS 2 Iron or newer, which stores definitions"
                 )
             try:
-                return store.deserialize_cdr(data, kind) if two else store.deserialize_ros1(data, kind)
+                return store.deserialize_cdr(expand_message(data), kind) if two else store.deserialize_ros1(data, kind)
             except Exception as error:  # the exceptions for invalid bytes are not documented
                 raise RecordingError(
                     f"bag {self.path}: {len(data)} bytes do not match the definition of {kind}"
                 ) from error
 
         return decode
-
-    def _readable(self, files: list[Path]) -> list[Path]:
-        """Return the paths that rosbags can open: the bag's directory, or its files with the suffix of their kind."""
-        if self.path.is_dir() and (self.path / METADATA_FILE).is_file():
-            return [self.path]
-        return [self._named(file) for file in files]
 
     def _named(self, file: Path) -> Path:
         """Return a file under the suffix of its kind; a compressed file is expanded into a temporary folder."""
@@ -118,6 +119,8 @@ class ForeignBag:
             return self._named(place)
         if kind not in _SUFFIXES:
             raise RecordingError(f"bag file {file} is {kind.value}; remedy: an MCAP file, a .db3 or a .bag")
+        if kind is BagKind.SQLITE:
+            _require_tables(file)
         if file.suffix == _SUFFIXES[kind]:
             return file
         named = place.with_name(f"{file.stem}_{_SUFFIXES[kind][1:]}{_SUFFIXES[kind]}")
@@ -125,13 +128,14 @@ class ForeignBag:
         return named
 
     def _expand(self, file: Path, place: Path) -> None:
-        from zstandard import ZstdDecompressor, ZstdError
+        from zstandard import ZstdError
 
         try:
-            with file.open("rb") as packed, place.open("wb") as whole:
-                shutil.copyfileobj(ZstdDecompressor().stream_reader(packed), whole)
-        except (OSError, ZstdError) as error:
-            raise RecordingError(f"bag file {file} cannot be expanded; {_REMEDIES[BagKind.ZSTD]}") from error
+            with file.open("rb") as packed, open_zstd(packed) as content, place.open("wb") as whole:
+                shutil.copyfileobj(content, whole)
+        except (OSError, ValueError, ZstdError) as error:
+            told = f": {error}" if isinstance(error, ValueError) else ""
+            raise RecordingError(f"bag file {file} cannot be expanded{told}; {_REMEDIES[BagKind.ZSTD]}") from error
         if file_kind(place) not in _SUFFIXES:
             raise RecordingError(f"bag file {file} contains no bag; remedy: a compressed .mcap, .db3 or .bag")
 
@@ -148,6 +152,22 @@ class ForeignBag:
             told = " ".join(str(error).split())[:200] if own else "its content is damaged or cut off"
             remedy = _REMEDIES.get(self.kind, "remedy: copy it again from the robot")
             raise RecordingError(f"bag {self.path} ({self.kind.value}) cannot be read: {told}; {remedy}") from error
+
+
+def _require_tables(file: Path) -> None:
+    """Raise an error for a SQLite file with other objects than tables and indices: a view may compute without end.
+
+    Raises:
+        RecordingError: there is such an object.
+    """
+    try:
+        with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as connection:
+            found = connection.execute("SELECT name, type, sql FROM sqlite_master").fetchall()
+    except sqlite3.Error:
+        return  # rosbags says what is damaged
+    for name, kind, text in found:
+        if kind not in ("table", "index") or str(text).upper().startswith("CREATE VIRTUAL"):
+            raise RecordingError(f"bag file {file} has the {kind} {str(name)[:80]!r}; allowed: tables and indices")
 
 
 def open_bag(path: str | Path) -> BagReader | ForeignBag:

@@ -18,6 +18,9 @@ from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Message
 from mcap.stream_reader import breakup_chunk
 from zstandard import ZstdError
 
+from gdfe_ros.recording.expansion import bound_libraries, require_bounded
+
+bound_libraries()
 MAGIC = b"\x89MCAP0\r\n"
 # Exceptions of mcap, lz4 (RuntimeError) and zstandard for invalid bytes.
 DAMAGE = (
@@ -37,6 +40,7 @@ DAMAGE = (
 
 _CHECKSUM = 4
 _HEAD = struct.Struct("<BQ")
+_SIZE = struct.Struct("<Q")
 _FOOTER = struct.Struct("<BQQQI")
 _KINDS = {
     Opcode.HEADER: Header,
@@ -61,11 +65,13 @@ class Damage:
         chunks: number of skipped chunks that did not match their checksum, or whose beginning is destroyed.
         records: number of other skipped records that cannot be read.
         cut: whether the file is truncated; valid once the last record has been read.
+        expanded: declared size of the chunks so far [B].
     """
 
     chunks: int = 0
     records: int = 0
     cut: bool = True
+    expanded: int = 0
 
 
 def require_sound_summary(data: mmap) -> int:
@@ -110,6 +116,9 @@ def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
     Args:
         data: contents of the file.
         damage: counts of the damage, which are updated.
+
+    Raises:
+        RecordingError: the chunks expand too far.
     """
     place = len(MAGIC)
     while True:
@@ -117,17 +126,22 @@ def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
         if end is not None and data[place] == Opcode.DATA_END:
             damage.cut = data[len(data) - len(MAGIC) :] != MAGIC
             return
-        found = None if end is None else _contents(data, place, end)
+        found = None if end is None else _contents(data, place, end, damage)
         yield from found or ()
         following = end
         if end is None or not _is_plausible(data, end):
-            following = _next_beginning(data, place + 1 if found is None else end)
+            following = _next_beginning(data, place + 1 if found is None else end, damage)
         if following is None:
             return
         if found is None:
             damage.chunks += data[place] == Opcode.CHUNK
             damage.records += data[place] != Opcode.CHUNK
         place = following
+
+
+def chunk_size(data: mmap, place: int) -> int:
+    """Return the declared size of the content of the chunk at offset ``place`` [B]."""
+    return _SIZE.unpack_from(data, place + _HEAD.size + 16)[0]
 
 
 def _end(data: mmap, place: int) -> int | None:
@@ -144,20 +158,25 @@ def _is_plausible(data: mmap, place: int) -> bool:
     return place == len(data) or _end(data, place) is not None
 
 
-def _next_beginning(data: mmap, place: int) -> int | None:
+def _next_beginning(data: mmap, place: int, damage: Damage) -> int | None:
     """Return the offset of the next intact chunk, attachment or metadata record from ``place`` on; None without one."""
     for match in _BEGINNING.finditer(data, place):
         end = _end(data, match.start())
-        if end is not None and _is_plausible(data, end) and _contents(data, match.start(), end) is not None:
+        plausible = end is not None and _is_plausible(data, end)
+        if plausible and _contents(data, match.start(), end, damage) is not None:
             return match.start()
     return None
 
 
-def _contents(data: mmap, place: int, end: int) -> list[McapRecord] | None:
+def _contents(data: mmap, place: int, end: int, damage: Damage) -> list[McapRecord] | None:
     """Return the record between two offsets or, if it is a chunk, the records inside; None if they are damaged."""
     try:
         record = _record(data, place, end)
-        return breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
+        if not isinstance(record, Chunk):
+            return [record]
+        damage.expanded += record.uncompressed_size
+        require_bounded(damage.expanded, len(data))
+        return breakup_chunk(record, validate_crc=True)
     except DAMAGE:
         return None
 

@@ -19,18 +19,17 @@ from gdfe_ros.bounded_text import load_yaml
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_file import RECORDING_RECORD, ROLE_KEY, RUN_RECORD
 from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY, bag_directory
-from gdfe_ros.recording.bag_kind import require_mcap, storage_files
+from gdfe_ros.recording.bag_kind import LARGEST_METADATA, require_mcap, storage_files
 from gdfe_ros.recording.decoding import array_decoder
+from gdfe_ros.recording.expansion import require_bounded
 from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
-from gdfe_ros.recording.frames import require_sound_summary
+from gdfe_ros.recording.frames import chunk_size, require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.topic import Qos, TopicInfo
 from gdfe_ros.regular_file import read_text
 
 _LARGEST_DEFINITION = 200_000
 """Largest size of a type's definition [bytes]; a parser of 16 MB takes a minute."""
-_LARGEST_METADATA = 4_000_000
-"""Largest size of metadata.yaml [bytes]."""
 DAMAGE = (*UNREADABLE, yaml.YAMLError)
 """Exceptions that may occur while a damaged file, or a damaged text in it, is read."""
 
@@ -188,7 +187,7 @@ def _listed_files(metadata: Path) -> list[Path]:
         ValueError: a key or a file is missing.
         RecordingError: the files are not in MCAP format.
     """
-    data = load_yaml(read_text(metadata, most=_LARGEST_METADATA))
+    data = load_yaml(read_text(metadata, most=LARGEST_METADATA))
     info = data.get(ROOT_KEY) if isinstance(data, dict) else None
     if not isinstance(info, dict):
         raise ValueError(f"it has no {ROOT_KEY}")
@@ -211,9 +210,13 @@ def _opened(file: Path) -> Iterator[McapReader]:
     require_mcap(file)
     try:
         with file.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
             with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
                 require_sound_summary(data)
-            yield make_reader(stream, validate_crcs=True)
+                summary = reader.get_summary()
+                chunks = summary.chunk_indexes if summary is not None else ()
+                require_bounded(sum(chunk_size(data, each.chunk_start_offset) for each in chunks), len(data))
+            yield reader
     except RecordingError as error:
         raise RecordingError(f"bag file {file}: {error}") from error
     except OSError as error:

@@ -72,7 +72,12 @@ class DriveModel(Entry):
 
 
 class CableModel(DriveModel):
-    """A frictionless cable through points of the body, of several bodies, and of the world."""
+    """A frictionless cable through points of the body, of several bodies, and of the world.
+
+    With friction, the tension behind a bend also depends on where the cable was last pulled, and where released. For
+    friction while it is pulled, give each stretch between two points a cable of its own, with the tension T exp(-mu a)
+    behind bends of the total angle a.
+    """
 
     points: tuple[CablePoint, ...] = Field(
         description="two or more points, e.g. [[0, 0, 0.01], [0.1, 0, 0.01]]; a point with a mesh belongs to one of "
@@ -84,6 +89,17 @@ class CableModel(DriveModel):
         "tension", description="the commanded quantity: tension [N], length [m] or shortening [m]"
     )
     stiffness: Annotated[float, _STIFFNESS] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_friction(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "friction" in given:
+            raise ValueError(
+                "friction: a cable has none, because the tension behind a bend also depends on where the cable was "
+                "last pulled, and where released; remedy, while it is pulled: a cable for each stretch between two "
+                "points, with the tension T exp(-mu a) behind bends of the total angle a [rad]"
+            )
+        return given
 
     @model_validator(mode="after")
     def _points_apart(self) -> CableModel:

@@ -21,6 +21,8 @@ _REMEDY = (
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _EMPTY = ("", "nan", "n/a", "na", "-", "--", "null", "#n/a")
 """Cells without a number, in small letters."""
+_MOST_ROWS, _MOST_COLUMNS, _ABOVE = 100_000, 1000, 60
+"""Largest numbers of rows and columns, and number of rows above a header in which the specimen is described."""
 _LISTED = 10
 _SUMMARY = 4
 """Number of rows up to which one of several tables is a summary of results, with its header and units."""
@@ -59,7 +61,11 @@ def read_stress_table(path: Path) -> StressTable:
     numbered = [(i, line) for i, line in enumerate(_text(path).splitlines(), 1) if line.strip() and line[0] != "#"]
     if not numbered:
         raise ValueError(f"{path} is empty; {_REMEDY}")
-    rows = [(number, row) for (number, _), row in zip(numbered, _cells([line for _, line in numbered]), strict=True)]
+    if len(numbered) > _MOST_ROWS:
+        raise ValueError(f"{path} has {len(numbered)} rows; allowed: up to {_MOST_ROWS}; remedy: leave out some rows")
+    rows = [
+        (number, row) for (number, _), row in zip(numbered, _cells(path, [line for _, line in numbered]), strict=True)
+    ]
     places = [place for place in range(len(rows)) if _columns_at(path, rows, place) is not None]
     if not places:
         titles = [cell.lower() for cell in rows[0][1]]
@@ -67,7 +73,7 @@ def read_stress_table(path: Path) -> StressTable:
     tests = list(zip(places, [*places[1:], len(rows)], strict=True))
     long = [(begin, end) for begin, end in tests if end - begin > _SUMMARY] if len(tests) > 1 else tests
     if len(long) != 1:
-        lines = ", ".join(str(rows[place][0]) for place in places)
+        lines = ", ".join(str(rows[place][0]) for place in places[:_LISTED])
         raise ValueError(f"{path} has {len(places)} tests, with headers in line {lines}; remedy: one file for each")
     begin, end = long[0]
     strain, stress, remarks = _columns_at(path, rows, begin)
@@ -91,10 +97,16 @@ def _text(path: Path) -> str:
         return raw.decode("cp1252", errors="replace")
 
 
-def _cells(lines: Sequence[str]) -> list[list[str]]:
+def _cells(path: Path, lines: Sequence[str]) -> list[list[str]]:
     """Return the cells of each line, with decimal points."""
     delimiter = max(";\t,", key=lambda mark: sum(line.count(mark) > 0 for line in lines) + (mark != ",") * 0.5)
-    rows = [next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []) for line in lines]
+    most = max(line.count(delimiter) for line in lines)
+    if most >= _MOST_COLUMNS:
+        raise ValueError(f"{path} has {most + 1} columns; allowed: up to {_MOST_COLUMNS}")
+    try:
+        rows = [next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []) for line in lines]
+    except csv.Error as error:
+        raise ValueError(f"{path} is no table: {error}; {_REMEDY}") from error
     rows = [[cell.strip() for cell in row] for row in rows]
     commas = any(_DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row)
     points = any(re.fullmatch(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?", cell) for row in rows for cell in row)
@@ -119,7 +131,7 @@ def _columns_at(
     below = rows[place + 1][1] if place + 1 < len(rows) else []
     units = below if is_unit_row(below) else [""] * len(row)
     try:
-        return find_columns(row, units, [each for _, each in rows[:place]])
+        return find_columns(row, units, [each for _, each in rows[max(0, place - _ABOVE) : place]])
     except ValueError as error:
         raise ValueError(f"{path} line {line}: {error}") from error
 

@@ -79,9 +79,9 @@ def find_columns(
     strain = _chosen(strains, titles, units, STRAIN_UNITS, "strain", remarks)
     stress = _chosen(stresses, titles, units, STRESS_UNITS, "stress", remarks)
     if strain is None or stress is None:
-        sizes = _sizes(above)
         forces = [k for k, title in enumerate(plain) if _FORCE.search(title) and not _STRESS.search(title)]
         ways = [k for k, title in enumerate(plain) if _EXTENSION.search(title) and k not in strains]
+        sizes = _sizes(above) if forces or ways else {}
         if stress is None and forces and "area" in sizes:
             force = _chosen(forces, titles, units, FORCE_UNITS, "force", remarks)
             stress = TableColumn(force.place, force.factor / sizes["area"])

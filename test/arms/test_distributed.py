@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -164,6 +166,15 @@ def test_packages_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, urd
         (tmp_path / name).touch()
     folder = (tmp_path / urdf).parent
     assert find_mesh("package://my_arm/meshes/one.stl", folder=folder, packages={}) == tmp_path / mesh
+
+
+def test_a_missing_reader_is_named() -> None:
+    """Where pycollada is not installed, a .dae says so, and not that it is damaged."""
+    mesh = ROBOTS / "ur_description" / "meshes" / "ur5" / "visual" / "wrist3.dae"
+    code = "import sys; sys.modules['collada'] = None\nfrom pathlib import Path\n"
+    code += f"from gdfe_ros.arms.meshes import read_surface; read_surface('wrist3.dae', Path({str(mesh)!r}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "missing `pip install pycollada`; remedy: pip install 'gdfe_ros[arm]'" in done.stderr
 
 
 def test_a_package_in_a_folder_of_another_name_is_told(tmp_path: Path) -> None:

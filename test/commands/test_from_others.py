@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import subprocess
@@ -10,11 +11,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.cli import main
+from gdfe_ros.errors import SceneError
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -42,8 +45,8 @@ def test_a_robot_of_sofa_from_its_drawing_to_a_fitted_model(tmp_path: Path, monk
     """The stalk bends towards the cable that is pulled, and the fit finds the modulus of the recording."""
     monkeypatch.chdir(tmp_path)
     subprocess.run([sys.executable, "-c", DRAW], check=True, capture_output=True)
-    make, solve, fit = _blocks("from_sofa.md", "sh")
-    entries, match = _blocks("from_sofa.md", "yaml")
+    make, solve, fit, _ = _blocks("from_sofa.md", "sh")
+    entries, match, _ = _blocks("from_sofa.md", "yaml")
     _run(make)
     scene = yaml.safe_load(Path("stalk.yaml").read_text()) | yaml.safe_load(entries)
     Path("stalk.yaml").write_text(yaml.safe_dump(scene))
@@ -59,6 +62,22 @@ def test_a_robot_of_sofa_from_its_drawing_to_a_fitted_model(tmp_path: Path, monk
     Path("pull.csv").write_text("\n".join(rows) + "\n")
     _run(fit)
     assert load_scene("fitted/scene.yaml").materials["body"].young == pytest.approx(2.2e5, rel=5e-3)
+
+
+def test_a_cable_with_friction_is_three_cables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tensions of the page obey the capstan equation, and the base bears the tension of the motor alone."""
+    monkeypatch.chdir(tmp_path)
+    text = _blocks("from_sofa.md", "yaml")[2]
+    Path("bends.yaml").write_text(text)
+    _run(_blocks("from_sofa.md", "sh")[3])
+    given = [rows[-1]["value"] for rows in yaml.safe_load(text)["program"]["actuators"].values()]
+    assert given == pytest.approx([0.5 * math.exp(-0.2 * k * math.pi / 2) for k in range(3)], rel=2e-3)
+    simulation = Simulation(load_scene("bends.yaml"))
+    result = simulation.step(Command(actuators=dict(zip(("motor", "middle", "end"), given, strict=True))))
+    assert np.linalg.norm(result.reactions["base"][:3]) == pytest.approx(0.5, rel=1e-4)
+    friction = {"actuators.motor.cable.friction": 0.2}
+    with pytest.raises(SceneError, match=r"a cable has none.*remedy, while it is pulled: a cable for each stretch"):
+        load_scene("bends.yaml", overrides=friction)
 
 
 def test_a_flex_of_mujoco(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

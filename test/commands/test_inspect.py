@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import meshio
+import numpy as np
 import pytest
 import trimesh
 
@@ -62,6 +64,20 @@ def test_a_picture_that_cannot_be_written_is_refused_first(tmp_path: Path, capsy
     said = capsys.readouterr()
     assert said.out == ""
     assert "there is no folder" in said.err
+
+
+def test_a_name_in_a_file_is_printed_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A group's name that looks like markup or has control characters is printed, with the latter escaped."""
+    corners = 0.1 * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    mesh = meshio.Mesh(
+        np.concatenate([corners, corners + np.array([0.0, 0.0, 0.1])]),
+        [("hexahedron", np.arange(8)[None])],
+        cell_data={"gmsh:physical": [np.array([1])], "gmsh:geometrical": [np.array([1])]},
+        field_data={"a[/b]\x1b[31m": np.array([1, 3])},
+    )
+    mesh.write(tmp_path / "cube.msh", file_format="gmsh22", binary=False)
+    assert main(["inspect", str(tmp_path / "cube.msh")]) == 0
+    assert r"a[/b]\x1b[31m (1)" in capsys.readouterr().out
 
 
 def test_several_files_give_one_line_each(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

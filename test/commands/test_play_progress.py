@@ -8,9 +8,9 @@ from threading import Event
 from types import SimpleNamespace
 
 import pytest
-from rich.console import Console
 
 from gdfe_ros.commands.play_progress import PlayProgress
+from gdfe_ros.terminal import PlainConsole
 
 STUCK = SimpleNamespace(converged=False, time=0.2, message="[cable 'left'] is at its limit")
 
@@ -33,7 +33,7 @@ class Stream(StringIO):
 def test_a_step_that_lasts_is_reported_while_it_lasts(terminal: bool) -> None:
     """During a long step, a terminal and a file show the time, the number of steps and the last failure."""
     stream = Stream("step 2 has taken")
-    console = Console(file=stream, force_terminal=terminal, width=200)
+    console = PlainConsole(file=stream, force_terminal=terminal, width=200)
     with PlayProgress("hand", duration=2.0, console=console, interval=0.01) as progress:
         progress.add(STUCK)
         assert stream.seen.wait(60.0)
@@ -45,7 +45,7 @@ def test_a_step_that_lasts_is_reported_while_it_lasts(terminal: bool) -> None:
 def test_a_short_run_writes_nothing_into_a_file() -> None:
     """A program that ends within the interval writes nothing to a file."""
     stream = StringIO()
-    progress = PlayProgress("hand", duration=2.0, console=Console(file=stream), interval=600.0)
+    progress = PlayProgress("hand", duration=2.0, console=PlainConsole(file=stream), interval=600.0)
     with progress:
         progress.add(STUCK)
     assert stream.getvalue() == ""

@@ -3,13 +3,20 @@
 
 from __future__ import annotations
 
+import json
+import threading
 import time
 from collections.abc import Iterator
 
 import pytest
+import rclpy
 import yaml
 from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.errors import GdfeError
@@ -103,6 +110,40 @@ def test_a_transition_is_requested(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["lifecycle", "/gdfe_sim", "deactivate"]) == 0
     assert capsys.readouterr().out.startswith("/gdfe_sim: inactive; transitions: cleanup, activate")
     assert main(["lifecycle", "/gdfe_sim", "activate"]) == 0
+
+
+def test_texts_of_a_stranger_cannot_command_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    """Control characters in a stranger's parameters, messages, answers and refusals are printed as escapes."""
+    bad, shown = "red \x1b[31m\x07\u202e", r"red \x1b[31m\x07\u202e"
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node, executor = rclpy.create_node("stranger", context=context), SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    node.declare_parameter(f"text {bad}", bad)
+    state = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_publisher(String, "~/said", state).publish(String(data=bad))
+    refused = node.create_publisher(String, "~/refused", 10)
+    node.create_subscription(String, "~/heard", lambda _: refused.publish(String(data=json.dumps([bad]))), 10)
+    node.create_service(Trigger, "~/asked", lambda _, response: Trigger.Response(success=False, message=bad))
+    spinning = threading.Thread(target=executor.spin)
+    spinning.start()
+    try:
+        for arguments in (
+            ["params", "stranger"],
+            ["params", "stranger", "txet"],
+            ["echo", "stranger/said"],
+            ["call", "stranger/asked"],
+            ["pub", "stranger/heard", "{data: hello}"],
+        ):
+            main(arguments)
+            printed = "".join(capsys.readouterr())
+            assert printed.replace("\n", "").isprintable(), arguments
+            assert shown in printed.replace(r"\e", r"\x1b").replace(r"\a", r"\x07") or "unknown" in printed, printed
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+        spinning.join()
 
 
 def test_messages_are_filled_and_shown() -> None:

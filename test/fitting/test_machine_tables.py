@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.table_file import TableFile
 from gdfe_ros.fitting.tensile import fit_tensile
 from gdfe_ros.materials import Law
 from gdfe_ros.scene.table import read_stress_table
@@ -194,3 +196,26 @@ def test_choices_of_a_scene_are_remarks(tmp_path: Path) -> None:
     assert "2 columns of strain: the first, 'strain (video)', is used" in told
     assert "exact in uniaxial tension only" in told
     assert "20 % too low at stretch 1.25 and 50 % at 2" in told
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("," * 3_000_000, "has 3000001 columns; allowed: up to 1000"),
+        ('strain,stress\n"' + "x" * 1_000_000, "is no table: field larger than field limit"),
+        ("strain,stress\n0.1," + "9" * 1_000_000, "is no table: field larger than field limit"),
+        ("x\n" * 1_000_000, "has 1000000 rows; allowed: up to 100000"),
+        ("strain,stress\n" * 90_000, "has 90000 tests, with headers in line 1, 2, 3, 4, 5, 6, 7, 8, 9, 10; remedy"),
+        ("force,x\n" * 90_000, r"line 1: the header is \['force', 'x'\]"),
+    ],
+    ids=["columns", "quote", "digits", "rows", "headers", "forces"],
+)
+def test_a_hostile_table_is_refused_soon(tmp_path: Path, text: str, told: str) -> None:
+    """A table that is no test of a machine is refused within seconds of processor time, without a Python error."""
+    path, started = tmp_path / "table.csv", time.process_time()
+    path.write_text(text)
+    with pytest.raises(ValueError, match=told):
+        read_stress_table(path)
+    assert time.process_time() - started < 20.0
+    with pytest.raises(GdfeError, match=r"is no table|no rows of data|two columns|row \d+ has|no column"):
+        TableFile(path).column("time")

@@ -102,6 +102,10 @@ def test_instances_are_placed(tmp_path: Path, instances: tuple[str, ...], bounds
         ),
         (NODES + CELL + '*Nset, nset="my nodes"\n 1,2 ,\n', {"my nodes": 2}),
         (NODES.replace("*Node", "*NODE, NSET=every") + CELL, {"every": 8}),
+        (NODES + CELL + "*NSET, NSET=odd, GENERATE\n1, 7, 2\n", {"odd": 4}),
+        (NODES + CELL + "*Nset, nset=twice\n1, 2\n*Nset, nset=twice\n2, 3,\n", {"twice": 3}),
+        (NODES + CELL + "*Nset, nset=unordered, unsorted\n8, 1, 8\n 3\n", {"unordered": 3}),
+        (NODES + CELL + "*Nset, nset=both\n1\n*Nset, nset=more\nboth, 4\n", {"both": 1, "more": 2}),
     ],
 )
 def test_sets_of_nodes(tmp_path: Path, text: str, sets: dict[str, int]) -> None:

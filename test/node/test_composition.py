@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
 from collections.abc import Callable
@@ -82,6 +83,37 @@ def test_a_destroyed_node_leaves_the_graph(ros: Any) -> None:
         pass
     rclpy.shutdown(context=context)
     assert node.lifecycle_state == "finalized"
+
+
+def test_an_active_node_that_is_destroyed_leaves_the_graph(ros: Any, slab: Path) -> None:
+    """A node that is destroyed while it steps ends its threads, and leaves the graph before it is collected."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    executor = make_executor(context)
+    parameters = [Parameter("scene", value=str(slab)), Parameter("clock", value="wall")]
+    node = SimNode(namespace="leaving", context=context, parameter_overrides=parameters)
+    executor.add_node(node)
+    watcher, end = ros.node("watcher"), time.monotonic() + 300.0
+
+    def is_seen() -> bool:
+        assert time.monotonic() < end
+        executor.spin_once(timeout_sec=0.1)
+        ros.executor.spin_once(timeout_sec=0.1)
+        return ("gdfe_sim", "/leaving") in watcher.get_node_names_and_namespaces()
+
+    while node.lifecycle_state != "active" or not is_seen():
+        is_seen()
+    gc.disable()
+    try:
+        executor.remove_node(node)
+        node.destroy_node()
+        while is_seen():
+            pass
+    finally:
+        gc.enable()
+    executor.shutdown()
+    rclpy.shutdown(context=context)
+    assert node.session is None
 
 
 def test_a_spawned_body_is_read_in_a_thread_of_its_own(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -57,3 +58,31 @@ def test_a_grip_is_attached_and_released_by_its_name(
     assert commanded == [{"cup": 1.0}, {"cup": 0.0}]
     report = Replay(BagRun(tmp_path / "bag")).run()
     assert report.differences.verdict() is Difference.IDENTICAL
+
+
+def test_a_flood_of_grips_is_survived(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Thousands of names that are no grips, and a grip that is taken and let go at random, end nothing."""
+    (tmp_path / "cup.yaml").write_text(SCENE)
+    process = start(scene=str(tmp_path / "cup.yaml"), clock="fast", dt=0.002, heartbeat=0.0)
+    client.wait(client.records)
+    names = [
+        "cup",
+        "cap",
+        "",
+        "box",
+        "\x1b[2J",
+        "cup\n[ERROR] forged",
+        "\u202epuc",
+        "x" * 100_000,
+        "a/../cup",
+        "__class__",
+    ]
+    rng = random.Random(5)
+    for number in range(3000):
+        client.publish(rng.choice(("attach", "release")), String(data=rng.choice(names)))
+        if number % 100 == 0:
+            assert client.state() == "active"
+    client.wait(lambda: int(client.diagnostics()["refused: unknown name"]) > 1000)
+    assert all(line.isprintable() for line in process.log.splitlines())
+    assert not any(line.startswith("[ERROR] forged") for line in process.log.splitlines())
+    assert process.stop() == 0

@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from benchmarks.node import flood, hostile
+from benchmarks.node.meter import read_processor
 
 REASONS = {"handles": hostile.HANDLE_REASONS, "actuators": hostile.ACTUATOR_REASONS}
 
@@ -130,3 +131,19 @@ def test_wild_commands_at_a_thousand_a_second_leave_finite_meshes(client: Any, s
     client.wait(lambda: client.mesh()[:, 5].max() == pytest.approx(0.05, abs=1e-6))
     client.wait(lambda: client.diagnostics()["converged"] == "True")  # the deadline may cut the step; others follow
     assert all(np.isfinite(mesh).all() for mesh in client.meshes())
+
+
+def test_a_request_that_is_too_large_stays_unread(client: Any, start: Callable, coarse: dict) -> None:
+    """A request of 200000 parameters is refused with its size, and takes the node 2 s at most.
+
+    Before, rclpy made Python objects of it for 5 to 12 s, in which the node answered nothing.
+    """
+    process = start(**coarse)
+    client.wait(client.records)
+    before = read_processor(process.pid).total
+    many = SetParameters.Request(parameters=[Parameter("rate", value=50.0).to_parameter_msg()] * 200_000)
+    (result,) = client.call(SetParameters, "set_parameters", many).results
+    assert not result.successful
+    assert "it has 12800004 bytes; allowed: up to 2000000" in result.reason
+    assert read_processor(process.pid).total - before < 2.0
+    assert client.set(rate=51.0)[0].successful

@@ -115,3 +115,12 @@ def test_tolerances_hold_what_a_rate_limit_holds_back(client: Any, start: Callab
     status, code, reason = follower.result(follower.send([1.0], goal_tolerance=0.2))
     assert (status, code) == (GoalStatus.STATUS_ABORTED, -5)
     assert "flexor is at 0.5 instead of 1" in reason
+
+
+def test_a_goal_that_is_too_large_is_rejected(follower: _Follower) -> None:
+    """A goal of 100000 points is rejected unread, and the next one succeeds.
+
+    Before, rclpy read it for seconds, in which the node answered nothing.
+    """
+    assert not follower.send([1.0] * 100_000).accepted
+    assert follower.result(follower.send([1.0]))[0] == GoalStatus.STATUS_SUCCEEDED

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.contact.complementarity import find_violations, solve_laws
+from gdfe_ros.solver.contact.complementarity import HALF, find_violations, solve_laws
 from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, project, pull
 from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ContactTerm
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
@@ -32,8 +32,9 @@ EXACT = 1e-6
 ROUGH = 1e-5
 """The laws are solved again if their violation, divided by the length of the step that they give, exceeds this."""
 MOST_CHANGES = 30
-"""Number of iterations in which surfaces touch other faces, while no step is half as long as the shortest one before:
-with more, the surfaces do not settle.
+"""Number of iterations in which surfaces touch other faces, while no step is half as long as the shortest one before,
+or in which the laws are violated, and by no less than half of the least violation before: with more, contact does not
+settle.
 """
 NEARLY = 5e-2
 """Violation of the laws of self-contact that counts as nothing, divided by the target of the minimisation."""
@@ -104,6 +105,7 @@ class Impulses:
     def begin(self) -> None:
         """Prepare a solve."""
         self.left, self._nearest, self._changes = 0.0, np.inf, 0
+        self._least, self._in_vain = np.inf, 0
         self._last, self._inertia = np.zeros(self._rows), 0.0
 
     @property
@@ -147,12 +149,15 @@ class Impulses:
 
     @property
     def settled(self) -> bool:
-        """Whether the faces that touch have settled, or may still do so."""
-        return self._changes <= MOST_CHANGES
+        """Whether the faces that touch, and the forces on them, have settled or may still do so."""
+        return max(self._changes, self._in_vain) <= MOST_CHANGES
 
     def settles(self, work: Workspace) -> bool:
-        """Count an iteration in which surfaces touch other faces; return whether they still settle."""
-        nearest = float(numbers(work)["nearest"])
+        """Count iterations with other faces, and those whose laws have no solution; return whether both may settle."""
+        nearest, step = float(numbers(work)["nearest"]), float(numbers(work)["step"])
+        if self.left <= max(HALF * self._least, ROUGH * step):
+            self._least, self._in_vain = self.left, 0
+        self._in_vain += self.left > ROUGH * step
         if nearest != self._nearest:
             self._nearest, self._changes = nearest, 0
         self._changes += any(contact.changed for contact in self.contacts)

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Requests of services and goals of actions that are too large stay unread.
+
+rclpy makes Python objects of a whole request before it calls the service, and no other callback runs meanwhile: 12 s
+for 200000 parameters. Here, the class of the requests gets another conversion. It asks the type support of Fast DDS for
+the size of the received C structure first, and makes an empty request of those that are too large.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+LARGEST = 2_000_000
+"""Largest size of a request [bytes, serialised]; rclpy needs up to two seconds to read one of this size."""
+_PYTHON = ctypes.pythonapi
+_PYTHON.PyCapsule_New.restype = ctypes.py_object
+_PYTHON.PyCapsule_New.argtypes = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p
+_PYTHON.PyCapsule_GetPointer.restype = ctypes.c_void_p
+_PYTHON.PyCapsule_GetPointer.argtypes = ctypes.py_object, ctypes.c_char_p
+_PYTHON.PyCapsule_GetName.restype = ctypes.c_char_p
+_PYTHON.PyCapsule_GetName.argtypes = (ctypes.py_object,)
+_CONVERSION = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p)
+
+
+@cache
+def bounded(kind: type) -> type:
+    """Return a class that rclpy can read in place of the class ``kind`` of a request, see the module.
+
+    The results are requests of class ``kind``. One that was too large is an instance of a class derived from it, whose
+    attribute ``unread`` is its size [bytes].
+
+    Raises:
+        OSError, AttributeError, ValueError: the type support of Fast DDS is not installed for this package.
+    """
+    package, folder, _ = kind.__module__.split(".")
+    library = ctypes.CDLL(f"lib{package}__rosidl_typesupport_fastrtps_c.so")
+    size = library[f"get_serialized_size_{package}__{folder}__{kind.__name__}"]
+    size.restype, size.argtypes = ctypes.c_size_t, (ctypes.c_void_p, ctypes.c_size_t)
+    capsule = type(kind)._CONVERT_TO_PY
+    convert = _CONVERSION(_PYTHON.PyCapsule_GetPointer(capsule, _PYTHON.PyCapsule_GetName(capsule)))
+    unread = type("Unread", (kind,), {"__doc__": "A request that was too large, without its content."})
+
+    def read(address: int) -> Any:
+        if (count := size(address, 0)) <= LARGEST:
+            return convert(address)
+        request = unread()
+        request.unread = count
+        return request
+
+    callback = _CONVERSION(read)
+    address = ctypes.cast(callback, ctypes.c_void_p)
+    # rclpy finds the conversion in the class of the class; the callback must exist as long as it.
+    meta = type("Meta", (type(kind),), {"_CONVERT_TO_PY": _PYTHON.PyCapsule_New(address, None, None), "kept": callback})
+    return meta("Bounded", (kind,), {})
+
+
+def bounded_service(kind: type, warn: Callable[[str], object]) -> Any:
+    """Return the type ``kind`` of a service with a bounded request, for the attribute ``srv_type`` of a service.
+
+    Its service must exist already: only then the type support is loaded. Without the type support of Fast DDS, the
+    result is ``kind``, and ``warn`` receives a text.
+    """
+    try:
+        return SimpleNamespace(Request=bounded(kind.Request), Response=kind.Response)
+    except (OSError, AttributeError, ValueError) as error:
+        warn(f"requests of {kind.__name__} of any size are read: {error}")
+        return kind
+
+
+def bounded_action(kind: type, warn: Callable[[str], object]) -> type:
+    """Return the type ``kind`` of an action with bounded goals, as `bounded_service` does."""
+    services = type("Impl", (kind.Impl,), {"SendGoalService": bounded_service(kind.Impl.SendGoalService, warn)})
+    return type("Bounded", (kind,), {"Impl": services})
+
+
+def unread_size(request: Any) -> int:
+    """Return the size [bytes] of a request that was too large; 0 for any other."""
+    return getattr(request, "unread", 0)
