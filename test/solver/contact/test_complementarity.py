@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from gdfe_ros.solver.contact.complementarity import solve_laws
+from gdfe_ros.solver.contact.complementarity import find_violations, solve_laws
 
 G = 9.81
 
@@ -36,6 +36,13 @@ def test_without_friction_nothing_holds_a_slide():
     force, place = solved(np.eye(3), np.array([-1.0, 0.3, -0.2]), [0.0])
     np.testing.assert_allclose(force, [1.0, 0.0, 0.0])
     np.testing.assert_allclose(place, [0.0, 0.3, -0.2])
+
+
+def test_a_violation_is_that_of_its_point():
+    """Name the point that enters, and the one that pulls; a point that keeps the laws has no violation."""
+    force, found = np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.empty(3)
+    find_violations(np.eye(9), np.array([-0.25, 0, 0, -1.5, 0, 0, -1.0, 0, 0]), np.zeros(3), force, found)
+    np.testing.assert_allclose(found, [0.25, 0.5, 0.0])
 
 
 def test_a_stack_of_ten_bodies():
