@@ -34,6 +34,7 @@ from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
 
 from gdfe_ros.compilations import compilations
+from gdfe_ros.quick_numba import quick
 
 LARGE = 200
 """Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines below about 50."""
@@ -52,7 +53,7 @@ class CalledKernel(NamedTuple):
     symbol: str
 
 
-FORMAT = "gdfe 2"
+FORMAT = "gdfe 3"
 """Mark of cache files with links."""
 _compiling: list[object] = []
 """The functions of this module's caches that are being compiled; numba compiles one at a time."""
@@ -174,8 +175,8 @@ def without_collection() -> Iterator[None]:
 
 @contextmanager
 def linking(compiled: object) -> Iterator[None]:
-    """Let calls in a function that is compiled inside the ``with`` block have symbols."""
-    with global_compiler_lock:
+    """Let calls in a function that is compiled inside the ``with`` block have symbols; compile with less of numba."""
+    with global_compiler_lock, quick():
         _compiling.append(compiled)
         try:
             yield
