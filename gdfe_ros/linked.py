@@ -34,6 +34,7 @@ from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
 
 from gdfe_ros.compilations import compilations
+from gdfe_ros.file_lock import lock_file, unlock_file
 from gdfe_ros.quick_numba import quick
 
 LARGE = 200
@@ -152,13 +153,40 @@ class LinkedCacheImpl(CompileResultCacheImpl):
 
 
 class LinkedCache(FunctionCache):
-    """Cache of one kernel."""
+    """Cache of one kernel. A kernel that another process compiles is waited for, and then loaded."""
 
     _impl_class = LinkedCacheImpl
+    _lock: int | None = None
+
+    def load_overload(self, signature: Any, context: Any) -> CompileResult | None:
+        """Return the kernel; if it has to be compiled, None, and other processes wait until `release`."""
+        found = super().load_overload(signature, context)
+        if found is None and self._lock is None:
+            self._impl.locator.ensure_cache_path()
+            self._lock = lock_file(f"{self._cache_file._index_path}.lock")
+            found = super().load_overload(signature, context)
+        return found
+
+    def release(self) -> None:
+        """Let other processes compile or load the kernel."""
+        if self._lock is not None:
+            unlock_file(self._lock, f"{self._cache_file._index_path}.lock")
+            self._lock = None
 
     def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
         """Return numba's key with a mark, so that files of a plain `FunctionCache` are not read."""
         return *super()._index_key(signature, codegen), FORMAT
+
+
+@contextmanager
+def releasing(cache: LinkedCache | NullCache) -> Iterator[None]:
+    """Release the lock of a cache at the end of the ``with`` block that took it; blocks may be nested."""
+    held = isinstance(cache, LinkedCache) and cache._lock is not None
+    try:
+        yield
+    finally:
+        if isinstance(cache, LinkedCache) and not held:
+            cache.release()
 
 
 @contextmanager
@@ -214,7 +242,7 @@ class LinkedDispatcher(CPUDispatcher):
     def compile(self, signature: Any) -> Any:
         """Compile for a signature, or load from the cache; return the entry point."""
         before = len(self.overloads)
-        with without_collection(), linking(self):
+        with without_collection(), linking(self), releasing(self._cache):
             entry = super().compile(signature)
         if len(self.overloads) > before:
             result = next(reversed(self.overloads.values()))
@@ -233,7 +261,7 @@ class LinkedEntry(CFunc):
 
     def compile(self) -> None:
         """Compile, or load from the cache."""
-        with without_collection(), linking(self):
+        with without_collection(), linking(self), releasing(self._cache):
             super().compile()
 
 
