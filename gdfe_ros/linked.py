@@ -54,7 +54,7 @@ class CalledKernel(NamedTuple):
     symbol: str
 
 
-FORMAT = "gdfe 3"
+FORMAT = "gdfe 4"
 """Mark of cache files with links."""
 _compiling: list[object] = []
 """The functions of this module's caches that are being compiled; numba compiles one at a time."""
@@ -125,6 +125,19 @@ def links_in(result: CompileResult) -> list[CalledKernel]:
     return [_links[each.name] for each in functions if each.is_declaration and each.name.startswith(PREFIX)]
 
 
+def names_in(module: llvm.ModuleRef) -> bytes:
+    """Return bitcode that defines the symbols of a module, without what they do.
+
+    Numba reads the bitcode of each kernel that it loads, in order to inline it. Callers of a large kernel need its
+    machine code alone, and numba the symbols in there.
+    """
+    functions = [
+        f'define void @"{each.name}"() {{ unreachable }}' for each in module.functions if not each.is_declaration
+    ]
+    values = [f'@"{each.name}" = global i8 0' for each in module.global_variables if not each.is_declaration]
+    return llvm.parse_assembly("\n".join(values + functions)).as_bitcode()
+
+
 def resolve(link: CalledKernel) -> bool:
     """Load or compile a kernel; return whether it still has the symbol."""
     found = getattr(import_module(link.module), link.name, None)
@@ -140,7 +153,10 @@ class LinkedCacheImpl(CompileResultCacheImpl):
     def reduce(self, result: CompileResult) -> tuple[Any, ...]:
         """Return the contents of a cache file."""
         links, large = [tuple(link) for link in links_in(result)], is_large(result)
-        return links, large, super().reduce(result)
+        (name, kind, (code, bitcode)), *others = super().reduce(result)
+        if large and not result.fndesc.inline:
+            bitcode = names_in(result.library._final_module)
+        return links, large, ((name, kind, (code, bitcode)), *others)
 
     def rebuild(self, context: Any, stored: tuple[Any, ...]) -> CompileResult | None:
         """Return the kernel from the contents of a cache file; None if what it calls has changed."""
