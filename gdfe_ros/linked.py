@@ -34,6 +34,8 @@ from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
 
 from gdfe_ros.compilations import compilations
+from gdfe_ros.file_lock import lock_file, unlock_file
+from gdfe_ros.quick_numba import quick
 
 LARGE = 200
 """Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines below about 50."""
@@ -52,7 +54,7 @@ class CalledKernel(NamedTuple):
     symbol: str
 
 
-FORMAT = "gdfe 2"
+FORMAT = "gdfe 4"
 """Mark of cache files with links."""
 _compiling: list[object] = []
 """The functions of this module's caches that are being compiled; numba compiles one at a time."""
@@ -123,6 +125,19 @@ def links_in(result: CompileResult) -> list[CalledKernel]:
     return [_links[each.name] for each in functions if each.is_declaration and each.name.startswith(PREFIX)]
 
 
+def names_in(module: llvm.ModuleRef) -> bytes:
+    """Return bitcode that defines the symbols of a module, without what they do.
+
+    Numba reads the bitcode of each kernel that it loads, in order to inline it. Callers of a large kernel need its
+    machine code alone, and numba the symbols in there.
+    """
+    functions = [
+        f'define void @"{each.name}"() {{ unreachable }}' for each in module.functions if not each.is_declaration
+    ]
+    values = [f'@"{each.name}" = global i8 0' for each in module.global_variables if not each.is_declaration]
+    return llvm.parse_assembly("\n".join(values + functions)).as_bitcode()
+
+
 def resolve(link: CalledKernel) -> bool:
     """Load or compile a kernel; return whether it still has the symbol."""
     found = getattr(import_module(link.module), link.name, None)
@@ -138,7 +153,10 @@ class LinkedCacheImpl(CompileResultCacheImpl):
     def reduce(self, result: CompileResult) -> tuple[Any, ...]:
         """Return the contents of a cache file."""
         links, large = [tuple(link) for link in links_in(result)], is_large(result)
-        return links, large, super().reduce(result)
+        (name, kind, (code, bitcode)), *others = super().reduce(result)
+        if large and not result.fndesc.inline:
+            bitcode = names_in(result.library._final_module)
+        return links, large, ((name, kind, (code, bitcode)), *others)
 
     def rebuild(self, context: Any, stored: tuple[Any, ...]) -> CompileResult | None:
         """Return the kernel from the contents of a cache file; None if what it calls has changed."""
@@ -151,13 +169,40 @@ class LinkedCacheImpl(CompileResultCacheImpl):
 
 
 class LinkedCache(FunctionCache):
-    """Cache of one kernel."""
+    """Cache of one kernel. A kernel that another process compiles is waited for, and then loaded."""
 
     _impl_class = LinkedCacheImpl
+    _lock: int | None = None
+
+    def load_overload(self, signature: Any, context: Any) -> CompileResult | None:
+        """Return the kernel; if it has to be compiled, None, and other processes wait until `release`."""
+        found = super().load_overload(signature, context)
+        if found is None and self._lock is None:
+            self._impl.locator.ensure_cache_path()
+            self._lock = lock_file(f"{self._cache_file._index_path}.lock")
+            found = super().load_overload(signature, context)
+        return found
+
+    def release(self) -> None:
+        """Let other processes compile or load the kernel."""
+        if self._lock is not None:
+            unlock_file(self._lock, f"{self._cache_file._index_path}.lock")
+            self._lock = None
 
     def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
         """Return numba's key with a mark, so that files of a plain `FunctionCache` are not read."""
         return *super()._index_key(signature, codegen), FORMAT
+
+
+@contextmanager
+def releasing(cache: LinkedCache | NullCache) -> Iterator[None]:
+    """Release the lock of a cache at the end of the ``with`` block that took it; blocks may be nested."""
+    held = isinstance(cache, LinkedCache) and cache._lock is not None
+    try:
+        yield
+    finally:
+        if isinstance(cache, LinkedCache) and not held:
+            cache.release()
 
 
 @contextmanager
@@ -174,8 +219,8 @@ def without_collection() -> Iterator[None]:
 
 @contextmanager
 def linking(compiled: object) -> Iterator[None]:
-    """Let calls in a function that is compiled inside the ``with`` block have symbols."""
-    with global_compiler_lock:
+    """Let calls in a function that is compiled inside the ``with`` block have symbols; compile with less of numba."""
+    with global_compiler_lock, quick():
         _compiling.append(compiled)
         try:
             yield
@@ -213,7 +258,7 @@ class LinkedDispatcher(CPUDispatcher):
     def compile(self, signature: Any) -> Any:
         """Compile for a signature, or load from the cache; return the entry point."""
         before = len(self.overloads)
-        with without_collection(), linking(self):
+        with without_collection(), linking(self), releasing(self._cache):
             entry = super().compile(signature)
         if len(self.overloads) > before:
             result = next(reversed(self.overloads.values()))
@@ -232,7 +277,7 @@ class LinkedEntry(CFunc):
 
     def compile(self) -> None:
         """Compile, or load from the cache."""
-        with without_collection(), linking(self):
+        with without_collection(), linking(self), releasing(self._cache):
             super().compile()
 
 

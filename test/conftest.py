@@ -6,7 +6,6 @@ The environment is set before anything imports rclpy, a message package or numba
 
 from __future__ import annotations
 
-import fcntl
 import os
 import re
 import signal
@@ -54,6 +53,8 @@ LONG = (
     "test_threads",
 )
 """Files with the longest computing times. They start first, so that all workers finish at about the same time."""
+UNCOMPILED = ("test_mesh_files", "test_tetrahedralise", "test_stress")
+"""Long files that need no kernels of the solver. They start beside the first of `LONG`, whose kernels are compiled."""
 APART = ("materials", "mesh", "packaging")
 """Folders whose tests neither solve nor start nodes."""
 KERNELS = (
@@ -159,8 +160,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _rank(path: Path) -> int:
-    """Return the index of a file in `LONG`, or the length of `LONG` for other files."""
-    return LONG.index(path.stem) if path.stem in LONG else len(LONG)
+    """Return the place of a file among those that compute: one of `LONG`, `UNCOMPILED`, more of `LONG`, others."""
+    order = (LONG[0], *UNCOMPILED, *LONG[1:])
+    return order.index(path.stem) if path.stem in order else len(order)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -178,13 +180,12 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def _compile() -> None:
-    """Compile what most tests need, once for all workers: later workers wait for the lock and load it."""
+    """Compile or load what most tests need. Each kernel is compiled by one worker; each begins with another scene."""
     from gdfe_ros import Simulation, load_scene
 
-    with Path(tempfile.gettempdir(), f"gdfe_ros_kernels_{zlib.crc32(str(TESTS).encode())}").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        for name, overrides in KERNELS:
-            Simulation(load_scene(name, overrides=overrides)).warm_up()
+    first = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % len(KERNELS)
+    for name, overrides in KERNELS[first:] + KERNELS[:first]:
+        Simulation(load_scene(name, overrides=overrides)).warm_up()
 
 
 def _room(path: Path) -> str:

@@ -6,7 +6,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
+
+import numpy as np
+
+from gdfe_ros.file_lock import lock_file, unlock_file
 
 SOURCE = """
 from gdfe_ros.compiled import internal, kernel
@@ -75,3 +80,50 @@ def test_a_function_of_a_user_calls_kernels_in_each_process(tmp_path: Path) -> N
         done = subprocess.run([sys.executable, "-c", use], env=environment, capture_output=True, text=True, check=True)
         assert "Cannot cache compiled function" in done.stderr
         assert float(done.stdout) > 0.0
+
+
+MEANWHILE = """
+import sys, time
+from pathlib import Path
+import numpy as np
+import kernels
+Path(sys.argv[1]).touch()
+while not Path("go").exists():
+    time.sleep(0.001)
+kernels.twice(np.arange(8.0))
+print(sum(kernels.twice.stats.cache_misses.values()), sum(kernels.long_sum.stats.cache_misses.values()))
+"""
+
+
+def test_processes_that_need_a_kernel_at_once_compile_it_once(tmp_path: Path) -> None:
+    """Of three processes that call a new kernel at the same time one compiles it, and what it calls; none is left."""
+    (tmp_path / "kernels.py").write_text(SOURCE.format(lines=LINES, result="total"))
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    names = "abc"
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", MEANWHILE, name], cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True
+        )
+        for name in names
+    ]
+    while not all((tmp_path / name).exists() for name in names):
+        assert all(each.poll() is None for each in processes)
+        time.sleep(0.01)
+    (tmp_path / "go").touch()
+    counts = [[int(word) for word in each.communicate()[0].split()] for each in processes]
+    assert np.sum(counts, axis=0).tolist() == [1, 1]
+    assert not list((tmp_path / "cache").rglob("*.lock"))
+
+
+def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
+    """The lock of a process that was killed is free."""
+    path = str(tmp_path / "kernel.lock")
+    hold = f"from gdfe_ros.file_lock import lock_file; lock_file({path!r}); print('held', flush=True); input()"
+    with subprocess.Popen(
+        [sys.executable, "-c", hold], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "held\n"
+        process.kill()
+        process.wait()
+        unlock_file(lock_file(path), path)
+    assert not Path(path).exists()

@@ -18,7 +18,11 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
 IMAGES = Path(__file__).parent.parent / "images"
-MOMENTS = {"tendon_finger": ("live.png", 1.25, 0.25), "finger_press": ("live_contact.png", 3.0, 0.1)}
+MOMENTS = {
+    "tendon_finger": ("live.png", 1.25, 0.25),
+    "finger_press": ("live_contact.png", 3.0, 0.1),
+    "pneunet": ("live_chambers.png", 1.0, 0.1),
+}
 """Dict from scene to the picture's file, its simulation time [s], and the time step [s]."""
 
 

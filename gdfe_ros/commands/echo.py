@@ -17,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--count", type=int, default=1, help="number of messages: the latest one and the next ones (default: 1)"
     )
+    parser.add_argument("--once", action="store_const", const=1, dest="count", help="one message, the default")
     parser.add_argument(
         "--wait", type=float, default=60.0, metavar="S", help="longest wait for each message (default: 60 s)"
     )

@@ -15,6 +15,7 @@ REFUSED = 1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
+    parser.add_argument("--once", action="store_true", help="publish one message, as always")
     parser.add_argument("topic", help="name of the topic, e.g. /gdfe_sim/actuation; its type comes from the subscriber")
     parser.add_argument(
         "message", nargs="?", default="{}", help='message in YAML, e.g. "{name: [flexor], effort: [4.0]}"'

@@ -34,6 +34,10 @@ class CsvSource:
 
     Raises:
         GdfeError: the file is not a table, lacks a required column, or has no column that is named after the scene.
+
+    Attributes:
+        times: times of the rows [s]; the numbers of the rows, from 1, in a file without times.
+        timed: whether the file has times.
     """
 
     def __init__(self, source: Source, scene: Scene) -> None:
@@ -51,6 +55,7 @@ class CsvSource:
 
     def _times(self) -> NDArray[np.float64]:
         name = self._source.match.time or next((title for title in TIMES if title in self._table), None)
+        self.timed = name is not None
         if name is None:
             if self._scene.dynamics is not None:
                 columns = ", ".join(self._table.names)

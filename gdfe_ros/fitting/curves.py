@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.fitting.comparison import predicted
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
+from gdfe_ros.fitting.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +27,7 @@ class ComparedColumn:
         times: (m,) [s] on the recording's clock.
         measured: measured values (m,).
         simulated: simulated values (m,).
+        over: the quantity of ``times``, `Recording.over`.
     """
 
     recording: str
@@ -35,6 +37,7 @@ class ComparedColumn:
     times: NDArray[np.float64]
     measured: NDArray[np.float64]
     simulated: NDArray[np.float64]
+    over: str
 
 
 def curves(fit: Fit) -> list[ComparedColumn]:
@@ -51,7 +54,7 @@ def _curves(problem: FitProblem, point: FitPoint, *, held_out: bool) -> Iterator
         values = predicted(recording, point.trajectories[number], point.own[number])
         for place, series in enumerate(recording.series):
             unit = series.observable.unit
-            common = (recording.name, held_out, series.times)
+            common = (recording, held_out, series.times)
             if len(series.labels) != series.values.shape[-1] or series.values.ndim == 3:
                 distance = _distance(parts[number][place] * problem.sigmas[number][place])
                 yield _curve(*common, f"{series.name}, distance", unit, np.zeros(distance.size), distance)
@@ -68,7 +71,7 @@ def _distance(residual: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _curve(
-    recording: str,
+    recording: Recording,
     held_out: bool,
     times: NDArray[np.float64],
     series: str,
@@ -76,4 +79,4 @@ def _curve(
     measured: NDArray[np.float64],
     simulated: NDArray[np.float64],
 ) -> ComparedColumn:
-    return ComparedColumn(recording, series, unit, held_out, times, measured, simulated)
+    return ComparedColumn(recording.name, series, unit, held_out, times, measured, simulated, recording.over)

@@ -15,6 +15,7 @@ from gdfe_ros.analysis.report.template import fill, read_file, to_json
 from gdfe_ros.fitting.curves import ComparedColumn
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.fit_tables import NOT_INCLUDED, match_rows, parameter_rows
+from gdfe_ros.fitting.recording import ROW
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
@@ -80,9 +81,10 @@ def _chart(curve: ComparedColumn) -> dict[str, Any]:
         {"x": times, "y": _list(curve.simulated - curve.measured), "name": "residual", "yaxis": "y2", "mode": "lines"},
     ]
     unit = f" [{curve.unit}]" if curve.unit else ""
+    ticks = {"tick0": 0, "dtick": max(1, len(times) // 10)} if curve.over == ROW else {}
     layout = {
         "margin": {"l": 84, "r": 10, "t": 6, "b": 40},
-        "xaxis": {"anchor": "y2", "title": {"text": "time [s]"}},
+        "xaxis": {"anchor": "y2", "title": {"text": curve.over}} | ticks,
         "yaxis": {"domain": [0.36, 1.0], "title": {"text": f"value{unit}"}, "exponentformat": "e"},
         "yaxis2": {"domain": [0.0, 0.28], "title": {"text": "residual"}, "exponentformat": "e", "nticks": 4},
         "legend": {"orientation": "h", "y": 1.1},

@@ -74,7 +74,8 @@ def _write_residuals(path: Path, shown: Sequence[ComparedColumn]) -> None:
     """Write a row for each measured value, in SI units."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(["recording", "series", "held_out", "time [s]", "measured", "simulated", "residual", "unit"])
+        over = " or ".join(dict.fromkeys(curve.over for curve in shown))
+        writer.writerow(["recording", "series", "held_out", over, "measured", "simulated", "residual", "unit"])
         for curve in shown:
             for time, measured, simulated in zip(curve.times, curve.measured, curve.simulated, strict=True):
                 numbers = (f"{value:.9g}" for value in (time, measured, simulated, simulated - measured))
@@ -97,7 +98,7 @@ def _draw(path: Path, shown: Sequence[ComparedColumn], *, title: str) -> None:
         axes.tick_params(labelsize=7)
         axes.grid(color="0.93")
         axes.legend(frameon=False, fontsize=7, ncols=2, loc="upper right")
-    figure.supxlabel("time of the recording [s]", fontsize=8)
+    figure.supxlabel(", ".join(dict.fromkeys(f"{curve.over} of the recording" for curve in chosen)), fontsize=8)
     figure.suptitle(title, fontsize=11)
     figure.savefig(path)
 

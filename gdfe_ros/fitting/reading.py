@@ -11,7 +11,7 @@ import numpy as np
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.csv_source import CsvSource
 from gdfe_ros.fitting.match import Source, find_sources
-from gdfe_ros.fitting.recording import Recording, Schedule
+from gdfe_ros.fitting.recording import ROW, TIME, Recording, Schedule
 from gdfe_ros.fitting.track import make_schedule, require_commanded
 from gdfe_ros.scene import Scene, scene_from_text
 
@@ -49,9 +49,10 @@ def _read(source: Source, scene: Scene) -> Recording:
         scene = scene_from_text(scene.source, origin=f"of recording {source.name}", overrides=match.set)
     schedule: Schedule | None = None
     remarks: tuple[str, ...] = ()
+    over = TIME
     if source.path.suffix.lower() in (".csv", ".tsv", ".txt"):
         file = CsvSource(source, scene)
-        series, tracks = file.series(), file.tracks()
+        series, tracks, over = file.series(), file.tracks(), TIME if file.timed else ROW
     else:
         from gdfe_ros.fitting.bag_source import read_bag  # mcap, for bags only
 
@@ -71,4 +72,5 @@ def _read(source: Source, scene: Scene) -> Recording:
         frame=0 if match.frame is None else 6 if match.frame.fit == "pose" else 3,
         from_equilibrium=match.start == "equilibrium",
         remarks=remarks,
+        over=over,
     )

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from gdfe_ros.command import Command
 from gdfe_ros.fitting.observable import Observable
 
+TIME, ROW = "time [s]", "row"
+"""Values of `Recording.over`."""
+
 
 @dataclass(frozen=True, eq=False)
 class Series:
@@ -82,6 +85,7 @@ class Recording:
         from_equilibrium: whether a motion starts from the equilibrium of its first commands, not from the scene's
             initial state.
         remarks: remarks for the user on reading the recording.
+        over: the quantity along which values are drawn: time, or the number of a row in a file without times.
     """
 
     name: str
@@ -93,6 +97,7 @@ class Recording:
     frame: int = 0
     from_equilibrium: bool = False
     remarks: tuple[str, ...] = ()
+    over: str = TIME
 
     @property
     def unknowns(self) -> int:

@@ -175,6 +175,7 @@ class Page:
             @box.on_update
             async def _(event: viser.GuiEvent, name: str = name) -> None:
                 self._stage.show(name, event.target.value)
+                self._look_again()
 
     def _lead(self, name: str, order: Order) -> None:
         if self._session is None:

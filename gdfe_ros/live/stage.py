@@ -13,6 +13,7 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.actuators.actuator import Chamber
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.form import Plane
@@ -21,6 +22,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.contacts import contact_names
 from gdfe_ros.live.arms import Arms
 from gdfe_ros.live.arrows import Arrows
+from gdfe_ros.live.chambers import Chambers
 from gdfe_ros.live.solids import Solids
 from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.live.view import View
@@ -30,7 +32,7 @@ from gdfe_ros.node.orders import PoseOrder, TeleportOrder
 from gdfe_ros.scene.scene import Scene
 
 HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
-ARMS, GROUND = "arms", "ground"
+ARMS, GROUND, CHAMBERS = "arms", "ground", "chambers"
 CONTROL = 0.22
 """Length of the arrows of a handle's control, divided by the body's size."""
 GOAL = 0.14
@@ -100,6 +102,7 @@ class Stage:
             CONTACTS: self._touching,
             SOLIDS: any(isinstance(each, Obstacle) and not isinstance(each, ArmLink) for each in scene.handles),
             ARMS: scene.arms,
+            CHAMBERS: any(isinstance(each, Chamber) for each in scene.actuators),
             GROUND: not any(isinstance(each, Obstacle) and isinstance(each.form, Plane) for each in scene.handles),
         }
         self._groups = {
@@ -119,6 +122,10 @@ class Stage:
         }
         self._solids = Solids(self._space, _path(SOLIDS), scene, scale=self._scale)
         self._arms = Arms(self._space, _path(ARMS), scene, scale=self._scale)
+        self._chambers: Chambers | None = None
+        if CHAMBERS in self._groups:
+            self._chambers = Chambers(self._space, _path(CHAMBERS), scene, scale=self._scale)
+            self.show(CHAMBERS, True)
         self._probes = self._traces = None
         if scene.probes:
             points, size = np.zeros((len(scene.probes), 3), np.float32), 0.03 * self._size
@@ -152,6 +159,8 @@ class Stage:
                     self._goals[name].position = self._scale * point
         self._solids.move(view.poses, view.positions)
         self._arms.move(view.joints)
+        if self._chambers is not None and self._groups[CHAMBERS].visible:
+            self._chambers.draw(view.positions, view.actuators)
         self.lead({name: view.poses[name] for name in self._bodily})
         self._draw_reactions(view)
         self._draw_contacts(view)
@@ -185,8 +194,10 @@ class Stage:
         return {name: arrows.largest for name, arrows in self._arrows.items()}
 
     def show(self, group: str, wanted: bool) -> None:
-        """Show or hide a group of objects, one of `groups`."""
+        """Show or hide a group of objects, one of `groups`. The body is translucent while chambers are shown."""
         self._groups[group].visible = wanted
+        if group == CHAMBERS:
+            self.surface.be_translucent(wanted)
 
     def _light(self) -> None:
         """Light the body without shadows and reflections, so that its colours match the legend."""

@@ -20,6 +20,10 @@ _ARRAY, _INDICES = 34962, 34963
 _LEAST, _LARGEST = "@least@", "@largest@"
 """Placeholders of the bounds in the template. Every frame overwrites the bounds with texts of the same width."""
 _BOUND = "[% .9e,% .9e,% .9e]"
+_OPAQUE, _TRANSLUCENT = b'"OPAQUE"', b'"BLEND" '
+"""Modes of the material, texts of the same width."""
+_OPACITY = 0.35
+"""Opacity of a translucent body."""
 _GREY = 0.4
 
 
@@ -62,6 +66,10 @@ class DrawnSurface:
         total = np.bincount(self._corners, weights=values[self._owners], minlength=self.count)
         return total / self._sharing
 
+    def be_translucent(self, wanted: bool) -> None:
+        """Let the next frames show what is inside the body, or not."""
+        self._data[self._mode : self._mode + len(_OPAQUE)] = _TRANSLUCENT if wanted else _OPAQUE
+
     def pack(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> bytes:
         """Return a frame as glTF.
 
@@ -94,7 +102,15 @@ class DrawnSurface:
                 {"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0, "mode": 4}]}
             ],
             "materials": [
-                {"doubleSided": True, "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}}
+                {
+                    "doubleSided": True,
+                    "alphaMode": "OPAQUE",
+                    "pbrMetallicRoughness": {
+                        "metallicFactor": 0.0,
+                        "roughnessFactor": 0.9,
+                        "baseColorFactor": [1.0, 1.0, 1.0, _OPACITY],
+                    },
+                }
             ],
             "buffers": [{"byteLength": 2 * size + len(faces)}],
             "bufferViews": [
@@ -113,7 +129,7 @@ class DrawnSurface:
         head = text.encode() + b" " * (-len(text) % 4)
         first = 20 + head.index(b'"min":') + len(b'"min":')
         second = 20 + head.index(b'"max":') + len(b'"max":')
-        self._bounds, self._start = (first, second), 20 + len(head) + 8
+        self._bounds, self._start, self._mode = (first, second), 20 + len(head) + 8, 20 + head.index(_OPAQUE)
         body = bytes(2 * size) + faces
         chunks = struct.pack("<II", len(head), 0x4E4F534A) + head + struct.pack("<II", len(body), 0x004E4942) + body
         return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks

@@ -159,8 +159,24 @@ def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, rod: S
 
 def _animation(page: Path) -> dict[str, Any]:
     """Return the animation data in a page."""
+    return _data(page, "animation")
+
+
+def _data(page: Path, name: str) -> Any:
+    """Return data in a page by their name."""
     text = page.read_text(encoding="utf-8")
-    return json.loads(re.search(r'<script type="application/json" id="animation">(.*?)</script>', text)[1])
+    return json.loads(re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', text)[1])
+
+
+def test_a_single_line_is_named_at_its_axis(make_bag: Callable[..., Path], tmp_path: Path) -> None:
+    """A chart of one line, which has no legend, has the line's name in its title or at its axis."""
+    write_report(make_bag(), tmp_path / "report.html")
+    charts = _data(tmp_path / "report.html", "chart-data")
+    lines = [chart for chart in charts if len(chart["data"]) == 1 and "name" in chart["data"][0]]
+    assert {"Reaction forces", "Strain energy"} <= {chart["title"] for chart in charts}
+    assert lines
+    for chart in lines:
+        assert chart["data"][0]["name"] in f"{chart['title']} {chart['layout']['yaxis']['title']['text']}"
 
 
 def test_the_page_opens_on_the_frame_of_most_strain(make_bag: Callable[..., Path], tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ def test_a_tip_is_lifted_from_the_terminal(capsys: pytest.CaptureFixture[str]) -
         assert main(["echo", "/gdfe_sim/handles/tip/pose"]) == 0
         height = yaml.safe_load(capsys.readouterr().out.rstrip("-\n"))["pose"]["position"]["z"]
     assert height == pytest.approx(0.1)
-    assert main(["echo", "/gdfe_sim/mesh"]) == 0
+    assert main(["echo", "/gdfe_sim/mesh", "--once"]) == 0
     assert "values" in capsys.readouterr().out
     assert main(["call", "/gdfe_sim/reset"]) == 0
     assert main(["call", "/gdfe_sim/pause", "{data: false}"]) in (0, 1)
@@ -66,7 +66,8 @@ def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.usefixtures("node")
 def test_a_refused_command_ends_with_its_reason(capsys: pytest.CaptureFixture[str]) -> None:
     """A command that the node refuses ends with status 1 and the node's reason."""
-    assert main(["pub", "/gdfe_sim/handles/tip/target", "{pose: {position: {z: .nan}, orientation: {w: 1.0}}}"]) == 1
+    wrong = "{pose: {position: {z: .nan}, orientation: {w: 1.0}}}"
+    assert main(["pub", "--once", "/gdfe_sim/handles/tip/target", wrong]) == 1
     assert "refused: position (0.0, 0.0, nan)" in capsys.readouterr().err
 
 
@@ -83,6 +84,8 @@ def test_nodes_topics_and_rates_are_listed(capsys: pytest.CaptureFixture[str]) -
     assert main(["hz", "/diagnostics", "--count", "3"]) == 0
     rate = float(capsys.readouterr().out.removeprefix("/diagnostics: ").partition(" Hz")[0])
     assert 0.1 < rate < 2.0  # once a second, on a machine that may be busy
+    assert main(["hz", "/diagnostics", "--count", "1000", "--seconds", "0.1"]) == 0
+    assert "intervals of 2 messages" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("node")

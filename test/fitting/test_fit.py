@@ -44,6 +44,7 @@ def test_a_modulus_comes_back_from_a_table(
     page = (out / "fit.html").read_text(encoding="utf-8")
     assert "Plotly.newPlot" in page
     assert "do not include the error of the mesh" in page
+    assert '"text":"time [s]"' in page
     assert len((out / "residuals.csv").read_text().splitlines()) == 1 + 3 * 30
     assert "warning" not in capsys.readouterr().out
     _require_whole_charts(out / "fit.html")

@@ -42,7 +42,7 @@ def test_a_material_is_made(folder: Path) -> None:
 
 
 def test_the_sagging_beam_is_fitted(folder: Path) -> None:
-    """The page's fit of equilibria gives the printed modulus and every listed file."""
+    """The page's fit of equilibria gives the printed modulus and every listed file; its charts are over rows."""
     (command,) = _commands("beam.yaml hung.csv")
     assert main([*command, "--workers", "1"]) == 0
     found = json.loads((folder / "beam_fit" / "fit.json").read_text())["parameters"]["materials.silicone.young"]
@@ -51,6 +51,10 @@ def test_the_sagging_beam_is_fitted(folder: Path) -> None:
         r"^\| `([\w.]+)` \|", PAGE.partition("these files to `beam_fit/`")[2].partition("## ")[0], flags=re.M
     )
     assert sorted(rows) == sorted(path.name for path in (folder / "beam_fit").iterdir())
+    page = (folder / "beam_fit" / "fit.html").read_text(encoding="utf-8")
+    assert '"text":"row"' in page
+    assert '"text":"time [s]"' not in page
+    assert (folder / "beam_fit" / "residuals.csv").read_text().startswith("recording,series,held_out,row,")
 
 
 def test_the_workspace_is_found(folder: Path) -> None:

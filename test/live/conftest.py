@@ -76,11 +76,11 @@ def bar() -> str:
 
 @pytest.fixture
 def live() -> Iterator[Callable[..., Live]]:
-    """Give a function that makes a live page of the bar, with additional lines of its scene."""
+    """Give a function that makes a live page of the bar, or another body, with additional lines of its scene."""
     made: list[Live] = []
 
-    def make(*, motion: str = "", **options: Any) -> Live:
-        made.append(Live(scene_from_text(BAR + motion, origin="of a test"), **options))
+    def make(*, body: str = BAR, motion: str = "", **options: Any) -> Live:
+        made.append(Live(scene_from_text(body + motion, origin="of a test"), **options))
         return made[-1]
 
     yield make

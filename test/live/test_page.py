@@ -514,3 +514,37 @@ def test_the_ground_has_a_scale(live: Callable[..., Any]) -> None:
     assert squares["position"][2] < scale_of(mesh) * mesh.bounds[0, 2]
     assert viewer.nodes["/ground/edge"]["text"] == f"squares of {1e3 * edge:g} mm"
     assert [round_length(value) for value in (0.03, 0.0199, 0.5, 0.999)] == pytest.approx([0.02, 0.01, 0.5, 0.5])
+
+
+BALL = """
+name: ball
+mesh: {sphere: {inner: 0.010, outer: 0.015, cells: [4, 3]}}
+materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
+regions: [{material: m}]
+handles: {base: {where: {vertices: [0]}, fixed: true}}
+actuators: {air: {chamber: {command: pressure, range: [0, 2.0e4]}}}
+"""
+
+
+def test_the_walls_of_chambers_are_seen_through_the_body(live: Callable[..., Any]) -> None:
+    """A slider inflates the wall of a chamber, which is inside a translucent body and turns blue; it can be hidden."""
+    page = live(body=BALL)
+    viewer, scene = page.look(), page.session.scene
+    wall, scale = viewer.nodes["/chambers/air"], scale_of(scene.mesh)
+
+    def radii() -> Any:
+        return np.linalg.norm(wall["vertices"].reshape(-1, 3), axis=1) / scale
+
+    def look() -> bytes:
+        return viewer.nodes[f"/body/{viewer.last}"]["glb_data"]
+
+    assert wall["faces"].max() + 1 == len(radii()) == len(np.unique(scene.actuators[0].quads))
+    assert radii() == pytest.approx(0.010, rel=1e-5)
+    assert b'"alphaMode":"BLEND"' in look()
+    pale = wall["color"]
+    viewer.move("air, pressure [Pa]", 5000.0)
+    viewer.wait(lambda: radii().mean() > 0.0105, "a larger chamber")
+    assert wall["color"][0] < pale[0]
+    viewer.move("chambers", False)
+    viewer.wait(lambda: b'"alphaMode":"OPAQUE"' in look(), "an opaque body")
+    assert viewer.nodes["/chambers"]["visible"] is False

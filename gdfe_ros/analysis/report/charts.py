@@ -214,9 +214,12 @@ def _traces(time: NDArray[np.float64], series: dict[str, NDArray[np.float64]]) -
 
 
 def _chart(title: str, label: str, data: list[dict[str, Any]]) -> Chart:
+    """Return a chart; the name of a single line, which has no legend, is at the axis."""
+    if len(data) == 1 and data[0].get("name", "") not in f"{title} {label}":
+        label = f"{data[0]['name']} {label}".strip()
     layout = {
         "xaxis": {"title": {"text": "simulation time [s]"}},
-        "yaxis": {"title": {"text": label}, "exponentformat": "power"},
+        "yaxis": {"title": {"text": label}, "exponentformat": "power", "automargin": True},
         "showlegend": len(data) > 1,
     }
     return {"title": title, "data": data, "layout": layout}

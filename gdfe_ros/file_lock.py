@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Locks between processes, which end with the process that holds them."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+from contextlib import suppress
+
+_WITHOUT = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+"""Errors of file systems that have no locks."""
+
+
+def lock_file(path: str) -> int:
+    """Wait until no other process holds the lock of a file, take the lock, and return its descriptor.
+
+    The file is made if it is missing. On a file system without locks nothing is waited for.
+    """
+    lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+    except BaseException as error:
+        if not isinstance(error, OSError) or error.errno not in _WITHOUT:
+            os.close(lock)
+            raise
+    return lock
+
+
+def unlock_file(lock: int, path: str) -> None:
+    """Remove the file of a lock and release the lock.
+
+    A process that waited for the removed file, and one that makes a new file, may then hold a lock at the same time.
+    Locks are therefore only for work that two processes may do, but need not.
+    """
+    with suppress(FileNotFoundError):
+        os.unlink(path)
+    os.close(lock)

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quicker versions of functions of numba's compiler, in use while kernels are compiled.
+
+They return what numba's own versions return. Together they save a fifth of a compilation's time, most of which numba
+spends in Python: with comparisons of flags, with the types of sums and products of two numbers, which it finds anew
+among fifty templates each time, and with two messages for each call of LLVM. LLVM's passes over single functions are
+light ones, because its passes over the whole module repeat them; without any, steps take 3 % longer.
+
+This uses private parts of numba, as `gdfe_ros.linked` does, which uses it only with a version of numba that was tested.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any
+
+from llvmlite.binding import ffi
+from numba.core import codegen, config, event, ir, types
+from numba.core.targetconfig import TargetConfig
+from numba.core.types.functions import BaseFunction
+
+_resolve = BaseFunction.get_call_type
+_found: dict[tuple[Any, ...], tuple[BaseFunction, Any]] = {}
+"""Functions and signatures by the function's id and the types of the arguments."""
+_hashes: dict[type, int] = {}
+_hash = TargetConfig.__hash__
+_defaults: dict[type, list[tuple[str, Any]]] = {}
+_depth = [0]
+"""Number of `quick` blocks that this process is in; each holds numba's lock of the compiler."""
+
+
+def flags_equal(self: TargetConfig, other: object) -> bool:
+    """Return whether two sets of flags are equal; flags that are set alike need no look at the defaults."""
+    if self is other:
+        return True
+    if not isinstance(other, TargetConfig):
+        return NotImplemented
+    if type(self) is type(other) and self._values == other._values:
+        return True
+    return self.values() == other.values()
+
+
+def flags_hash(self: TargetConfig) -> int:
+    """Return numba's hash, which depends on the names of the flags only."""
+    kind = type(self)
+    if kind not in _hashes:
+        _hashes[kind] = _hash(self)
+    return _hashes[kind]
+
+
+def flag_values(self: TargetConfig) -> dict[str, Any]:
+    """Return all flags by their names."""
+    kind, given = type(self), self._values
+    if kind not in _defaults:
+        _defaults[kind] = [(name, option.default) for name, option in kind.options.items()]
+    return {name: given.get(name, default) for name, default in _defaults[kind]}
+
+
+def resolve_call(self: BaseFunction, context: Any, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+    """Return the signature of a call; remember those of built-in functions of numbers.
+
+    Functions that numba implements in Python depend on flags of the caller, and are resolved each time.
+    """
+    if kws or not all(isinstance(each, (types.Number, types.Boolean)) for each in args):
+        return _resolve(self, context, args, kws)
+    key = (id(self), id(context), *args)
+    if key not in _found:
+        signature = _resolve(self, context, args, kws)
+        if self._impl_keys[signature.args] is not self.typing_key:
+            return signature
+        _found[key] = self, signature
+    return _found[key][1]
+
+
+def list_variables(self: ir.Inst, value: Any) -> list[ir.Var]:
+    """Return the variables in a part of an instruction."""
+    if isinstance(value, ir.Var):
+        return [value]
+    if isinstance(value, ir.Inst):
+        return value.list_vars()
+    if isinstance(value, (list, tuple)):
+        parts = value
+    elif isinstance(value, dict):
+        parts = value.values()
+    else:
+        return []
+    return [found for part in parts if type(part) not in _PLAIN for found in list_variables(self, part)]
+
+
+_PLAIN = frozenset((str, int, bool, float, type(None), ir.Loc))
+"""Types of parts of instructions that contain no variable."""
+
+
+def pass_lightly(self: codegen.CPUCodegen, **options: Any) -> tuple[Any, Any]:
+    """Return LLVM's passes over single functions at its level 1; the passes over the module repeat them at level 3."""
+    builder = self._pass_builder(opt=1, loop_vectorize=False, slp_vectorize=False)
+    manager = builder.getFunctionPassManager()
+    if config.LLVM_REFPRUNE_PASS:
+        manager.add_refprune_pass(codegen._parse_refprune_flags())
+    return manager, builder
+
+
+def measure_nothing(kind: str, callback: Callable[[float], None]) -> AbstractContextManager[None]:
+    """Return a context in which numba measures no time."""
+    return nullcontext()
+
+
+REPLACED: tuple[tuple[Any, str, Callable[..., Any]], ...] = (
+    (TargetConfig, "__eq__", flags_equal),
+    (TargetConfig, "__hash__", flags_hash),
+    (TargetConfig, "values", flag_values),
+    (BaseFunction, "get_call_type", resolve_call),
+    (ir.Inst, "_rec_list_vars", list_variables),
+    (codegen.CPUCodegen, "_function_pass_manager", pass_lightly),
+    (event, "install_timer", measure_nothing),
+)
+"""Owner, name and replacement of each function."""
+
+
+@contextmanager
+def quick() -> Iterator[None]:
+    """Use the replacements inside the ``with`` block. The caller holds numba's lock of the compiler."""
+    if _depth[0]:
+        yield
+        return
+    _depth[0] += 1
+    originals = [getattr(owner, name) for owner, name, _ in REPLACED]
+    for owner, name, replacement in REPLACED:
+        setattr(owner, name, replacement)
+    lock = ffi.lib._lock
+    with lock:
+        listeners, lock._cblist = lock._cblist, []
+    try:
+        yield
+    finally:
+        with lock:
+            lock._cblist = listeners
+        for (owner, name, _), original in zip(REPLACED, originals, strict=True):
+            setattr(owner, name, original)
+        _depth[0] -= 1
