@@ -34,7 +34,6 @@ REST = "everything else"
 _TIMED: tuple[tuple[object, str, str], ...] = (
     (minimiser, "advance", EVALUATIONS),
     (minimiser, "descend", LOOP),
-    (minimiser, "solve_kept", SOLVES),
     (ConstantMatrix, "solve", SOLVES),
     (TangentLevel, "solve", SOLVES),
     (TangentLevel, "take", TANGENTS),

@@ -24,7 +24,7 @@ from gdfe_ros.scene.resolution import coarse_cavities, coarse_contacts, coarse_w
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.sticking import slipping
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
-from gdfe_ros.solver.relative.shapes import calibration_remarks
+from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
 LARGEST_CONTRAST = 1e10

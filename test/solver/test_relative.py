@@ -19,7 +19,7 @@ from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import element_fields, strain_energies
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
-from gdfe_ros.solver.relative.shapes import geometric_ratio
+from gdfe_ros.solver.relative.shape_factor import geometric_ratio
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
 

@@ -26,7 +26,8 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble_cent
 from gdfe_ros.solver.matrix.coupling import close_coupling
 from gdfe_ros.solver.matrix.unknowns import gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.reactions import handle_reactions
-from gdfe_ros.solver.relative.shapes import blend, capture_shapes, shape_differences, shape_factors
+from gdfe_ros.solver.relative.shape_factor import shape_factors
+from gdfe_ros.solver.relative.shapes import blend, capture_shapes, shape_differences
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ShapeState, State, Summary
 from gdfe_ros.solver.terms.actuation import Actuation

@@ -1,27 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Element shapes of the ``relative`` policy: desired shapes (Eqs. 9 and 10), captured shapes, and shape factors.
-
-Shape factors follow the paper's Algorithm 1 with the calibration of Eq. 7.
-"""
+"""Element shapes of the ``relative`` policy: desired shapes (Eqs. 9 and 10) and captured shapes."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
-from gdfe_ros.materials.tensor import (
-    rotation,
-)
+from gdfe_ros.materials.tensor import rotation
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
-CALIBRATION = (-0.4141, 1.42245, 0.0017)
-"""Eq. 7, R_G = 0.0017 R_M^2 + 1.42245 R_M - 0.4141, coefficients ascending."""
-CALIBRATED_TO = 90.0
-"""Largest ratio of shape factors for which Eq. 7 was calibrated (paper, Sec. 4.2.1)."""
-LARGEST_RATIO = 1e3
-"""Largest ratio of moduli that shape factors represent; omega would be below 4e-4 for larger ratios."""
 LEAST_VOLUME = 1e-3
 """Lower bound of the volume ratio from which the scale of V^V is computed; without this bound, the scale could become
 infinite. For an inverted element, the absolute value of the ratio is used.
@@ -84,32 +73,3 @@ def capture_shapes(x, shape: ShapeOperators, captured):
             y0, y1, y2 = x[v, 0] - centre[0], x[v, 1] - centre[1], x[v, 2] - centre[2]
             for i in range(3):
                 captured[e, a, i] = scale * (r[i] * y0 + r[3 + i] * y1 + r[6 + i] * y2)
-
-
-def geometric_ratio(mechanical_ratio: ArrayLike) -> NDArray[np.float64]:
-    """Return the ratio of shape factors R_G for a ratio of moduli R_M >= 1 (Eq. 7)."""
-    return np.polynomial.polynomial.polyval(np.asarray(mechanical_ratio, dtype=np.float64), CALIBRATION)
-
-
-def shape_factors(modulus: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return omega (m,) of elements with tangent moduli (m,) [Pa] (Eqs. 7 and 8).
-
-    omega_i = h / R_G(E_max / E_i), h = r / (r + 1), r = E_max / E_min. A modulus below E_max / ``LARGEST_RATIO`` is
-    raised to this value; an example is the negative tangent of a falling curve.
-    """
-    stiffest = modulus.max()
-    modulus = np.maximum(modulus, stiffest / LARGEST_RATIO)
-    ratio = stiffest / modulus.min()
-    return ratio / (ratio + 1.0) / geometric_ratio(stiffest / modulus)
-
-
-def calibration_remarks(modulus: NDArray[np.float64]) -> list[str]:
-    """Return a remark if the initial moduli (k,) [Pa] need shape factors beyond the calibration of Eq. 7."""
-    ratio = float(modulus.max() / modulus.min())
-    needed = float(geometric_ratio(ratio))
-    if needed <= CALIBRATED_TO:
-        return []
-    return [
-        f"moduli at rest differ by a factor of {ratio:.3g}: the shape factors' ratio of {needed:.3g} lies beyond the "
-        f"calibration of the policy 'relative' (Eq. 7, up to {CALIBRATED_TO:g}); remedy: policy: energy"
-    ]
