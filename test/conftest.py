@@ -6,6 +6,7 @@ The environment is set before anything imports rclpy, a message package or numba
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import signal
@@ -249,6 +250,8 @@ class RosSession:
         self._destroy_nodes()
         self.executor.shutdown()
         rclpy.shutdown(context=self.context)
+        # What a test still refers to may keep a node's name in the graph of this worker until it is collected.
+        gc.collect()
 
     def _destroy_nodes(self) -> None:
         while self._nodes:
