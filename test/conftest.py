@@ -11,6 +11,7 @@ import os
 import re
 import signal
 import socket
+import sys
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -258,6 +259,14 @@ class RosSession:
             node = self._nodes.pop(0)
             self.executor.remove_node(node)
             node.destroy_node()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def collect_nodes() -> Iterator[None]:
+    """Collect the nodes that the tests of a file made in this process: another file may look for their names."""
+    yield
+    if "rclpy" in sys.modules:
+        gc.collect()
 
 
 @pytest.fixture
