@@ -51,7 +51,8 @@ class Contact(ContactTerm):
         friction: Coulomb's coefficient.
     """
 
-    kernel, potential, _FRICTION = law.contact_entry, staticmethod(law.contact_energy), gap.FRICTION
+    kernel, potential = law.contact_entry, staticmethod(law.contact_energy)
+    _FRICTION, _HEAD, _STRIDE, _PRESS = gap.FRICTION, HEAD, STRIDE, PRESS
 
     def __init__(
         self, name: str, touched: Obstacle, body: Body, points: ContactSurface | Corners, friction: float
@@ -134,11 +135,6 @@ class Contact(ContactTerm):
             self._take_none()
         else:
             self._choose(saved, positions)
-
-    @property
-    def acts(self) -> bool:
-        """Whether any point holds a force."""
-        return bool(self._rows()[:, PRESS].any())
 
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
         """Choose the points again if the body has moved far enough; correct the offsets of the chosen points."""
@@ -419,6 +415,3 @@ class Contact(ContactTerm):
         press, shear = np.zeros(len(self._scale)), np.zeros((len(self._scale), 3))
         press[self._chosen], shear[self._chosen] = presses, shears @ self._axes
         return {"press": press, "shear": shear}
-
-    def _rows(self) -> NDArray[np.float64]:
-        return self.reals[HEAD : HEAD + STRIDE * len(self._chosen)].reshape(-1, STRIDE)

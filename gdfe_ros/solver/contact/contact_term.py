@@ -68,6 +68,9 @@ class ContactTerm(Term):
     potential: ClassVar[Callable[..., float]]
     on_body = False
     _FRICTION: ClassVar[int]
+    _HEAD: ClassVar[int]
+    _STRIDE: ClassVar[int]
+    _PRESS: ClassVar[int]
 
     def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         super().__init__(name, reals, integers)
@@ -92,12 +95,16 @@ class ContactTerm(Term):
     @property
     def acts(self) -> bool:
         """Whether any point or pair holds a force."""
-        raise NotImplementedError
+        return bool(self._rows()[:, self._PRESS].any())
 
     @property
     def delicate(self) -> bool:
         """Whether friction acts on a point or pair that is near."""
         return self.near and self.friction > 0.0
+
+    def _rows(self) -> NDArray[np.float64]:
+        """Return the rows (k, stride) of the near points or pairs, a view."""
+        return self.reals[self._HEAD : self._HEAD + self._STRIDE * len(self._chosen)].reshape(-1, self._STRIDE)
 
     def ends(self) -> NDArray[np.int32]:
         """Return the vertices (k, c) on which the points' forces can act."""

@@ -50,7 +50,8 @@ class OwnContact(ContactTerm):
         body: the discretised body.
     """
 
-    kernel, potential, _FRICTION = law.pair_entry, staticmethod(law.pair_energy), law.FRICTION
+    kernel, potential = law.pair_entry, staticmethod(law.pair_energy)
+    _FRICTION, _HEAD, _STRIDE, _PRESS = law.FRICTION, law.HEAD, law.STRIDE, law.PRESS
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
         self.points = OwnPoints.of(body)
@@ -123,11 +124,6 @@ class OwnContact(ContactTerm):
         """Whether any pair may touch in the next step of the minimisation."""
         return super().near and not self._clear
 
-    @property
-    def acts(self) -> bool:
-        """Whether any pair holds a force."""
-        return bool(self._rows()[:, law.PRESS].any())
-
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
         """Search the pairs again at ``positions`` (n, 3) [m]; pairs that persist keep their forces.
 
@@ -135,8 +131,8 @@ class OwnContact(ContactTerm):
         displacement, the pairs of the last state serve for one iteration: it moves entered vertices back.
         """
         x = self.points.at(positions)
-        closed = 2.0 * (self.pairs.motion(x, self._cleared) + ahead)
-        self._clear = closed + self._aside < self._clearance and not self.acts
+        apart = self._clearance - self._aside
+        self._clear = not self.acts and 2.0 * (self.pairs.motion(x, self._cleared) + ahead) < apart
         if self._clear:
             return
         if self._begins:
@@ -288,6 +284,3 @@ class OwnContact(ContactTerm):
         shears, slid = np.zeros((count, 3)), np.zeros((count, 3))
         law.pair_forces(positions, self.reals, self.integers, presses, shears, slips, slid)
         return presses, shears, slips, slid
-
-    def _rows(self) -> NDArray[np.float64]:
-        return self.reals[law.HEAD : law.HEAD + law.STRIDE * len(self._chosen)].reshape(-1, law.STRIDE)

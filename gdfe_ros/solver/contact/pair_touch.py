@@ -51,10 +51,10 @@ def touching_points(
     pushes = (share * presses[:, None])[:, :, None] * normals[:, None]
     rubs = share[:, :, None] * shears[:, None]
     size = np.abs(share) * presses[:, None]
-    return _gathered(x, origin, ends, other, size, pushes, rubs, slips, gaps)
+    return _sum_forces(x, origin, ends, other, size, pushes, rubs, slips, gaps)
 
 
-def _gathered(
+def _sum_forces(
     x: NDArray[np.float64],
     origin: NDArray[np.float64],
     ends: NDArray[np.int32],
@@ -65,7 +65,7 @@ def _gathered(
     slips: NDArray[np.bool_],
     gaps: NDArray[np.float64],
 ) -> Touch:
-    """Return the sum of the forces on each vertex of the pairs' five entries.
+    """Return the sums of the forces on the vertices of the pairs' five entries.
 
     ``ends`` (k, 5) are the entries' vertices, ``other`` (k, 5) what they touch, ``size`` (k, 5) [N] the magnitudes of
     the normal forces ``pushes`` (k, 5, 3) [N], and ``rubs`` (k, 5, 3) [N] the friction forces. ``slips`` (k,) and

@@ -15,11 +15,7 @@ from gdfe_ros.solver.tangent.substitution import Kept, solve_unturned
 
 SCENE = """
 name: strip
-mesh:
-  bar:
-    size: [0.1, 0.02, 0.02]
-    cells: [10, 4, 4]
-    cut: [{box: {x: [0.01, 0.09], y: [-0.005, 0.005], z: [-0.005, 0.005]}}]
+mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [10, 4, 4]}}
 materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
 regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}TIP}
