@@ -100,7 +100,7 @@ browser:
 
 test: $(ALL) $(VENV)/.extra-test $(VENV)/.extra-docs browser
 	@status=0; \
-	$(BIN)/ruff check . || status=1; \
+	$(BIN)/ruff check --no-cache . || status=1; \
 	$(BIN)/ruff format --check . || status=1; \
 	$(BIN)/python -m pytest $(PARALLEL) || status=1; \
 	exit $$status

@@ -9,6 +9,7 @@ long as the elements, laws and terms of that commit are those of today.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -49,10 +50,11 @@ def measure_newton(task: Mapping[str, Any], path: str) -> dict[str, Any]:
 
 def _make_level(simulation: Any) -> Any:
     """Return an evaluation of exact tangents."""
-    from gdfe_ros.solver.sensitivity.curvature import curved
-    from gdfe_ros.solver.sensitivity.stiffness import WholeStiffness
     from gdfe_ros.solver.tangent.level import TangentLevel
 
+    # Modules of the frozen commit, in whose process this runs; they are not in this tree.
+    curved = import_module("gdfe_ros.solver.sensitivity.curvature").curved
+    WholeStiffness = import_module("gdfe_ros.solver.sensitivity.stiffness").WholeStiffness
     equilibrium = simulation.stepper.equilibrium
     body, own = equilibrium.body, curved(equilibrium.actuation.terms, equilibrium.body)
     return TangentLevel(body, equilibrium.matrix.assembled, own, elements=WholeStiffness(body, None))
