@@ -33,36 +33,12 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     """Return dict from name to table, for the data of a streams.json."""
     results = [PeerResult.from_json(item) for item in report["results"]]
     below = left_out(report.get("missing", {}))
-    return {"streaming": stream_table(results) + below, "stream front": front_table(results) + below}
+    return {"stream front": front_table(results) + below}
 
 
 def steps_a_second(result: PeerResult) -> float:
     """Return the rate of a stream [1/s]."""
     return result.settings["steps"] / result.time_solve
-
-
-def stream_table(results: Sequence[PeerResult]) -> str:
-    """Return the table with rate, times of a step and errors of every stream."""
-    rows = []
-    for result in sorted(results, key=lambda item: (item.scene, -steps_a_second(item))):
-        p50, p99 = result.settings["step_time_p50"], result.settings["step_time_p99"]
-        error = result.settings.get("path_error")
-        rows.append(
-            (result.scene, f"{NAMES[result.solver]} {result.mesh}", str(result.settings["steps"]),
-             f"{steps_a_second(result):.0f}", f"{1e3 * p50:.2f}", f"{1e3 * p99:.2f}",
-             f"{100 * result.mean_error:.3f}", "" if error is None else f"{100 * error:.3f}")
-        )  # fmt: skip
-    heads = (
-        "scene",
-        "solver",
-        "steps",
-        "steps/s",
-        "p50 [ms]",
-        "p99 [ms]",
-        "error at the end [%]",
-        "error of the path [%]",
-    )
-    return markdown_table(heads, rows)
 
 
 def front_table(results: Sequence[PeerResult]) -> str:

@@ -17,7 +17,6 @@ from benchmarks.coarse_meshes.large import CELLS, all_bars, bar_errors
 from benchmarks.coarse_meshes.problem import Found, Problem
 from benchmarks.coarse_meshes.problems import CONFINED, PAD, PROBLEMS, WIDTH
 from benchmarks.coarse_meshes.table import all_tables
-from benchmarks.coarse_meshes.trials import all_trials
 from benchmarks.peers import calculix_peer, felupe_peer
 from benchmarks.report import options, write_report
 from gdfe_ros.solver.settings import Torsion
@@ -61,7 +60,7 @@ def main() -> None:
         name: {who: [error(name, across, solve) for across in ACROSS] for who, solve in found.items()}
         for name in arguments.names or PROBLEMS
     }
-    report = {"across": ACROSS, "missing": missing, "errors": errors, "bars": all_bars(), "trials": all_trials()}
+    report = {"across": ACROSS, "missing": missing, "errors": errors, "bars": all_bars()}
     write_report(arguments.out, report, probe())
     print("\n\n".join(all_tables(report).values()))
 

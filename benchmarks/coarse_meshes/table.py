@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from benchmarks.coarse_meshes.trials import COLUMNS
 from benchmarks.markdown import left_out, markdown_table
 from gdfe_ros.solver.settings import Torsion
 
@@ -31,7 +30,6 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     return {
         "coarse_meshes": small_table(report) + left_out(report["missing"]),
         "coarse_bars": bar_table(report["bars"]),
-        "coarse_trials": trial_table(report["trials"]),
     }
 
 
@@ -45,14 +43,6 @@ def small_table(report: Mapping[str, Any]) -> str:
         for i, across in enumerate(report["across"])
     ]
     return markdown_table(("error [%]", "cells across", *codes), rows)
-
-
-def trial_table(trials: Mapping[str, Sequence[float]]) -> str:
-    """Return the table with a row for each trial."""
-    heads = ("error [%]", *(f"{name}: {across} across" for name, across in COLUMNS))
-    return markdown_table(
-        heads, [[way, *(f"{100.0 * error:+.2f}" for error in errors)] for way, errors in trials.items()]
-    )
 
 
 def bar_table(bars: Sequence[Mapping[str, Any]]) -> str:

@@ -56,16 +56,12 @@ class Table:
         return cast(Callable[[], Probe], getattr(module, self.probe))
 
 
-BEFORE = "5eecb34"
-"""Commit with which the table ``since`` compares: the solver before its loop, kernels and contact were rewritten."""
 TABLES = (
-    Table(name="factors", module="benchmarks.factors", minutes=0.5),
     Table(name="skip", module="benchmarks.savings", minutes=1),
     Table(name="threads", module="benchmarks.threads", minutes=1),
     Table(name="cut_cells", module="benchmarks.cut_cells", minutes=0.5),
     Table(name="batches", module="benchmarks.batches", minutes=1.5),
     Table(name="environments", module="benchmarks.environments", minutes=5, needs=("gymnasium",)),
-    Table(name="constant_factors", module="benchmarks.constant_factors", minutes=1),
     Table(name="coarse_meshes", module="benchmarks.coarse_meshes", minutes=0.5),
     Table(name="streams", module="benchmarks.streams", minutes=2),
     Table(name="robots", module="benchmarks.robots", minutes=1),
@@ -82,7 +78,6 @@ TABLES = (
         ros=True,
     ),
     Table(name="manners", module="benchmarks.manners", minutes=6, needs=("rclpy",), ros=True),
-    Table(name="since", module="benchmarks.since", arguments=(BEFORE, "--turns", "3"), minutes=9.5),
     Table(name="loop", module="benchmarks.loop", minutes=9),
     Table(name="bench", module="benchmarks", minutes=7.5),
     Table(name="torture", module="benchmarks.torture.measure", minutes=22, needs=("xdist",)),

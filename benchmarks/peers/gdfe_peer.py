@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from functools import lru_cache
 from time import perf_counter
 from typing import Any
@@ -69,10 +68,6 @@ def _variant(
 def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
     """Build and solve a scene; kernels are compiled before, on a smaller mesh. See `Peer.solve`.
 
-    With the option ``stream``, the settings contain the median and the 99th percentile of the time of a step [s], and
-    the largest error of any step: the mean distance from the converged path on the same mesh, divided by the mean
-    displacement at the end.
-
     Raises:
         PeerError: a step did not converge.
     """
@@ -81,20 +76,16 @@ def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
     scene = scene_of(case.name.value, variant)
     simulation = Simulation(scene)
     built = perf_counter()
-    times, path = _play(simulation, variant.steps)
+    iterations = _play(simulation, variant.steps)
     solved = perf_counter()
     if not simulation.result.converged:
         raise PeerError(f"gdfe {case.name.value} {variant.label}: {simulation.result.message}")
     settings: dict[str, Any] = {
         "version": __version__,
         "tolerance": variant.options["tolerance"],
-        "iterations": sum(iterations for _, iterations in times),
+        "iterations": iterations,
         "factorisation": simulation.result.factorisation,
     }
-    if variant.options.get("stream"):
-        seconds = [second for second, _ in times]
-        settings["step_time_p50"], settings["step_time_p99"] = (float(np.percentile(seconds, q)) for q in (50, 99))
-        settings["path_error"] = _path_error(scene, path)
     displacement = simulation.positions - scene.mesh.vertices
     return PeerSolution(
         displacement=case.grid(variant.cells).evaluate(displacement, points),
@@ -105,22 +96,11 @@ def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
     )
 
 
-def _play(simulation: Simulation, steps: int) -> tuple[list[tuple[float, int]], list[Array]]:
-    """Play the program in equal steps; return, for each step, time [s] and iterations, and the positions."""
-    program, times, path = simulation.scene.program, [], []
-    for moment in np.linspace(0.0, program.duration, steps + 1)[1:]:
-        start = perf_counter()
-        result = simulation.step(Command(handles=program.handle_poses(moment)))
-        times.append((perf_counter() - start, result.iterations))
-        path.append(result.positions)
-    return times, path
-
-
-def _path_error(scene: Scene, path: list[Array]) -> float:
-    converged = Simulation(scene, settings=dataclasses.replace(scene.solver, tolerance=1e-7))
-    _, reference = _play(converged, len(path))
-    scale = np.linalg.norm(reference[-1] - scene.mesh.vertices, axis=1).mean()
-    return max(float(np.linalg.norm(x - y, axis=1).mean() / scale) for x, y in zip(path, reference, strict=True))
+def _play(simulation: Simulation, steps: int) -> int:
+    """Play the program in equal steps; return the sum of their iterations."""
+    program = simulation.scene.program
+    moments = np.linspace(0.0, program.duration, steps + 1)[1:]
+    return sum(simulation.step(Command(handles=program.handle_poses(moment))).iterations for moment in moments)
 
 
 def scene_of(name: str, variant: Variant) -> Scene:

@@ -145,8 +145,7 @@ def compile_bar(case: Case, grid: Grid, drive: Drive) -> Bar:
 def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
     """Compile a bar, drive it and evaluate it; see `Peer.solve`.
 
-    With the option ``stream``, the time of the solution is that of all steps, and the settings contain
-    the median and the 99th percentile of the time of a step [s].
+    With the option ``stream``, the time of the solution is that of all steps.
 
     Raises:
         PeerError: if the bar does not come to equilibrium or MuJoCo reports an unusable state.
@@ -171,8 +170,6 @@ def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
         "prescribed_x": case.slide if case.slides else None,
         "warnings": warned,
     }
-    if stream:
-        settings["step_time_p50"], settings["step_time_p99"] = (float(np.percentile(times, q)) for q in (50, 99))
     return PeerSolution(
         displacement=grid.evaluate(displacement, points),
         reaction=_reaction(case, grid, displacement),

@@ -16,7 +16,6 @@ from benchmarks.coarse_meshes.own import solve
 from benchmarks.coarse_meshes.problem import Found
 from benchmarks.coarse_meshes.problems import PRESSURE, PROBLEMS, SIDE, torsion, tube
 from benchmarks.coarse_meshes.table import TITLES
-from benchmarks.coarse_meshes.trials import WAYS, Elements, trial
 from gdfe_ros.constraints import Axis
 from gdfe_ros.solver.settings import Torsion
 
@@ -63,29 +62,6 @@ def test_others_are_given_the_same_problem(code: str, expected: float) -> None:
     if code not in found:
         pytest.skip(missing[code.split()[0]])
     assert error("torsion", 2, found[code]) == pytest.approx(expected, abs=1e-3)
-
-
-def test_elements_taken_apart_are_the_solvers() -> None:
-    """The trial stiffness with one pressure in each cell gives the same errors as the solver's element."""
-    for name in ("pad", "tube"):
-        assert trial("as it is: a pressure in each cell", name, 2) == pytest.approx(error(name, 2, solve), abs=5e-4)
-
-
-def test_curved_faces_see_what_cells_do_not() -> None:
-    """Gradients from curved faces reduce the tube's error to less than a quarter, and bending's error to zero."""
-    way = "mean gradients from curved faces"
-    assert abs(trial(way, "tube", 2)) < abs(error("tube", 2, solve)) / 4.0
-    assert trial(way, "bending, nu 0.495", 2) == pytest.approx(0.0, abs=2e-3)
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_no_way_resists_rigid_motions(way: str) -> None:
-    """No trial stiffness gives a force for a rigid motion of the distorted tube."""
-    problem = tube(2)
-    places, stiffness = problem.mesh.vertices, WAYS[way](Elements.of("tube", 2, problem))
-    for axis in np.eye(3):
-        for moved in (np.tile(axis, (len(places), 1)), np.cross(axis, places / SIDE)):
-            assert np.abs(stiffness @ moved.ravel()).max() < 1e-6 * abs(stiffness).max()
 
 
 def test_the_pressure_in_the_tube_pulls_no_way() -> None:

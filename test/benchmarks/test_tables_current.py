@@ -28,7 +28,6 @@ OLDER: dict[str, str] = {
     "environments": ONE_LOOP,
     "motion": ONE_LOOP,
     "robots": ONE_LOOP,
-    "since": ONE_LOOP,
     "streams": ONE_LOOP,
     "threads": ONE_LOOP,
     "torture": ONE_LOOP,
