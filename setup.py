@@ -41,7 +41,7 @@ EXTRAS = {
     "fast": ["threadpoolctl>=3.2"],
     "mesh": ["meshio>=5.3", "trimesh>=4.0"],
     # gmsh (GPL) runs in a process of its own; pytetwild needs pyvista to be imported.
-    "cad": ["gmsh>=4.13", "pytetwild>=0.4.2", "pyvista>=0.45", "trimesh>=4.0"],
+    "cad": ["gmsh>=4.13", "meshio>=5.3", "pytetwild>=0.4.2", "pyvista>=0.45", "trimesh>=4.0"],
     "plot": ["matplotlib>=3.8", "plotly>=5.20", "pillow>=10.0"],
     "sweep": ["distributed>=2024.8", "pyarrow>=15.0"],
     "video": ["av>=14.0"],

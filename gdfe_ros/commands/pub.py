@@ -28,6 +28,8 @@ def run(arguments: argparse.Namespace) -> int:
     with open_peer() as peer:
         count, refusals = peer.publish(arguments.topic, values)
     print(f"published on {full_name(arguments.topic)} to {count} listener{'s' if count > 1 else ''}")
+    if ".nan" in arguments.message.lower():
+        print("NaN means: no command; what is commanded there stays as it is")
     for refusal in refusals:
         print(plain_lines(f"refused: {refusal}"), file=sys.stderr)
     return REFUSED if refusals else 0

@@ -171,7 +171,9 @@ def _on_their_way(session: SimulationSession) -> str:
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
     if slew.stopped:
         return f"{goals}; no further step converges within the deadline; remedy: smaller commands, or a longer deadline"
-    return f"{goals}; slowed down to {100.0 * slew.share:.3g} % of the range in slew_time, so that steps converge"
+    if slew.share < 1.0:
+        return f"{goals}; slowed down to {100.0 * slew.share:.3g} % of the range in slew_time, so that steps converge"
+    return f"{goals}; at the range in slew_time"
 
 
 def _work(session: SimulationSession) -> dict[str, object]:
@@ -204,7 +206,7 @@ def _solver(session: SimulationSession, last: _Mark, mark: _Mark) -> _Part:
         "factorisation": result.factorisation,
         **{f"skipped: {name}": count for name, count in result.skipped.items()},
     }
-    if result.converged or session.arrived():
+    if result.converged or (result.cut_after is not None and session.arrived()):
         return _Part(values)
     return _Part(values, _WARN, f"not converged: {result.message or 'no step was solved there'}")
 

@@ -19,6 +19,8 @@ MOST_SHOWN = 16
 """Largest number of shown values of an array. A longer array is shown by its first values and its length."""
 _LONGEST_SHOWN = 200
 """Largest number of characters of a text that an error shows."""
+_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""numpy's type of each data type of a field of a cloud of points."""
 _ARRAY = re.compile(r"sequence<(?P<kind>[^,]+)(, \d+)?>|(?P<fixed>.+)\[(?P<count>\d+)\]")
 _TEXT = re.compile(r"w?string(<\d+>)?")
 
@@ -116,7 +118,8 @@ def _is_number(value: object) -> bool:
 def _plain(value: Any) -> Any:
     """Return a message or a field's value in types that YAML can write."""
     if hasattr(value, "get_fields_and_field_types"):
-        return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+        fields = {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+        return fields if (points := _points(value)) is None else {"header": fields["header"], "points": points}
     if isinstance(value, bytes):
         return int.from_bytes(value, "little")
     if isinstance(value, str | bool | int | float):
@@ -125,3 +128,29 @@ def _plain(value: Any) -> Any:
         return value.item()
     shown = [_plain(item) for item in value[:MOST_SHOWN]]
     return shown if len(value) <= MOST_SHOWN else [*shown, f"... {len(value)} values"]
+
+
+def _points(message: Any) -> list[Any] | None:
+    """Return the points of a cloud as mappings from field to number; None for another message, or a defective cloud."""
+    if type(message).__name__ != "PointCloud2" or any(each.count != 1 for each in message.fields):
+        return None
+    order, count = ">" if message.is_bigendian else "<", message.width * message.height
+    names, kinds = [each.name for each in message.fields], [_KINDS.get(each.datatype) for each in message.fields]
+    if None in kinds or message.row_step != message.width * message.point_step or len(set(names)) < len(names):
+        return None
+    places = [(each.offset, np.dtype(kind).itemsize) for each, kind in zip(message.fields, kinds, strict=True)]
+    if (
+        any(first + size > message.point_step for first, size in places)
+        or len(message.data) < count * message.point_step
+    ):
+        return None
+    formats, offsets = [order + kind for kind in kinds], [first for first, _ in places]
+    kind = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": message.point_step})
+    points = np.frombuffer(bytes(message.data), kind, min(count, MOST_SHOWN)) if message.point_step else []
+    shown = [{name: _rounded(point[name]) for name in names} for point in points]
+    return shown if count <= MOST_SHOWN else [*shown, f"... {count} points"]
+
+
+def _rounded(number: Any) -> Any:
+    """Return a number of a cloud in YAML's types; single precision has seven digits."""
+    return float(f"{number:.7g}") if number.dtype.kind == "f" else number.item()

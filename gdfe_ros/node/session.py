@@ -20,7 +20,7 @@ from gdfe_ros.node.following import leaders_of
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface.parameters import MODULUS
-from gdfe_ros.node.lateness import Lateness
+from gdfe_ros.node.lateness import Lateness, Solves
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.moduli import Moduli
 from gdfe_ros.node.outputs import TopicOutputs
@@ -99,7 +99,7 @@ class SimulationSession:
         self.courier: Courier | None = None
         self.walk: Walk | None = None
         self._telling = False
-        self._lateness = Lateness()
+        self._lateness, self._solves = Lateness(), Solves()
         self._jumps: JumpHandle | None = None
         self.outputs.publish_scene(0)
 
@@ -200,13 +200,14 @@ class SimulationSession:
         return found | self.inputs.connections()
 
     def look(self) -> None:
-        """Check for commands to unknown names, for late steps, and for subscribers without the last state."""
+        """Check for commands to unknown names, late, long and failed steps, and subscribers without the last state."""
         self.strays.look()
         text = self._lateness.look(
-            self.run.pace, steps=self.stepper.count, rate=self.run.timing().rate, time=self.simulation.time
+            self.run.pace, steps=self.stepper.count, rate=self.run.timing().rate, at=self.simulation.time
         )
-        if text is not None:
-            self._warn(text)
+        for each in (text, self._solves.look(self.run.last), self._solves.wait(self.stepper.work)):
+            if each is not None:
+                self._warn(each)
         self.greet(thorough=True)
 
     def greet(self, *, thorough: bool = False) -> None:
@@ -379,12 +380,17 @@ class SimulationSession:
         """Publish the present state again for new subscribers, unless this is queued already."""
         if self.stepper.running and not self._telling:
             self._telling = True
-            self.stepper.post(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
+            self.stepper.report(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
 
     def _deliver_again(self) -> None:
-        self._telling = False
-        again = observe(self.simulation, Demand()) | {"wanted": True}
-        self.courier.put(replace(self.run.last, first=False, again=True, **again))
+        """Publish the last step again, also during a step: until it ends, only the arms' joints are ahead of it."""
+        self._telling, last = False, self.run.last
+        if last is None:
+            return
+        again = observe(self.simulation, Demand(poses=not (self.stepper.stepping and self.scene.arms)))
+        if self.stepper.stepping:
+            again |= {"joints": last.joints, "links": last.links}
+        self.courier.put(replace(last, first=False, again=True, **again | {"wanted": True}))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
         """Replace the simulation by one with other moduli, in equilibrium or, with dynamics, in the present motion."""

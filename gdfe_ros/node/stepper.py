@@ -58,6 +58,7 @@ class SteppingThread:
         changed: condition that wakes the thread; its lock guards the inbox.
         count: number of steps made.
         begin: kind of the state from which the next step starts.
+        stepping: whether a step is being made.
         work: description of the present task, and its start on a monotonic clock [s]; None without a task.
         rounds: number of rounds of iterations of the solve in progress.
         slew: limits the rate of commands under the wall clock or a deadline.
@@ -86,9 +87,10 @@ class SteppingThread:
         self.failure, self.failures = "", 0
         self._origin = 0
         self._jobs: deque[tuple[Callable[[], object], Future]] = deque()
+        self._reports: deque[Callable[[], None]] = deque()
         self._retries = 0
         self._rated = any(math.isfinite(actuator.rate) for actuator in run.scene.actuators)
-        self._stopping = self._draining = self._paused = False
+        self.stepping = self._stopping = self._draining = self._paused = False
         self._thread: threading.Thread | None = None
 
     @property
@@ -174,9 +176,17 @@ class SteppingThread:
                 self.changed.notify_all()
         return future
 
+    def report(self, function: Callable[[], None]) -> None:
+        """Queue a function that changes nothing and does not raise; it runs between two rounds of a solve, or steps."""
+        with self.changed:
+            self._reports.append(function)
+            self.changed.notify_all()
+
     def must_end(self) -> bool:
         """Return whether the solve in progress must end; the solver calls this after each round of iterations."""
         self.rounds += 1
+        while self._reports:
+            self._reports.popleft()()
         return bool(self._stopping or self._urgent) and time.monotonic() - self.work[1] > _GRACE
 
     def pause(self, paused: bool) -> None:
@@ -274,6 +284,8 @@ class SteppingThread:
         """Wait for the next task and return it; None ends the thread."""
         with self.changed:
             while not self._stopping or (self._draining and self._jobs):
+                if self._reports:
+                    return self._reports.popleft()
                 if self._jobs:
                     job = self._jobs.popleft()
                     return lambda: _carry_out(*job)
@@ -331,13 +343,15 @@ class SteppingThread:
         """
         before, text = self._simulation.snapshot(), f"step {self.count} to {self._simulation.time + dt:.9g} s"
         result = self._simulation.result
+        self.stepping = True
         try:
             step = self._make(orders, dt=dt, first=first, early=early)
         except Exception as error:
-            self.work = None
+            self.stepping, self.work = False, None
             self._simulation.restore(before)
             self._simulation.result = result
             raise self._hold(text, error) from error
+        self.stepping = False
         self._deliver(step)
 
     def _make(self, orders: Iterable[Order], *, dt: float, first: bool, early: float) -> Step:

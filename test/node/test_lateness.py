@@ -32,13 +32,13 @@ class _Pace:
 def test_a_warning_has_what_was_asked_and_reached() -> None:
     """Ten steps at 100 Hz that end 0.1 s late in sum reach 50 Hz; the warning comes once in five seconds."""
     lateness = Lateness()
-    assert lateness.look(None, steps=0, rate=100.0, time=0.0) is None
-    assert lateness.look(_Pace(), steps=10, rate=100.0, time=0.1) is None
-    text = lateness.look(_Pace(overruns=9, late=0.1), steps=20, rate=100.0, time=0.2)
+    assert lateness.look(None, steps=0, rate=100.0, at=0.0) is None
+    assert lateness.look(_Pace(), steps=10, rate=100.0, at=0.1) is None
+    text = lateness.look(_Pace(overruns=9, late=0.1), steps=20, rate=100.0, at=0.2)
     assert text.startswith("the simulation, at 0.2 s, falls behind wall time")
     assert "rate asked 100 Hz, reached 50 Hz, late by 0.100 s so far" in text
-    assert lateness.look(_Pace(overruns=20, late=0.3), steps=30, rate=100.0, time=0.3) is None
-    text = lateness.look(_Pace(behind=2.0), steps=40, rate=100.0, time=0.4)
+    assert lateness.look(_Pace(overruns=20, late=0.3), steps=30, rate=100.0, at=0.3) is None
+    text = lateness.look(_Pace(behind=2.0), steps=40, rate=100.0, at=0.4)
     assert text.startswith("the simulation, at 0.4 s, is 2.000 s behind the clock")
 
 

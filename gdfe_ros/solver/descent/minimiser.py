@@ -15,6 +15,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.impulses import Impulses
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent.active_set import ActiveSet
+from gdfe_ros.solver.descent.arc import follow_arc
 from gdfe_ros.solver.descent.loop import Metric, choose, descend, move, precondition, start
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.descent.workspace import End, Problem, Workspace, numbers
@@ -200,6 +201,13 @@ class Minimiser:
     def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
         """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""
         precondition(self.metric(task.active), gradient, step, None)
+
+    def follow_arc(self, task: Task, step: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the step (3 r,) [m] to the end of the arc that begins with ``step``, shortened as in `arc`."""
+        work = task.active.workspace
+        work.direction[...] = step
+        follow_arc(task.problem, work, self.metric(task.active))
+        return work.direction + work.curve
 
     def renew(self, task: Task) -> bool:
         """Take the tangent at the present unknowns of ``task`` if it is positive definite; return whether it is.

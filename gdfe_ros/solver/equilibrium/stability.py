@@ -10,6 +10,7 @@ and the minimisation goes on from there.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -21,11 +22,12 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.loop import UNPROVEN
 from gdfe_ros.solver.descent.minimiser import LEAST_AGE, SHARE, Minimiser, Task
 from gdfe_ros.solver.descent.products import TangentProducts
+from gdfe_ros.solver.descent.search import ROUNDING
 from gdfe_ros.solver.distance import largest, largest_distance
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
-from gdfe_ros.solver.value import NEGLIGIBLE, changed
+from gdfe_ros.solver.value import changed
 
 GROWTH, LONG = 2.0, 1e-2
 """A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex moves by
@@ -36,9 +38,12 @@ DEAR, SURE = 40, 0.3
 minimum. Its proof counts if the least eigenvalue of M^-1 K exceeds the second number.
 """
 NEAR = 3
-"""A proof still holds after this number of further iterations."""
-ROUNDS = 12
+"""A proof still holds after this number of further iterations, if the equilibrium was nearer than the minimisation's
+target: in a nearly flat valley, tiny motions change the curvature."""
+ROUNDS = 24
 """Largest number of proofs in one solve. Each saddle takes one; a long, nearly flat valley of the energy takes many."""
+VAIN = 4
+"""Number of rounds that may end at more energy than an earlier one: the minimisations leave different remains."""
 FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
 """First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers are
 the largest numbers of doublings of this length and of its divisions by four."""
@@ -59,6 +64,28 @@ class Downhill(NamedTuple):
 
     unknowns: NDArray[np.float64]
     positions: NDArray[np.float64]
+
+
+@dataclass
+class Progress:
+    """What the proofs of one solve have gained so far.
+
+    Attributes:
+        energy: least energy at a proof [J].
+        in_vain: number of proofs at more energy than that.
+        farthest: longest Newton step since the energy last fell, divided by the body's size.
+    """
+
+    energy: float = np.inf
+    in_vain: int = 0
+    farthest: float = 0.0
+
+    def goes_on(self, energy: float, distance: float) -> bool:
+        """Take a proof at an ``energy`` [J] with a Newton step of the length ``distance``; return whether to go on."""
+        falls = energy < self.energy
+        self.energy, self.in_vain = min(energy, self.energy), self.in_vain + (not falls)
+        self.farthest = distance if falls else max(distance, self.farthest)
+        return self.in_vain <= VAIN
 
 
 class Descents(Protocol):
@@ -123,7 +150,7 @@ class Stability:
         return costly or overdue or largest_distance(found.positions, start.positions) > LONG * self._size
 
     def _proved(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
-        stable, distance = None, np.inf
+        progress = Progress()
         for count in range(ROUNDS):
             task = descents.task_at(solve, found)
             if count == 0 and (known := self._proved_with_kept(task, solve, found)):
@@ -134,21 +161,23 @@ class Stability:
             late = past(solve.problem.deadline) or found.iterations >= solve.problem.limit
             distance, step = self._minimiser.newton_step(task)
             near = distance <= SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
-            if late or (near and stable is not False):
+            if late or (near and definite):
                 return _told(_at(found, distance), stable=stable)
+            if not progress.goes_on(float(task.active.status["energy"]), distance):
+                break
             solve.go_on_from(found.state)
-            if stable is False or count:  # beside a saddle, or in a nearly flat valley
+            if not definite or count:  # beside a saddle, or in a nearly flat valley
                 moved = self._leave(descents, solve, found, task, step if direction is None else direction)
                 if near and not moved:
-                    return _told(found, stable=False)
+                    return _told(_at(found, distance), stable=stable)
             again = descents.descend(solve, spent=found.iterations)
             more, spent = again.iterations, found.iterations + again.iterations
             if not (again.converged and again.min_det > 0.0):
                 return _told(changed(found, iterations=spent), stable=stable)
             found = changed(again, iterations=spent)
-            if stable and more <= NEAR:
+            if stable and more <= NEAR and distance <= SHARE * solve.aim:
                 return _told(found, stable=True)
-        if distance <= solve.problem.tolerance:
+        if definite and progress.farthest <= solve.problem.tolerance:  # as near as the updates of multipliers allow
             return _told(_at(found, distance), stable=stable)
         summary = changed(found.state.summary, converged=False, error_estimate=distance, message=NEUTRAL)
         return changed(_with(found, summary=summary), exhausted=True)
@@ -186,14 +215,15 @@ class Stability:
     def _verdict(self, task: Task, *, definite: bool) -> tuple[bool | None, NDArray[np.float64] | None]:
         """Return whether the energy has positive curvature in every direction, None if that is unknown.
 
-        If it has not, a direction (3 r,) of negative curvature is the second result.
+        The second result is None, or the softest direction (3 r,) if its curvature is not positive.
         """
         if definite and self._exact:
             return True, None
         seen = self.look(task)
         # A kink may mislead the search, e.g. that of a cable that is just slack.
         if seen.value > -FLAT or self.curvature(task, seen.direction) > -FLAT:
-            return True if seen.known and seen.value > FLAT else None, None
+            proved = not self._exact and seen.known and seen.value > FLAT
+            return (True, None) if proved else (None, seen.direction)
         return False, seen.direction
 
     def look(self, task: Task) -> Lowest:
@@ -219,25 +249,29 @@ class Stability:
         return impulses.supported(task.problem, task.active.workspace, self._product) if impulses else self._product
 
     def leave(self, task: Task, direction: NDArray[np.float64]) -> Downhill | None:
-        """Return the point of least energy found along a direction (3 r,); None if the energy does not fall.
+        """Return the point of least energy found along the arc of a direction (3 r,); None if the energy does not fall.
 
         The first length is divided by four until the energy falls. It is then doubled while the energy falls further.
+        Along a straight line, a bent column that may turn about its axis would soon be stretched.
         """
         work = task.active.workspace
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
-        unit, length, best, found = sign / largest(direction) * direction, FIRST * self._size, np.inf, None
-        start = float(task.active.status["energy"])
-        least = start - NEGLIGIBLE * float(task.active.status["absolute"] + task.active.status["outside"])
+        longest = largest(direction)
+        unit, length, best, found = sign / longest * direction, min(FIRST * self._size, longest), np.inf, None
+        status = task.active.status
+        start = float(status["energy"])
+        least = start - float(status["grain"] + ROUNDING * (status["absolute"] + status["outside"]))
         self._product.begin(task)
         for _ in range(SHORTENINGS + DOUBLINGS):
             with task.turn:
-                energy = self._product.energy(length * unit)
+                step = self._minimiser.follow_arc(task, length * unit)
+                energy = self._product.energy(step)
             if not energy < min(least, best):
                 if found is not None:
                     break
                 length *= 0.25
                 continue
-            best, found = energy, Downhill(work.u + length * unit, self._product.positions.copy())
+            best, found = energy, Downhill(work.u + step, self._product.positions.copy())
             length *= 2.0
         return found
 
