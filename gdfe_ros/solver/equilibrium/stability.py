@@ -40,6 +40,10 @@ minimum. Its proof counts if the least eigenvalue of M^-1 K exceeds the second n
 NEAR = 3
 """A proof still holds after this number of further iterations, if the equilibrium was nearer than the minimisation's
 target: in a nearly flat valley, tiny motions change the curvature."""
+LEVEL = 1e-7
+"""The energy is level along a direction if its fall over a displacement of the body's size, divided by the sum of the
+magnitudes of its parts, is below this: turns of a body that is held in one vertex.
+"""
 ROUNDS = 24
 """Largest number of proofs in one solve. Each saddle takes one; a long, nearly flat valley of the energy takes many."""
 VAIN = 4
@@ -174,10 +178,11 @@ class Stability:
             more, spent = again.iterations, found.iterations + again.iterations
             if not (again.converged and again.min_det > 0.0):
                 return _told(changed(found, iterations=spent), stable=stable)
-            found = changed(again, iterations=spent)
+            found = changed(again, iterations=spent, began=found.began)
             if stable and more <= NEAR and distance <= SHARE * solve.aim:
                 return _told(found, stable=True)
-        if definite and progress.farthest <= solve.problem.tolerance:  # as near as the updates of multipliers allow
+        measured = definite or self._minimiser.tangent is None  # not by a tangent that had to be changed
+        if measured and progress.farthest <= solve.problem.tolerance:  # as near as the updates of multipliers allow
             return _told(_at(found, distance), stable=stable)
         summary = changed(found.state.summary, converged=False, error_estimate=distance, message=NEUTRAL)
         return changed(_with(found, summary=summary), exhausted=True)
@@ -221,7 +226,7 @@ class Stability:
             return True, None
         seen = self.look(task)
         # A kink may mislead the search, e.g. that of a cable that is just slack.
-        if seen.value > -FLAT or self.curvature(task, seen.direction) > -FLAT:
+        if seen.value > -FLAT or self._is_level(task, seen.direction):
             proved = not self._exact and seen.known and seen.value > FLAT
             return (True, None) if proved else (None, seen.direction)
         return False, seen.direction
@@ -236,6 +241,12 @@ class Stability:
             return lowest(
                 self._products(task), lambda right, out: self._minimiser.precondition(task, right, out), self._noise
             )
+
+    def _is_level(self, task: Task, direction: NDArray[np.float64]) -> bool:
+        """Return whether the energy is level along a direction (3 r,), as far as differences of forces show it."""
+        curvature, status = self.curvature(task, direction), task.active.status
+        scale = float(status["absolute"] + status["outside"] + status["grain"])
+        return curvature > -FLAT or curvature * (self._size / largest(direction)) ** 2 > -LEVEL * scale
 
     def curvature(self, task: Task, direction: NDArray[np.float64]) -> float:
         """Return the curvature of the energy along a direction (3 r,) that `look` found."""
