@@ -21,7 +21,7 @@ AHEAD, WRONG = 50, 8
 def paths() -> tuple[np.ndarray, np.ndarray]:
     """Return tips and goals (steps, 3) [m] on a circle, first with the right, then with the wrong sign of the gain."""
     tips, goals = [], []
-    with Simulator("three_chamber_arm", overrides={"solver.tolerance": 1e-5}) as simulator:
+    with Simulator("three_chamber_arm") as simulator:
         actuators = simulator.scene.actuators
         low, high = ([getattr(actuator, end) for actuator in actuators] for end in ("low", "high"))
         jacobian, command = simulator.jacobian()[0, 1:], np.zeros(len(actuators))
