@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(plain_lines(f"gdfe {parsed.command}: {error}"), file=sys.stderr)
         return BAD_INPUT
     except ModuleNotFoundError as error:
-        if (text := remedy(error)) is None:
+        if (text := remedy(error, command=parsed.command)) is None:
             raise
         print(f"gdfe {parsed.command}: {text}", file=sys.stderr)
         return BAD_INPUT

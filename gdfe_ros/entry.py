@@ -100,7 +100,7 @@ def quiet_imports(name: str, status: int) -> Iterator[None]:
         print(f"{name}: {error}", file=sys.stderr)
         raise SystemExit(BAD_MACHINE) from error
     except ModuleNotFoundError as error:
-        if (text := remedy(error)) is None:
+        if (text := remedy(error, command=name.removeprefix("gdfe "))) is None:
             raise
         print(f"{name}: {text}", file=sys.stderr)
         raise SystemExit(BAD_MACHINE) from error

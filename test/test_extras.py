@@ -13,16 +13,20 @@ import pytest
 from gdfe_ros.extras import _EXTRAS, extra_of
 
 ROOT = Path(__file__).parents[1]
-# Python without some modules: their import raises the error of a module that is not installed.
+# Python without some modules: no finder finds them, as if they were not installed.
 _WITHOUT = """
 import sys
-class Missing:
+class Without:
+    def __init__(self, finder):
+        self.finder = finder
+    def __getattr__(self, name):
+        return getattr(self.finder, name)
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {modules!r}:
-            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
-sys.meta_path.insert(0, Missing())
+        return None if name.partition(".")[0] in {modules!r} else self.finder.find_spec(name, path, target)
+sys.meta_path[:] = map(Without, sys.meta_path)
 sys.argv[1:] = {arguments!r}
 """
+ENTRY = "from gdfe_ros import entry\nsys.exit(entry.gdfe())"
 _ROS = ("rclpy", "geometry_msgs", "sensor_msgs", "std_msgs", "rcl_interfaces", "lifecycle_msgs")
 
 
@@ -52,6 +56,18 @@ def test_a_command_names_the_one_extra(script: str, arguments: list[str], module
     assert re.fullmatch(r"[^\n]+\n", done.stderr), done.stderr
     assert re.findall(r"gdfe_ros\[([^\]]*)\]", done.stderr) == [extra]
     assert done.stderr.startswith(" ".join([script, *arguments[:1]]) + ":")
+
+
+@pytest.mark.parametrize(
+    ("command", "extras"), [(["demo", "bend5"], "ros,mcap,plot"), (["report", "bags/bend5"], "mcap,plot")]
+)
+def test_a_command_names_all_that_it_misses(command: list[str], extras: str) -> None:
+    """Without any extra, a command that needs several names them in one line."""
+    done = _run((*_ROS, "mcap", "lz4", "zstandard", "rosbags", "matplotlib", "plotly", "PIL"), command, ENTRY)
+    assert done.returncode == 2, done.stderr
+    assert re.fullmatch(
+        rf"gdfe {command[0]}: needs [^\n]*; remedy: pip install 'gdfe_ros\[{extras}\]'[^\n]*\n", done.stderr
+    )
 
 
 @pytest.mark.parametrize(

@@ -82,11 +82,12 @@ def _chart(curve: ComparedColumn) -> dict[str, Any]:
     ]
     unit = f" [{curve.unit}]" if curve.unit else ""
     ticks = {"tick0": 0, "dtick": max(1, len(times) // 10)} if curve.over == ROW else {}
+    numbers = {"exponentformat": "e", "automargin": True}
     layout = {
         "margin": {"l": 84, "r": 10, "t": 6, "b": 40},
         "xaxis": {"anchor": "y2", "title": {"text": curve.over}} | ticks,
-        "yaxis": {"domain": [0.36, 1.0], "title": {"text": f"value{unit}"}, "exponentformat": "e"},
-        "yaxis2": {"domain": [0.0, 0.28], "title": {"text": "residual"}, "exponentformat": "e", "nticks": 4},
+        "yaxis": {"domain": [0.36, 1.0], "title": {"text": f"value{unit}", "standoff": 10}} | numbers,
+        "yaxis2": {"domain": [0.0, 0.28], "title": {"text": "residual", "standoff": 10}, "nticks": 4} | numbers,
         "legend": {"orientation": "h", "y": 1.1},
     }
     return {"title": f"{curve.recording}: {curve.series} ({word})", "data": traces, "layout": layout}

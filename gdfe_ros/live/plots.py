@@ -71,6 +71,7 @@ class _Plot:
                 data=table,
                 series=({"label": "t [s]"}, *curves),
                 scales={"x": {"time": False}},
+                axes=({}, {"size": 64}),  # numbers such as -0.025 are cut by the usual 50 pixels
                 legend={"show": True, "live": False},
                 height=150,
             )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cavities import Cavity, find_cavities
+from gdfe_ros.mesh.cheaper_cells import cheaper_hexahedra
 from gdfe_ros.mesh.importer import examine_mesh
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.quality import QualityReport, check_mesh
@@ -23,7 +24,7 @@ from gdfe_ros.mesh.surface_findings import SurfaceFindings, solid_findings, surf
 from gdfe_ros.mesh.tetmesh import TetMesh
 from gdfe_ros.mesh.units import LONGEST, SHORTEST, guess_unit, unit_defects
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
-from gdfe_ros.mesh.wall_cells import flat_walls
+from gdfe_ros.mesh.wall_cells import flat_walls, wall_cells
 
 #: Cells along the longest side of a suggested first voxel mesh.
 _FIRST_GRID = 40
@@ -94,8 +95,15 @@ def inspect_mesh(mesh: Mesh, *, path: Path | None = None, defects: list[str] | N
         ("cell sets", _sets(mesh.cell_sets)),
         ("vertex sets", _sets(mesh.vertex_sets)),
     ]
-    notes = flat_walls(mesh) if isinstance(mesh, TetMesh) and not found else []
+    notes = [*flat_walls(mesh), *_hexahedra(mesh)] if isinstance(mesh, TetMesh) and not found else []
     return Inspection(path or Path(), facts, found, [*mesh.remarks, *notes], mesh, cavities)
+
+
+def _hexahedra(mesh: TetMesh) -> list[str]:
+    """Return a list with a remark if hexahedra would be much cheaper; empty if not."""
+    thinnest = float(wall_cells(mesh).walls.thickness.min(initial=math.inf))
+    faces = mesh.boundary.quads[:, :3]
+    return cheaper_hexahedra(mesh.vertices, faces, tetrahedra=mesh.n_cells, thinnest=thinnest)
 
 
 def _kind(mesh: Mesh) -> str:

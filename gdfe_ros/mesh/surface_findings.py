@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.mesh.cheaper_cells import cheaper_hexahedra, volume_inside
 from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
-from gdfe_ros.mesh.mesher_process import MOST_CELLS
+from gdfe_ros.mesh.mesher_process import MOST_CELLS, expected_cells
 from gdfe_ros.mesh.self_cuts import SelfCuts, find_self_cuts
 from gdfe_ros.mesh.shells import shell_numbers
 from gdfe_ros.mesh.size_field import cells_at_walls
@@ -81,7 +82,7 @@ class SurfaceFindings:
 
     @property
     def remarks(self) -> list[str]:
-        """Advice on normals that point into the material, and on walls that are too thin for the size of the cells."""
+        """Advice on normals that point into the material, on walls too thin for the cells, on cheaper hexahedra."""
         found = []
         if self.normals == INWARD:
             found.append(
@@ -94,6 +95,13 @@ class SurfaceFindings:
                 f"{measured(self.size / self._thinnest)}; remedy: for tetrahedra `least_size: {self._thinnest:.2g}` "
                 "beside `size`, which makes small cells only at thin walls; for voxels a `cell` of at most "
                 f"{0.5 * self._thinnest:.2g} m"
+            )
+        if self.walls is not None:
+            found += cheaper_hexahedra(
+                self.vertices,
+                self.triangles,
+                tetrahedra=float(expected_cells(volume_inside(self.vertices, self.triangles), self.size)),
+                thinnest=self._thinnest,
             )
         return found
 

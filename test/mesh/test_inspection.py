@@ -54,6 +54,31 @@ def test_a_surface_is_described(tmp_path: Path) -> None:
     assert facts["a first cell size"] == "0.0025 m"
 
 
+def test_cheaper_hexahedra_are_named(tmp_path: Path) -> None:
+    """A box, a body with axis-parallel faces and an extruded one name hexahedra; a ball, or few cells, do not."""
+    angle = cut(bar([0.06, 0.04, 0.02], [6, 4, 2]), [BoxSelection((0.03, 0.06), (0.0, 0.02))])
+    triangles = angle.boundary.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    bodies, notes = (
+        {
+            "box": trimesh.creation.box((0.1, 0.02, 0.02)),
+            "angle": trimesh.Trimesh(angle.vertices, triangles),
+            "rod": trimesh.creation.cylinder(radius=0.01, height=0.1),
+            "ball": trimesh.creation.icosphere(radius=0.02),
+        },
+        {},
+    )
+    for name, body in bodies.items():
+        body.export(tmp_path / f"{name}.stl")
+        notes[name] = " ".join(inspect_file(tmp_path / f"{name}.stl").remarks)
+    assert "the body is a box." in notes["box"]
+    assert "`mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [20, 4, 4]}}`" in notes["box"]
+    assert "bounded by planes across the axes" in notes["angle"]
+    assert "in `cut`" in notes["angle"]
+    assert "extruded along z" in notes["rod"]
+    assert notes["ball"] == ""
+    assert inspect_file(tmp_path / "box.stl", size=0.02).remarks == []
+
+
 @pytest.mark.parametrize(("size", "unit"), [(0.1, "m"), (1.0, "m"), (80.0, "mm"), (300.0, "mm"), (1e5, "um")])
 def test_the_unit_is_guessed_from_the_size(size: float, unit: str) -> None:
     """The guessed unit is the one that makes the body as large as a hand."""

@@ -203,52 +203,51 @@ def test_a_body_joins_while_the_clock_runs(client: Any, start: Callable, slab: P
     client.wait(lambda: _height(entities, "late") < 0.19)
 
 
-@pytest.mark.parametrize(
-    ("changes", "code", "text"),
-    [
-        ({"text": ""}, NO_RESOURCE, "uri and resource_string are empty"),
-        ({"text": "<robot"}, PARSE, "this is not XML"),
-        ({"text": CUBE.replace('value="0.02"', 'value="0"')}, PARSE, "has no mass; remedy"),
-        ({"name": "b", "text": "{box: {size: [1, 1]}, mass: 1}"}, FAILED, "box.size"),
-        ({"text": "{box: {size: [1, 1, 1]}, mass: 1}"}, NAME_INVALID, "letters, digits"),
-        ({"text": "{sphere: {radius: 0.01}, mass: 1, at: [0, 0, 0]}"}, PARSE, "initial_pose states the place"),
-        ({"entity_resource__uri": "http://x/cube.sdf"}, FORMAT, "allowed: file:///path or a path"),
-        ({"entity_resource__uri": "/nowhere/cube.urdf"}, PARSE, "cannot be read"),
-        ({"name": "a b"}, NAME_INVALID, "letters, digits"),
-        ({"name": "part"}, NOT_UNIQUE, "is taken"),
-        ({"name": "weight"}, NOT_UNIQUE, "is taken"),
-        ({"name": 300 * "a"}, NAME_INVALID, "up to 60 letters"),
-        ({"text": CUBE.replace("0.5</mu1>", "-1</mu1>")}, PARSE, "<mu1> is '-1'"),
-        ({"text": CUBE.replace("0.03 0.03 0.03", "1e200 1 1")}, PARSE, "box.size"),
-        ({"entity_resource__uri": "file:///a%00b.urdf"}, PARSE, "cannot be read"),
-        ({"entity_namespace": "left"}, NAMESPACE, "allowed: empty"),
-        ({"at": (float("nan"), 0, 0)}, POSE, "finite"),
-        ({"initial_pose__header__frame_id": "moon"}, POSE, "'moon'"),
-        ({"at": (0.05, 0.05, 0.0)}, FAILED, "inside of"),
-        ({"at": (1e6, 0.0, 0.0)}, POSE, "times the body's size"),
-        ({"text": BOMB}, PARSE, "aliases repeat"),
-        ({"text": f"{{box: {{size: [{'1' * 60_000}, 1, 1]}}, mass: 1}}"}, PARSE, "has 60000 characters"),
-        ({"text": CUBE.replace("<robot", "<!DOCTYPE a><robot", 1)}, PARSE, "document type"),
-        ({"text": "# " + "x" * 200_000}, PARSE, "allowed: up to 100000"),
-        ({"name": "cube\n"}, NAME_INVALID, "letters, digits"),
-        ({"entity_resource__uri": "/dev/zero.yaml"}, PARSE, "cannot be read"),
-        ({"name": "b", "text": "{mesh: {file: /dev/zero}, mass: 1}"}, FAILED, "no regular file"),
-    ],
+REFUSED: tuple[tuple[dict[str, Any], int, str], ...] = (
+    ({"text": ""}, NO_RESOURCE, "uri and resource_string are empty"),
+    ({"text": "<robot"}, PARSE, "this is not XML"),
+    ({"text": CUBE.replace('value="0.02"', 'value="0"')}, PARSE, "has no mass; remedy"),
+    ({"name": "b", "text": "{box: {size: [1, 1]}, mass: 1}"}, FAILED, "box.size"),
+    ({"text": "{box: {size: [1, 1, 1]}, mass: 1}"}, NAME_INVALID, "letters, digits"),
+    ({"text": "{sphere: {radius: 0.01}, mass: 1, at: [0, 0, 0]}"}, PARSE, "initial_pose states the place"),
+    ({"entity_resource__uri": "http://x/cube.sdf"}, FORMAT, "allowed: file:///path or a path"),
+    ({"entity_resource__uri": "/nowhere/cube.urdf"}, PARSE, "cannot be read"),
+    ({"name": "a b"}, NAME_INVALID, "letters, digits"),
+    ({"name": "part"}, NOT_UNIQUE, "is taken"),
+    ({"name": "weight"}, NOT_UNIQUE, "is taken"),
+    ({"name": 300 * "a"}, NAME_INVALID, "up to 60 letters"),
+    ({"text": CUBE.replace("0.5</mu1>", "-1</mu1>")}, PARSE, "<mu1> is '-1'"),
+    ({"text": CUBE.replace("0.03 0.03 0.03", "1e200 1 1")}, PARSE, "box.size"),
+    ({"entity_resource__uri": "file:///a%00b.urdf"}, PARSE, "cannot be read"),
+    ({"entity_namespace": "left"}, NAMESPACE, "allowed: empty"),
+    ({"at": (float("nan"), 0, 0)}, POSE, "finite"),
+    ({"initial_pose__header__frame_id": "moon"}, POSE, "'moon'"),
+    ({"at": (0.05, 0.05, 0.0)}, FAILED, "inside of"),
+    ({"at": (1e6, 0.0, 0.0)}, POSE, "times the body's size"),
+    ({"text": BOMB}, PARSE, "aliases repeat"),
+    ({"text": f"{{box: {{size: [{'1' * 60_000}, 1, 1]}}, mass: 1}}"}, PARSE, "has 60000 characters"),
+    ({"text": CUBE.replace("<robot", "<!DOCTYPE a><robot", 1)}, PARSE, "document type"),
+    ({"text": "# " + "x" * 200_000}, PARSE, "allowed: up to 100000"),
+    ({"name": "cube\n"}, NAME_INVALID, "letters, digits"),
+    ({"entity_resource__uri": "/dev/zero.yaml"}, PARSE, "cannot be read"),
+    ({"name": "b", "text": "{mesh: {file: /dev/zero}, mass: 1}"}, FAILED, "no regular file"),
 )
-def test_a_body_that_cannot_join_is_refused_soon(
-    client: Any, start: Callable, slab: Path, entities: _Entities, changes: dict, code: int, text: str
-) -> None:
+"""What a request to spawn changes, the code of the answer, and a part of its text."""
+
+
+def test_a_body_that_cannot_join_is_refused_soon(client: Any, start: Callable, slab: Path, entities: _Entities) -> None:
     """A defect, or a resource that would take hours to read, is named with its code; the simulation goes on."""
     start(scene=str(slab), clock="lockstep", dt=0.005)
     client.wait(client.records)
-    began = time.monotonic()
-    answer = entities.spawn(**{"at": (0.3, 0, 0.2), **changes}).result
-    client.state()
-    assert time.monotonic() - began < PATIENCE
-    assert (answer.result, text in answer.error_message) == (code, True), answer.error_message
-    assert entities.names() == ["part"]
-    _steps(client, 2)
-    assert client.record().converged
+    for changes, code, text in REFUSED:
+        began = time.monotonic()
+        answer = entities.spawn(**{"at": (0.3, 0, 0.2), **changes}).result
+        client.state()
+        assert time.monotonic() - began < PATIENCE
+        assert (answer.result, text in answer.error_message) == (code, True), (changes, answer.error_message)
+        assert entities.names() == ["part"]
+        _steps(client, 2)
+        assert client.record().converged
 
 
 def test_what_waits_for_the_next_step_survives_a_spawn(

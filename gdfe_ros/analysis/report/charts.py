@@ -219,7 +219,7 @@ def _chart(title: str, label: str, data: list[dict[str, Any]]) -> Chart:
         label = f"{data[0]['name']} {label}".strip()
     layout = {
         "xaxis": {"title": {"text": "simulation time [s]"}},
-        "yaxis": {"title": {"text": label}, "exponentformat": "power", "automargin": True},
+        "yaxis": {"title": {"text": label, "standoff": 10}, "exponentformat": "power", "automargin": True},
         "showlegend": len(data) > 1,
     }
     return {"title": title, "data": data, "layout": layout}
