@@ -83,7 +83,7 @@ $(VENV)/.extra-%: $(STAMP)
 
 # What make run plays; its kernels are compiled while pip fetches the extras. Hands on arms need an extra; the scenes
 # pick_ur5e and pick_panda need that of their robot, and are played by a controller.
-FIRST := $(if $(filter run,$(MAKECMDGOALS)),$(if $(filter arm_% pick_%,$(SCENE)),,$(SCENE)),bend5)
+FIRST := $(if $(filter run,$(MAKECMDGOALS)),$(if $(filter arm_% pick_%,$(SCENE)),bend5,$(SCENE)),bend5)
 run: $(STAMP) $(if $(filter arm_%,$(SCENE)),$(VENV)/.extra-arm) $(patsubst pick_%,$(VENV)/.extra-%,$(filter pick_%,$(SCENE)))
 	@$(BIN)/gdfe compile $(SCENE)
 	@$(BIN)/$(if $(filter pick_%,$(SCENE)),python -m gdfe_ros.examples.pick,gdfe demo) $(SCENE)

@@ -34,8 +34,8 @@ FORCE, STRAIN = 1.2, 0.03
 GRAVITY = np.array([0.0, 0.0, -9.81])
 SOFT, RIGID = "ecoflex", "box"
 """Material of the soft object, and name of the rigid object."""
-LIFTED = 1e-3
-"""Height [m] over the table from which an object counts as lifted."""
+LIFTED = 1e-4
+"""Height [m] of an object's lowest corner over the table from which it counts as lifted: the table carries nothing."""
 CONTACT = 4e-4
 """Area [m^2] of a fingertip's contact: 20 mm wide and 20 mm high."""
 _BDF2 = np.array([1.5, -2.0, 0.5])
@@ -100,7 +100,12 @@ def largest_strain(scene: Scene, states: Sequence[PublishedState]) -> float:
 
 
 def balance_errors(
-    mass: float, centres: NDArray[np.float64], forces: NDArray[np.float64], *, dt: float
+    mass: float,
+    centres: NDArray[np.float64],
+    lowest: NDArray[np.float64],
+    forces: NDArray[np.float64],
+    *,
+    dt: float,
 ) -> NDArray[np.float64]:
     """Return the error of the balance of forces on an object, over its weight, in each step in which it is lifted.
 
@@ -109,14 +114,15 @@ def balance_errors(
 
     Args:
         mass: mass of the object [kg].
-        centres: (n, 3) centre of mass after each step [m]; the first one is on the table.
+        centres: (n, 3) centre of mass after each step [m].
+        lowest: (n,) height of the lowest corner over the table [m].
         forces: (n, 3) force of the fingertips on the object [N].
         dt: duration of a step [s].
     """
     velocities = sum(c * centres[2 - i : len(centres) - i] for i, c in enumerate(_BDF2)) / dt
     accelerations = sum(c * velocities[2 - i : len(velocities) - i] for i, c in enumerate(_BDF2)) / dt
     errors = np.linalg.norm(forces[4:] - mass * (accelerations - GRAVITY), axis=1) / (-mass * GRAVITY[2])
-    high = centres[:, 2] - centres[0, 2] > LIFTED
+    high = lowest > LIFTED
     return errors[np.all([high[i : len(high) - 4 + i] for i in range(5)], axis=0)]
 
 
@@ -131,12 +137,15 @@ def published_errors(scene: Scene, states: Sequence[PublishedState], *, soft: bo
     """Return the result of `balance_errors` for the soft or the rigid object, from what the node published."""
     if soft:
         mass, corners = soft_object(scene)
-        centres = [state.positions.astype(float)[corners].mean(axis=(0, 1)) for state in states]
+        points = [state.positions.astype(float)[corners] for state in states]
+        centres, lowest = [each.mean(axis=(0, 1)) for each in points], [each[..., 2].min() for each in points]
     else:
         body = next(each for each in scene.rigid_bodies if each.name == RIGID)
-        mass, centres = body.mass, [state.poses[RIGID].translation for state in states]
+        frames = [body.frame(state.poses[RIGID]) for state in states]
+        mass, centres = body.mass, [origin for origin, _ in frames]
+        lowest = [(body.form.skin @ axes.T + origin)[:, 2].min() for origin, axes in frames]
     forces = [-sum(sensor[:3] for sensor in state.sensors.values()) for state in states]
-    return balance_errors(mass, np.array(centres), np.array(forces), dt=scene.dynamics.step)
+    return balance_errors(mass, *map(np.array, (centres, lowest, forces)), dt=scene.dynamics.step)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
