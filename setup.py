@@ -38,7 +38,7 @@ EXTRAS = {
         *RECORDING,  # the node imports its recorder
     ],
     "mcap": [*RECORDING, "rosbags>=0.11"],
-    "arm": ARM,
+    "arm": [*ARM],
     # Robots of the scenes pick_ur5e (13 MB) and pick_panda (130 MB): URDFs and meshes
     "ur5e": [*ARM, "airo-models>=0.0.12"],
     "panda": [*ARM, "example-robot-data>=6.0"],

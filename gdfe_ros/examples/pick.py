@@ -57,10 +57,10 @@ def make_schedule(scene: Scene, forces: Sequence[float]) -> GripSchedule:
         forces: wanted force [N] of one side, for each time that the hand closes.
     """
     first, *others = scene.actuators
-    shares = {first.name: 1.0} | {each.name: 1.0 / len(others) for each in others}
+    fractions = {first.name: 1.0} | {each.name: 1.0 / len(others) for each in others}
     low, high = first.low, first.high
     rate = 80e3 if first.mode is Mode.PRESSURE else 6.0
-    grip = SoftGrip(shares, rate=rate, gain=3.0 * rate, low=max(low, -0.125 * rate), high=high)
+    grip = SoftGrip(fractions, rate=rate, gain=3.0 * rate, low=max(low, -0.125 * rate), high=high)
     return GripSchedule(scene.program, grip, forces=forces, dt=scene.dynamics.step)
 
 

@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 
 from gdfe_ros.scene.program import Program
 
+BAND = 0.01
+"""Error of the force, divided by its goal, below which the commands stay."""
+
 
 def force_limit(strain: float, *, young: float, area: float) -> float:
     """Return the force [N] of a finger that strains a soft object by at most ``strain`` below the fingertip.
@@ -24,14 +27,15 @@ class SoftGrip:
 
     Each finger closes at a constant rate until its fingertip feels the object, and waits there for the others. From
     then on one quantity g rises or falls: finger i has the command c_i + s_i g, where c_i is its command at the first
-    contact, and s_i its share of the force. The integral law
+    contact, and s_i its fraction of the force. The integral law
 
         dg/dt = gain (goal - force),   |dg/dt| <= rate
 
-    needs no model of the finger or of the object. The force is that of one side: half of the sum of all fingertips.
+    needs no model of the finger or of the object. Within `BAND` of the goal, g stays, and the hand comes to rest. The
+    force is that of one side: half of the sum of all fingertips.
 
     Args:
-        shares: dict from actuator to its share s_i; those of each side have the same sum.
+        fractions: dict from actuator to its fraction s_i; those of each side have the same sum.
         rate: largest rate of a command, in its unit per second.
         gain: gain, in the command's unit per newton and second.
         low: command of an open finger.
@@ -43,13 +47,20 @@ class SoftGrip:
     """
 
     def __init__(
-        self, shares: Mapping[str, float], *, rate: float, gain: float, low: float, high: float, threshold: float = 0.02
+        self,
+        fractions: Mapping[str, float],
+        *,
+        rate: float,
+        gain: float,
+        low: float,
+        high: float,
+        threshold: float = 0.02,
     ) -> None:
         if not (rate > 0.0 and gain > 0.0 and low < high and threshold > 0.0):
             raise ValueError(f"rate {rate}, gain {gain}, range {low} to {high}, threshold {threshold} N; allowed: > 0")
-        self._shares, self._rate, self._gain = dict(shares), rate, gain
+        self._fractions, self._rate, self._gain = dict(fractions), rate, gain
         self._low, self._high, self._threshold = low, high, threshold
-        self.commands = dict.fromkeys(self._shares, 0.0)
+        self.commands = dict.fromkeys(self._fractions, 0.0)
         self._touched: dict[str, float] = {}
         self._further = 0.0
 
@@ -62,16 +73,17 @@ class SoftGrip:
             dt: duration of the step [s].
         """
         most = self._rate * dt
-        for name in self._shares.keys() - self._touched.keys():
+        for name in self._fractions.keys() - self._touched.keys():
             if forces[name] > self._threshold:
                 self._touched[name] = self.commands[name]
             else:
                 self.commands[name] = min(self.commands[name] + most, self._high)
-        if len(self._touched) == len(self._shares):
-            change = self._gain * (goal - 0.5 * sum(forces.values())) * dt
+        if len(self._touched) == len(self._fractions):
+            missing = goal - 0.5 * sum(forces.values())
+            change = self._gain * missing * dt if abs(missing) > BAND * goal else 0.0
             self._further += min(max(change, -most), most)
             for name, start in self._touched.items():
-                self.commands[name] = min(max(start + self._shares[name] * self._further, self._low), self._high)
+                self.commands[name] = min(max(start + self._fractions[name] * self._further, self._low), self._high)
         return dict(self.commands)
 
     def release(self, dt: float) -> dict[str, float]:
