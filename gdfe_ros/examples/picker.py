@@ -20,7 +20,9 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros.examples.soft_grip import GripSchedule
+from gdfe_ros.node.interface.services import FOLLOW_TRAJECTORY
 from gdfe_ros.node.messages import actuation
+from gdfe_ros.node.qos import installed, interface_class
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene
 
@@ -68,15 +70,13 @@ class Picker(Node):
         for name in self._actuators:
             topic = f"{simulation}/sensors/{name}/wrench"
             self.create_subscription(WrenchStamped, topic, partial(self._feel, name), _STATES)
-        try:
-            from control_msgs.action import FollowJointTrajectory
-        except ImportError:
-            self.get_logger().info("control_msgs is not installed: trajectories go to ~/trajectory, not to the action")
-            self._action = None
-            self._trajectories = self.create_publisher(JointTrajectory, f"{simulation}/trajectory", 10)
+        self._action = None
+        if installed(FOLLOW_TRAJECTORY.type):
+            kind = interface_class(FOLLOW_TRAJECTORY.type)
+            self._goal, self._action = kind.Goal, ActionClient(self, kind, f"{simulation}/follow_joint_trajectory")
         else:
-            self._goal = FollowJointTrajectory.Goal
-            self._action = ActionClient(self, FollowJointTrajectory, f"{simulation}/follow_joint_trajectory")
+            self.get_logger().info("control_msgs is not installed: trajectories go to ~/trajectory, not to the action")
+            self._trajectories = self.create_publisher(JointTrajectory, f"{simulation}/trajectory", 10)
 
     def _feel(self, name: str, message: WrenchStamped) -> None:
         stamp = message.header.stamp
