@@ -164,3 +164,10 @@ def test_a_missing_package_of_a_robot_is_asked_for(two_links: Path) -> None:
         load_scene(path)
     assert missing_packages(path.read_text()) == ["no-such-robots"]
     assert [robots_extra(name) for name in ("airo-models", "example-robot-data")] == ["ur5e", "panda"]
+
+
+def test_an_arm_back_at_its_start_has_no_negative_zeros(held_block: Path) -> None:
+    """After a small negative rotation, the zeros of the initial pose are positive, as those that the node publishes."""
+    arm = load_scene(held_block).arms[0]
+    pose = arm.poses(arm.start, {"wrist": Pose(rotation=(1e-10, -1e-9, 0.0))})["wrist"]
+    assert not np.signbit(pose.rotation).any()
