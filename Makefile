@@ -81,11 +81,12 @@ $(VENV)/.extra-%: $(STAMP)
 	@$(PIP) --editable '.[$*]'
 	@touch $@
 
-# What make run plays; its kernels are compiled while pip fetches the extras. Hands on arms need an extra.
-FIRST := $(if $(filter run,$(MAKECMDGOALS)),$(if $(filter arm_%,$(SCENE)),,$(SCENE)),bend5)
-run: $(STAMP) $(if $(filter arm_%,$(SCENE)),$(VENV)/.extra-arm)
+# What make run plays; its kernels are compiled while pip fetches the extras. Hands on arms need an extra; the scenes
+# pick_ur5e and pick_panda need that of their robot, and are played by a controller.
+FIRST := $(if $(filter run,$(MAKECMDGOALS)),$(if $(filter arm_% pick_%,$(SCENE)),bend5,$(SCENE)),bend5)
+run: $(STAMP) $(if $(filter arm_%,$(SCENE)),$(VENV)/.extra-arm) $(patsubst pick_%,$(VENV)/.extra-%,$(filter pick_%,$(SCENE)))
 	@$(BIN)/gdfe compile $(SCENE)
-	@$(BIN)/gdfe demo $(SCENE)
+	@$(BIN)/$(if $(filter pick_%,$(SCENE)),python -m gdfe_ros.examples.pick,gdfe demo) $(SCENE)
 
 live: $(STAMP) $(VENV)/.extra-live
 	@$(BIN)/gdfe live $(if $(filter command line environment,$(origin SCENE)),$(SCENE),pneunet)

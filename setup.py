@@ -26,6 +26,9 @@ def share_files() -> list[tuple[str, list[str]]]:
 
 
 RECORDING = ["mcap>=1.6", "lz4>=4.3", "zstandard>=0.22"]
+# Kinematics and Newton-Euler of arms. Its name on PyPI is pin; apt has ros-jazzy-pinocchio.
+# trimesh and pycollada read the shapes of links.
+ARM = ["pin>=3.0", "trimesh>=4.0", "pycollada>=0.8"]
 EXTRAS = {
     # ROS 2 Jazzy from wheels. Never in install_requires: with ROS from apt they would be fetched twice.
     "ros": [
@@ -35,9 +38,10 @@ EXTRAS = {
         *RECORDING,  # the node imports its recorder
     ],
     "mcap": [*RECORDING, "rosbags>=0.11"],
-    # Kinematics and Newton-Euler of arms. Its name on PyPI is pin; apt has ros-jazzy-pinocchio.
-    # trimesh and pycollada read the shapes of links.
-    "arm": ["pin>=3.0", "trimesh>=4.0", "pycollada>=0.8"],
+    "arm": [*ARM],
+    # Robots of the scenes pick_ur5e (13 MB) and pick_panda (130 MB): URDFs and meshes
+    "ur5e": [*ARM, "airo-models>=0.0.12"],
+    "panda": [*ARM, "example-robot-data>=6.0"],
     "fast": ["threadpoolctl>=3.2"],
     "mesh": ["meshio>=5.3", "trimesh>=4.0"],
     # gmsh (GPL) runs in a process of its own; pytetwild needs pyvista to be imported.
@@ -74,6 +78,7 @@ EXTRAS = {
         "quadprog>=0.1.12",
         "pin>=3.0",
         "pycollada>=0.8",
+        "airo-models>=0.0.12",
         "example-robot-data>=6.0",
         "rtb-data>=2.0",
         "mujoco>=4.0",

@@ -18,6 +18,8 @@ _EXTRAS: dict[str, tuple[str, ...]] = {
     "control": ("quadprog",),
     "fast": ("threadpoolctl",),
 }
+_ROBOTS = {"airo-models": "ur5e", "example-robot-data": "panda"}
+"""Dict from package with robots of scenes that are shipped to the extra that installs it."""
 _ROS = ("rclpy", "rpyutils", "builtin_interfaces", "action_msgs", "rcl_interfaces", "unique_identifier_msgs")
 
 _TOGETHER: dict[str, tuple[str, ...]] = {"demo": ("ros", "mcap", "plot"), "report": ("mcap", "plot")}
@@ -29,6 +31,11 @@ def extra_of(module: str) -> str | None:
     if module in _ROS or module.endswith(("_msgs", "_srvs", "_interfaces")) or module.startswith("rosidl"):
         return "ros"
     return next((extra for extra, modules in _EXTRAS.items() if module in modules), None)
+
+
+def robots_extra(package: str) -> str | None:
+    """Return the extra that installs a package with robots; None if no extra does."""
+    return _ROBOTS.get(package)
 
 
 def remedy(error: ModuleNotFoundError, *, command: str = "") -> str | None:

@@ -134,5 +134,9 @@ class Arm:
 
 
 def _whole_turns(last: Pose | None) -> tuple[float, float, float]:
-    """Return the whole turns [rad] that are nearest to the rotation of the ``last`` pose; zero without such a pose."""
-    return (0.0, 0.0, 0.0) if last is None else nearest_turn((0.0, 0.0, 0.0, 1.0), last)
+    """Return the whole turns [rad] that are nearest to the rotation of the ``last`` pose; zero without such a pose.
+
+    Zeros are positive: messages of equal poses are reused, and a replay would find the other sign.
+    """
+    x, y, z = (0.0, 0.0, 0.0) if last is None else nearest_turn((0.0, 0.0, 0.0, 1.0), last)
+    return x + 0.0, y + 0.0, z + 0.0

@@ -25,6 +25,8 @@ _XACRO = re.compile(r"\{[^}]*xacro[^}]*\}", re.IGNORECASE)
 """Namespace of xacro's elements, of which there are several. URDFs that xacro wrote still declare it, but have no
 element of it.
 """
+_PREFIXED = re.compile(r"[\s<]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*[\s=/>]")
+"""Prefix of an element or attribute, e.g. of ``drake:acceleration``."""
 _MACROS = "it has xacro macros; remedy: `xacro arm.urdf.xacro > arm.urdf`, and give that file"
 _NUMBERS = {GeometryKind.BOX: ("size",), GeometryKind.CYLINDER: ("radius", "length"), GeometryKind.SPHERE: ("radius",)}
 """Dict from kind of a shape to its XML attributes; meshes are not included."""
@@ -51,7 +53,7 @@ def parse_urdf(
         ArmError: the URDF has defects; each is listed with a remedy.
     """
     try:
-        robot = parse_xml(text)
+        robot = parse_xml(_bind_prefixes(text))
     except ValueError as error:
         if "xacro:" in text:
             raise ArmError(where, [_MACROS]) from error
@@ -62,6 +64,13 @@ def parse_urdf(
         raise ArmError(where, [_MACROS])
     _add_prefix(robot, prefix)
     return _Reader(where, limits or {}, velocity).description(robot)
+
+
+def _bind_prefixes(text: str) -> str:
+    """Return a URDF that declares each of its prefixes: ROS' own parser knows no namespaces, so that many do not."""
+    used = set(_PREFIXED.findall(text)) - set(re.findall(r"xmlns:([\w.-]+)", text)) - {"xmlns", "xml"}
+    declared = "".join(f' xmlns:{name}="{name}"' for name in sorted(used))
+    return re.sub(r"<robot\b", lambda found: found[0] + declared, text, count=1)
 
 
 def _has_macros(robot: Element) -> bool:

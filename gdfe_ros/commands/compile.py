@@ -12,7 +12,8 @@ from multiprocessing import get_context
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gdfe_ros.commands.waiting import waiting
-from gdfe_ros.scene import load_scene, scene_names
+from gdfe_ros.scene import load_scene
+from gdfe_ros.scene.loader import loadable_names
 from gdfe_ros.terminal import PlainConsole
 
 FIRST = "bend5"
@@ -50,8 +51,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def work() -> list[tuple[str, dict[str, object]]]:
-    """Return pairs of scene and overrides to compile; the first must be completed before the others are started."""
-    return [(FIRST, {}), *VARIANTS, *((name, {}) for name in scene_names() if name != FIRST)]
+    """Return pairs of scene and overrides to compile; the first must be completed before the others are started.
+
+    Scenes with a robot from a package that is not installed are left out: their kernels are those of other scenes.
+    """
+    return [(FIRST, {}), *VARIANTS, *((name, {}) for name in loadable_names() if name != FIRST)]
 
 
 def _compiled(jobs: int) -> Iterator[str]:

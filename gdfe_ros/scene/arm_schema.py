@@ -50,7 +50,11 @@ class SpringModel(Entry):
 class ArmModel(Entry):
     """An arm of rigid links that carries a handle of the soft body: its joints move the handle."""
 
-    urdf: FilePath | None = Field(None, description="path of its URDF; for xacro, the file that `xacro` writes")
+    urdf: FilePath | None = Field(
+        None,
+        description="path of its URDF; for xacro, the file that `xacro` writes; `pip://<package>/<path>` is a file of "
+        "an installed package of Python",
+    )
     embedded: str | None = Field(None, description="a packed URDF with its meshes, as recorded scenes contain it")
     flange: str = Field(description="name of the link that carries the handle, e.g. tool0")
     handle: str = Field(description="name of the handle; its pose relative to the flange stays the initial one")

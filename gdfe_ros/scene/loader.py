@@ -27,6 +27,7 @@ from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_doc
 from gdfe_ros.scene.fibres import build_fibres
 from gdfe_ros.scene.meshes import Carried, build_mesh, require_body
 from gdfe_ros.scene.override import apply_override
+from gdfe_ros.scene.paths import missing_packages
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.scene import Scene
@@ -42,6 +43,12 @@ _SUFFIXES = (".yaml", ".yml")
 def scene_names() -> list[str]:
     """Return the names of the scenes in ``config/scenes``, sorted."""
     return sorted(path.stem for path in _scenes_dir().glob("*.yaml"))
+
+
+def loadable_names() -> list[str]:
+    """Return the names of the scenes in ``config/scenes`` whose robots are installed, sorted."""
+    texts = {name: (_scenes_dir() / f"{name}.yaml").read_text(encoding="utf-8") for name in scene_names()}
+    return [name for name, text in texts.items() if not missing_packages(text)]
 
 
 def load_scene(name_or_path: str | Path, *, overrides: Mapping[str, Any] | None = None) -> Scene:

@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Paths in a scene file, relative to the folder of that file."""
+"""Paths in a scene file, relative to the folder of that file, or inside of an installed package of Python."""
 
 from __future__ import annotations
 
+import re
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, ValidationInfo
 from pydantic_core import PydanticCustomError
+
+from gdfe_ros.extras import robots_extra
+
+INSTALLED = "pip://"
+"""Begin of the path of an installed file: ``pip://<package>/<path of the file in the package's RECORD>``."""
 
 
 def resolve_path(value: Any, info: ValidationInfo) -> Path:
@@ -18,14 +25,40 @@ def resolve_path(value: Any, info: ValidationInfo) -> Path:
         info: pydantic's information; its `context` has the `folder` of the scene file, None for a scene given as text.
 
     Raises:
-        PydanticCustomError: the value is no text, or it is a relative path and there is no folder.
+        PydanticCustomError: the value is no text, a relative path without a folder, or in a package that is missing.
     """
     folder = (info.context or {}).get("folder")
     if not isinstance(value, str):
         raise PydanticCustomError("path", "allowed is the path of a file, relative to the folder of the scene")
+    if value.startswith(INSTALLED):
+        return _installed(*value.removeprefix(INSTALLED).partition("/")[::2])
     if folder is None and not Path(value).is_absolute():
         raise PydanticCustomError("path", "a scene given as text has no folder: give a full path")
     return Path(folder or "/") / value
+
+
+def _installed(package: str, path: str) -> Path:
+    """Return the path of a file of an installed package."""
+    try:
+        return Path(distribution(package).locate_file(path))
+    except (PackageNotFoundError, ValueError) as error:
+        extra = robots_extra(package)
+        remedy = f"pip install {package}" if extra is None else f"pip install 'gdfe_ros[{extra}]'"
+        text = "the package '{package}' is not installed; remedy: {remedy}"
+        raise PydanticCustomError("package", text, {"package": package, "remedy": remedy}) from error
+
+
+def missing_packages(text: str) -> list[str]:
+    """Return the packages that are named by the paths of a scene's text, and are not installed."""
+    return [name for name in sorted(set(re.findall(rf"{INSTALLED}([\w.-]+)/", text))) if not _is_installed(name)]
+
+
+def _is_installed(package: str) -> bool:
+    try:
+        distribution(package)
+    except PackageNotFoundError:
+        return False
+    return True
 
 
 FilePath = Annotated[Path, BeforeValidator(resolve_path)]

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib.metadata import distribution
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,11 @@ MADE = [
 def test_kinematics_and_torques_are_pinocchios(robot: str) -> None:
     """Frames of all links and the torques that hold the arm are those of the unchanged file, to 1e-9."""
     _compare(ROBOTS / robot)
+
+
+def test_kinematics_of_a_ur5e_are_pinocchios() -> None:
+    """The same for the UR5e of airo-models, whose prefix `drake` is not declared; ROS' own parser reads it, too."""
+    _compare(Path(distribution("airo-models").locate_file("airo_models/arms/ur5e/ur5e.urdf")))
 
 
 def test_kinematics_of_an_iiwa_are_pinocchios() -> None:

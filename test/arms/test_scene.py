@@ -11,7 +11,9 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError, SceneError
+from gdfe_ros.extras import robots_extra
 from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene.paths import missing_packages
 from test.arms.conftest import SCENE, TWO_LINKS
 
 MASS = 1200 * 0.04 * 0.02 * 0.02
@@ -152,3 +154,20 @@ def test_steps_go_on_bit_by_bit_from_a_saved_state(held_block: Path) -> None:
     assert not one.settled
     np.testing.assert_array_equal(one.positions, two.positions)
     assert one.joint_states() == two.joint_states()
+
+
+def test_a_missing_package_of_a_robot_is_asked_for(two_links: Path) -> None:
+    """A URDF in a package that is not installed is refused; the remedy is the extra of a robot that a scene has."""
+    path = two_links.parent / "scene.yaml"
+    path.write_text(SCENE.format(urdf="pip://no-such-robots/arm.urdf"))
+    with pytest.raises(SceneError, match="the package 'no-such-robots' is not installed; remedy: pip install no-such"):
+        load_scene(path)
+    assert missing_packages(path.read_text()) == ["no-such-robots"]
+    assert [robots_extra(name) for name in ("airo-models", "example-robot-data")] == ["ur5e", "panda"]
+
+
+def test_an_arm_back_at_its_start_has_no_negative_zeros(held_block: Path) -> None:
+    """After a small negative rotation, the zeros of the initial pose are positive, as those that the node publishes."""
+    arm = load_scene(held_block).arms[0]
+    pose = arm.poses(arm.start, {"wrist": Pose(rotation=(1e-10, -1e-9, 0.0))})["wrist"]
+    assert not np.signbit(pose.rotation).any()

@@ -38,6 +38,14 @@ def test_a_mimic_joint_takes_no_commands() -> None:
     assert robot.joints["bend"].mimic.multiplier == -2.0
 
 
+def test_a_prefix_need_not_be_declared() -> None:
+    """Attributes and elements with an undeclared prefix are read over, as by ROS' own parser."""
+    text = TWO_LINKS.replace('velocity="1.5"', 'velocity="1.5" drake:acceleration="2.5"').replace(
+        '<link name="base"/>', '<link name="base"/><tool:colour/>'
+    )
+    assert [joint.limits.velocity for joint in parse_urdf(text).commanded] == [1.5, 1.5]
+
+
 XACRO = '<robot name="two" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 LIMIT = '<limit lower="-2" upper="2" velocity="1.5" effort="20"/>'
 

@@ -10,6 +10,7 @@ import pytest
 
 from gdfe_ros.cli import main
 from gdfe_ros.commands import compile as command
+from gdfe_ros.scene import scene_names
 
 _WATCH = """
 from numba.core import event
@@ -45,7 +46,7 @@ def test_the_first_scene_comes_before_all_others() -> None:
     """Every shipped scene is compiled, after one that has what most scenes need."""
     names = [name for name, _ in command.work()]
     assert names[0] == command.FIRST
-    assert set(names) == set(command.scene_names())
+    assert set(names) == set(scene_names())
 
 
 def test_what_surfaces_need_is_compiled() -> None:

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS node that picks objects with a soft hand on an arm: trajectories as MoveIt sends them, force at the fingertips.
+
+The scene's program says where the arm moves, and when the hand is closed; the node finds the commands of the fingers
+from the published forces at the fingertips.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from itertools import pairwise
+
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import WrenchStamped
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from gdfe_ros.examples.soft_grip import GripSchedule
+from gdfe_ros.node.interface.services import FOLLOW_TRAJECTORY
+from gdfe_ros.node.messages import actuation
+from gdfe_ros.node.qos import installed, interface_class
+from gdfe_ros.scene.program import Program
+from gdfe_ros.scene.scene import Scene
+
+_STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_SOON = 1e-6
+"""Time [s] by which a trajectory may begin early, because times are rounded to nanoseconds."""
+
+
+def motions(program: Program) -> Iterator[tuple[float, JointTrajectory]]:
+    """Yield the start [s] and the trajectory of each motion of a program's joints: a pause ends a motion."""
+    names = list(program.joints)
+    times = sorted({point.time for points in program.joints.values() for point in points})
+    for start, end in pairwise(times):
+        now, then = (program.joint_positions(time) for time in (start, end))
+        if now != then:
+            last = JointTrajectoryPoint(positions=[then[name] for name in names], velocities=[0.0] * len(names))
+            seconds, rest = divmod(round(1e9 * (end - start)), 10**9)
+            last.time_from_start = Duration(sec=seconds, nanosec=rest)
+            yield start, JointTrajectory(joint_names=names, points=[last])
+
+
+class Picker(Node):
+    """Picks the objects of a scene's program, one after the other.
+
+    Each state of the simulation is answered with the commands of the fingers. A motion of the arm is a goal of the
+    action ``follow_joint_trajectory`` or, without control_msgs, a message on ``~/trajectory``.
+
+    Args:
+        scene: the scene. Each actuator has a contact sensor of the same name, and closes along the x axis.
+        simulation: full name of the simulation's node.
+        schedule: when the fingers close, and with which force.
+
+    Attributes:
+        outcomes: error code of each trajectory that ended; 0 is success.
+    """
+
+    def __init__(self, scene: Scene, simulation: str, schedule: GripSchedule, **options: object) -> None:
+        super().__init__("picker", **options)
+        self._schedule = schedule
+        self._actuators = {each.name: each for each in scene.actuators}
+        self._motions = list(motions(scene.program))
+        self._felt: dict[str, tuple[int, float]] = {}
+        self.outcomes: list[int] = []
+        self._commands = self.create_publisher(JointState, f"{simulation}/actuation", 10)
+        for name in self._actuators:
+            topic = f"{simulation}/sensors/{name}/wrench"
+            self.create_subscription(WrenchStamped, topic, partial(self._feel, name), _STATES)
+        self._action = None
+        if installed(FOLLOW_TRAJECTORY.type):
+            kind = interface_class(FOLLOW_TRAJECTORY.type)
+            self._goal, self._action = kind.Goal, ActionClient(self, kind, f"{simulation}/follow_joint_trajectory")
+        else:
+            self.get_logger().info("control_msgs is not installed: trajectories go to ~/trajectory, not to the action")
+            self._trajectories = self.create_publisher(JointTrajectory, f"{simulation}/trajectory", 10)
+
+    def _feel(self, name: str, message: WrenchStamped) -> None:
+        stamp = message.header.stamp
+        self._felt[name] = stamp.sec * 10**9 + stamp.nanosec, abs(message.wrench.force.x)
+        if len(self._felt) == len(self._actuators) and len({moment for moment, _ in self._felt.values()}) == 1:
+            self._answer(1e-9 * self._felt[name][0])
+
+    def _answer(self, time: float) -> None:
+        """Send the motion that begins at a time [s], then the fingers' commands: they make the next step."""
+        if self._motions and self._motions[0][0] <= time + _SOON:
+            self._move(self._motions.pop(0)[1], time)
+        else:
+            self._command(time)
+
+    def _move(self, trajectory: JointTrajectory, time: float) -> None:
+        if self._action is None:
+            self._trajectories.publish(trajectory)
+            self._command(time)
+            return
+        sent = self._action.send_goal_async(self._goal(trajectory=trajectory))
+        sent.add_done_callback(partial(self._follow, time))
+
+    def _follow(self, time: float, sent: object) -> None:
+        """Wait for the end of an accepted motion, and go on with the step; a rejected goal has the error code -1."""
+        if sent.result().accepted:
+            ended = sent.result().get_result_async()
+            ended.add_done_callback(lambda ended: self.outcomes.append(ended.result().result.error_code))
+        else:
+            self.outcomes.append(-1)
+        self._command(time)
+
+    def _command(self, time: float) -> None:
+        felt = {name: force for name, (_, force) in self._felt.items()}
+        self._commands.publish(actuation(self._actuators, self._schedule.commands(time, felt)))

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A controller lets a node's soft hand on a stock arm pick a rigid box, over topics and by the action."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Difference
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.examples.pick import pick, published_errors
+
+
+def test_a_node_picks_a_box(tmp_path: Path, interfaces: Callable[[str], None]) -> None:
+    """The box is lifted, carried with m (a - g) to 1 % in every step, and the bag replays to the bit."""
+    interfaces("control_msgs")
+    states = pick("pick_ur5e", bag=tmp_path / "bag", duration=2.9)
+    run = BagRun(tmp_path / "bag")
+    errors = published_errors(run.scene, states, soft=False)
+    assert len(errors) > 20
+    assert errors.max() < 0.01
+    assert states[-1].poses["box"].translation[2] > 0.03
+    _, _, effort = states[-1].joints["shoulder_lift_joint"]
+    assert abs(effort) > 20.0
+    assert Replay(run).run().verdict() is Difference.IDENTICAL
