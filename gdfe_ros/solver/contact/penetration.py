@@ -209,6 +209,8 @@ def find_inside(x, surface, inner, bound, depth, cell):
         i0, i1 = max(0, int((boxes[e, 0, 0] - low[0]) / edge)), min(n0 - 1, int((boxes[e, 1, 0] - low[0]) / edge))
         j0, j1 = max(0, int((boxes[e, 0, 1] - low[1]) / edge)), min(n1 - 1, int((boxes[e, 1, 1] - low[1]) / edge))
         k0, k1 = max(0, int((boxes[e, 0, 2] - low[2]) / edge)), min(n2 - 1, int((boxes[e, 1, 2] - low[2]) / edge))
+        if k0 > k1:  # no vertex is as high, or as low
+            continue
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 row = (i * n1 + j) * n2

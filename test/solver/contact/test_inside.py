@@ -10,6 +10,7 @@ from benchmarks.self_contact import stack
 from benchmarks.torture.bodies import distance
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.solver.contact import inside
 from gdfe_ros.solver.contact.own_contact import DEEPEST, OwnContact
 
 BLOCKS = """
@@ -167,3 +168,12 @@ def test_plates_of_one_cell_that_overlap_in_their_plane_are_told(overlap: float)
     depth, text = the_contact(simulation).penetration.told(turned(x), 1e-6)
     assert depth == pytest.approx(0.001)
     assert "mesh 'low' lies 0.001 m inside of mesh 'high'" in text or "mesh 'high' lies 0.001 m" in text
+
+
+def test_cells_above_and_below_all_vertices_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where only a part of the surface touches, cells far beyond it look into no bin that does not exist."""
+    monkeypatch.setattr(inside, "find_inside", inside.find_inside.py_func)  # checks each index
+    tall = {"bar": {"size": [0.05, 0.05, 0.5], "cells": [1, 1, 10]}, "at": [0, 0, 0.28]}
+    where = {"box": {"z": [0.02, 0.04]}}
+    simulation = Simulation(scene_from_text(BLOCKS, overrides={"meshes.high": tall, "self_contact.where": where}))
+    assert deepest(simulation) == 0.0
