@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.rigid_body import rigid_among
-from gdfe_ros.solver.motion import inertia
+from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.state import ElementState, Saved, Snapshot
 from gdfe_ros.solver.value import changed
 
@@ -71,6 +71,8 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> S
     before, start = moving.state, fresh.state
     terms = {name: _continued(before.terms.get(name), own) for name, own in start.terms.items()}
     terms[inertia.NAME] = _moved_rows(before.terms[inertia.NAME], start.positions, same.vertices)
+    if viscosity.NAME in terms:
+        terms[viscosity.NAME] = _of_viscosity(before.terms[viscosity.NAME], start.terms[viscosity.NAME], same.cells)
     state = before.with_(
         positions=_taken(before.positions, start.positions, same.vertices),
         base=_taken(before.base, start.base, same.vertices),
@@ -100,6 +102,16 @@ def _continued(old: Saved | None, own: Saved) -> Saved:
     if all(np.shape(old.get(name, array)) == np.shape(array) for name, array in own.items()):
         return old
     return {**own, "lost": old["lost"]} if "lost" in old else own
+
+
+def _of_viscosity(old: Saved, own: Saved, cells: NDArray[np.intp]) -> Saved:
+    """Return the stored strains of viscosity, each cell's with the cell; a new cell is undeformed."""
+    each = len(own["strain"]) // len(cells)
+    rows = np.where(cells[:, None] < 0, -1, each * cells[:, None] + np.arange(each)).ravel()
+    found = {name: _taken(old[name], own[name], rows) for name in ("strain", "before")}
+    pairs = zip(old["branches"], own["branches"], strict=True)
+    branches = [_taken(held, fresh, rows) for held, fresh in pairs]
+    return {**old, **found, "branches": np.array(branches).reshape(own["branches"].shape)}
 
 
 def _of_cells(old: ElementState, new: ElementState, same: Correspondence) -> ElementState:
