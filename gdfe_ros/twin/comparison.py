@@ -40,7 +40,7 @@ class Deviation:
         stamp: time of the measurement on the robot's clock [s].
         probe: name of the probe.
         measured, simulated: positions (3,) [m].
-        speed: speed of the simulated probe there [m/s].
+        spread: largest distance [m] of the simulated probe from there within the uncertainty of the times.
         derivatives: of the simulated position, as in `Sample`; None if there are none.
     """
 
@@ -48,7 +48,7 @@ class Deviation:
     probe: str
     measured: NDArray[np.float64]
     simulated: NDArray[np.float64]
-    speed: float
+    spread: float
     derivatives: NDArray[np.float64] | None
 
     @property
@@ -64,10 +64,11 @@ class Comparison:
 
     Args:
         step: time between two states while the simulation moves [s].
+        window: uncertainty of the times of commands and measurements [s].
     """
 
-    def __init__(self, step: float) -> None:
-        self._step = step
+    def __init__(self, step: float, window: float) -> None:
+        self._step, self._window = step, window
         self._samples: deque[Sample] = deque(maxlen=_KEPT)
         self._waiting: deque[tuple[float, str, NDArray[np.float64]]] = deque(maxlen=_KEPT)
 
@@ -107,13 +108,18 @@ class Comparison:
         span = second.stamp - first.stamp
         # Before the first step after an idle time, the body was at rest: the interval of its motion is one step.
         share = min(1.0, max(0.0, 1.0 - (second.stamp - stamp) / min(span, self._step))) if span > 0.0 else 1.0
-        path = second.places[probe] - first.places[probe]
-        moving = stamp <= second.stamp
+        there = (1.0 - share) * first.places[probe] + share * second.places[probe]
         return Deviation(
             stamp=stamp,
             probe=probe,
             measured=place,
-            simulated=first.places[probe] + share * path,
-            speed=float(np.linalg.norm(path)) / min(span, self._step) if span > 0.0 and moving else 0.0,
+            simulated=there,
+            spread=self._spread(stamp, probe, there),
             derivatives=None if second.derivatives is None else second.derivatives[probe],
         )
+
+    def _spread(self, stamp: float, probe: str, there: NDArray[np.float64]) -> float:
+        """Return the largest distance [m] from ``there`` of the probe's places within the window around a time."""
+        before = [each for each in self._samples if each.stamp < stamp - self._window][-1:]
+        near = [each for each in self._samples if abs(each.stamp - stamp) <= self._window]
+        return max((float(np.linalg.norm(each.places[probe] - there)) for each in (*before, *near)), default=0.0)

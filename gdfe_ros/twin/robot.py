@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from threading import Thread
+from threading import Event, Thread
 from typing import Any
 
 import numpy as np
@@ -68,14 +68,20 @@ class Robot:
             )
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
-        self._thread = Thread(target=self._executor.spin, name="robot", daemon=True)
+        self._ending = Event()
+        self._thread = Thread(target=self._spin, name="robot", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
         """End the reception."""
-        self._executor.shutdown()
+        self._ending.set()
         self._thread.join()
+        self._executor.shutdown()
         self._destroy()
+
+    def _spin(self) -> None:
+        while not self._ending.is_set():
+            self._executor.spin_once(timeout_sec=0.05)
 
     def _destroy(self) -> None:
         self._node.destroy_node()

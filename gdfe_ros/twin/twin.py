@@ -41,7 +41,8 @@ class Twin:
         dt: time of a step [s], in simulation time and in real time.
         noise: standard deviation of the measured positions along an axis [m].
         delay: time by which the stamps of measurements are late [s].
-        jitter: uncertainty of the times of commands and measurements [s].
+        window: uncertainty of the times of commands and measurements [s]: while the simulation moves within this time,
+            a measurement counts as that much less exact.
         record: path of a CSV file for all measurements beside the simulated positions; None: none is written.
         told: function that is called with the view of each step, in the stepping thread.
         warn: function that receives texts for the user.
@@ -63,22 +64,22 @@ class Twin:
         dt: float = 0.02,
         noise: float = 1e-3,
         delay: float = 0.0,
-        jitter: float = 0.02,
+        window: float = 0.3,
         record: Path | None = None,
         told: Callable[[View], None] = lambda view: None,
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
         _require(simulation, moduli)
         self._names, self._told, self._warn = tuple(moduli), told, warn
-        self._noise, self._delay, self._jitter = noise, delay, jitter
-        self._estimator, self._comparison = ModulusEstimator(len(self._names)), Comparison(dt)
+        self._noise, self._delay = noise, delay
+        self._estimator, self._comparison = ModulusEstimator(len(self._names)), Comparison(dt, window)
         self._lock, self._changed, self._change = threading.Lock(), 0.0, None
         self._file = None if record is None else record.open("x", newline="", encoding="utf-8")
         self._table = None if self._file is None else csv.writer(self._file)
         if self._table is not None:
             self._table.writerow((*_HEAD, "distance [m]", *(f"{name} [Pa]" for name in self._names)))
         self.latest: dict[str, Deviation] = {}
-        self.compared = 0
+        self.compared, self._idle = 0, True
         self.session = LiveSession(simulation, dt=dt, told=self._take, warn=warn)
 
     def start(self) -> None:
@@ -116,10 +117,10 @@ class Twin:
         """Compare the measurements that have come since the last call, and change the moduli if it is time to."""
         now = time.time()
         with self._lock:
-            found = self._comparison.pairs(now, idle=self.session.simulation.settled)
+            found = self._comparison.pairs(now, idle=self._idle)
             for each in found:
                 self.latest[each.probe] = each
-                sigma = float(np.hypot(self._noise, each.speed * self._jitter))
+                sigma = float(np.hypot(self._noise, each.spread))
                 if each.derivatives is not None and self._change is None:
                     self._estimator.add(each.stamp, each.measured - each.simulated, each.derivatives, sigma)
         self.compared += len(found)
@@ -134,6 +135,7 @@ class Twin:
         sample = Sample(stamp=time.time(), places=places, derivatives=self._derivatives(simulation))
         with self._lock:
             self._comparison.add(sample)
+            self._idle = simulation.settled
         self._told(view)
 
     def _derivatives(self, simulation: Simulation) -> dict[str, NDArray[np.float64]] | None:
