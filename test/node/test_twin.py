@@ -126,7 +126,7 @@ def test_least_squares_find_the_logarithms_of_moduli() -> None:
 
 
 def test_measurements_meet_the_state_of_their_time() -> None:
-    """States are interpolated; a measurement waits for its state, and an idle simulation keeps its last one."""
+    """States are interpolated and spread over the window; a measurement waits, and an idle simulation stays."""
     comparison, still = Comparison(0.1, 0.06), np.zeros(3)
     for number in range(3):
         place = {"tip": np.array([float(number), 0.0, 0.0])}
@@ -134,7 +134,7 @@ def test_measurements_meet_the_state_of_their_time() -> None:
     comparison.measure(10.15, "tip", still)
     comparison.measure(10.3, "tip", still)
     (first,) = comparison.pairs(10.4, idle=False)
-    assert (first.simulated[0], first.spread) == (pytest.approx(1.5), pytest.approx(0.5))
+    assert (first.simulated[0], first.spread) == (pytest.approx(1.5), pytest.approx(1.5))
     (second,) = comparison.pairs(10.4, idle=True)
     assert (second.distance, second.spread) == (pytest.approx(2.0), 0.0)
     comparison.measure(9.0, "tip", still)
