@@ -16,6 +16,7 @@ from gdfe_ros.extras import remedy
 COMMANDS = {
     "solve": "solve a scene's program, print the result and write it to files",
     "live": "show a running scene in the browser and command it with the mouse",
+    "twin": "let a scene follow a real robot's commands, compare both, and fit Young's moduli while they move",
     "demo": "start a node, play a scene's program to it over topics, record a bag and draw a picture",
     "topics": "list topics with types, publishers and subscriptions, without the command ros2",
     "nodes": "list nodes, without the command ros2",

@@ -24,6 +24,7 @@ from gdfe_ros.differentiator import make_differentiator
 from gdfe_ros.errors import CommandError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
 from gdfe_ros.solver.body import Body, working_origin
 from gdfe_ros.solver.deadline import Deadline
@@ -84,7 +85,8 @@ class Simulation:
         refuse_unsolvable(scene, self.settings)
         self._orders = Orders(scene, self.settings)
         self._carriers = Carriers(scene.arms)
-        self.origin = working_origin(scene.mesh)
+        # It stays where it is while soft bodies join and leave.
+        self.origin = working_origin(next(iter(parts_of(scene.mesh).values())).placed())
         body = scene_body(scene, self.origin, self.settings.torsion)
         self.stepper = make_stepper(scene, self.settings, body, terms)
         self._coupling = JointCoupling(

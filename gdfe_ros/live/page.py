@@ -10,7 +10,7 @@ import logging
 import socket
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import Any
 
@@ -136,6 +136,14 @@ class Page:
         if self._leading is not None:
             self._leading.take(view)
         self._changed.set()
+
+    def compare(self, places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]) -> None:
+        """Draw measured points beside simulated ones, with their distance.
+
+        ``places`` is a dict from name to measured and simulated position, each (3,) [m].
+        """
+        with self._server.atomic():
+            self._stage.compare(places)
 
     def say(self, text: str) -> None:
         """Show a text to every viewer and on the terminal."""

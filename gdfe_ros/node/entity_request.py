@@ -4,15 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, urlparse
 
 from gdfe_ros.errors import ArmError, SceneError
 from gdfe_ros.node.frames import Frames
 from gdfe_ros.node.handle_orders import require_pose
 from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.refusals import Refusal
+from gdfe_ros.node.resources import SPAWNED, path_of
 from gdfe_ros.node.standard_answers import Refused, ResultCode
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.entity import LARGEST, Entity, read_entity
@@ -20,7 +19,6 @@ from gdfe_ros.scene.schema import NAME
 
 LONGEST = 60
 """Largest number of letters of a body's name, which becomes a part of the names of topics."""
-_SUFFIXES = (".urdf", ".yaml", ".yml")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,10 +118,7 @@ def _read(uri: str) -> str:
     Raises:
         Refused: it is neither, or the file cannot be read.
     """
-    parts, path = urlparse(uri), Path(unquote(urlparse(uri).path))
-    if parts.scheme not in ("", "file") or path.suffix.lower() not in _SUFFIXES:
-        text = f"uri is {uri!r}; allowed: file:///path or a path, to a file {', '.join(_SUFFIXES)}"
-        raise Refused(ResultCode.UNSUPPORTED_FORMAT, text)
+    path = path_of(uri, SPAWNED, code=ResultCode.UNSUPPORTED_FORMAT)
     try:
         return read_text(path, most=LARGEST)
     except (OSError, ValueError) as error:  # no regular file, no text, or no path

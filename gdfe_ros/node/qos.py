@@ -39,6 +39,12 @@ def interface_class(type_name: str) -> type[Any]:
     return getattr(import_module(f"{package}.{kind}"), name)
 
 
+def available(type_name: str) -> bool:
+    """Return whether a ROS type, ``package/srv/Name``, is installed; a package's older versions may lack it."""
+    package, kind, name = type_name.split("/")
+    return installed(type_name) and hasattr(import_module(f"{package}.{kind}"), name)
+
+
 def installed(type_name: str) -> bool:
     """Return whether the package of a ROS type, ``package/msg/Name``, is installed.
 

@@ -1,18 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replacement of a running simulation by one with other Young's moduli, or with other rigid bodies."""
+"""Replacement of a running simulation by one with other Young's moduli, or with other free bodies."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import GdfeError, OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
+from gdfe_ros.mesh.mesh import MeshPart
+from gdfe_ros.mesh.overlap import find_overlap
+from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.touching import outline
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.motion.carry import carried, with_bodies_of
+from gdfe_ros.solver.contact.overlap import TOUCHING, inside_surface, placed_now
+from gdfe_ros.solver.motion.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
 
 _LONG = 1e9
 """Duration of a step [s] so long that no rate limit restricts a command."""
@@ -68,21 +79,69 @@ def with_moduli(
 
 
 def take_over(old: Simulation, new: Simulation) -> None:
-    """Continue the motion of ``old`` in ``new``, whose scene differs in its rigid bodies only.
+    """Continue the motion of ``old`` in ``new``, whose scene differs in its rigid bodies and soft bodies only.
 
     The energy account continues: what a new or removed body adds to the energy counts as work.
 
     Raises:
-        OverlapError: a new body is inside of an obstacle, another rigid body, or the soft body; ``new`` is at rest.
+        OverlapError: a new body is inside of an obstacle or of another body; ``new`` is at rest.
     """
     fresh = new.snapshot()
-    new.restore(with_bodies_of(old.snapshot(), fresh, old.scene.handles, new.scene.handles))
+    new.restore(with_bodies_of(old.snapshot(), fresh, _correspondence(old, new)))
     known = {handle.name for handle in old.scene.handles}
     added = [each.name for each in new.scene.rigid_bodies if each.name not in known]
+    soft = parts_of(new.scene.mesh).keys() - parts_of(old.scene.mesh).keys()
     try:
         if added:
             new.state = new.stepper.put(new.state, dict.fromkeys(added, Pose()))
+        _require_free(new, soft)
+        for part in (new.scene.mesh.parts[name] for name in soft):
+            vertices = part.first_vertex + np.arange(part.mesh.n_vertices)
+            new.state = new.stepper.released(new.state, vertices)
     except OverlapError:
         new.restore(fresh)
         raise
     new.state = new.stepper.continued(new.state, old.stepper.unbalanced(old.state))
+
+
+def _correspondence(old: Simulation, new: Simulation) -> Correspondence:
+    """Return what the vertices, cells, materials and handles of a new simulation were in an old one."""
+    before, after = parts_of(old.scene.mesh), parts_of(new.scene.mesh)
+    vertices = [_indices(before.get(name), part, "first_vertex", part.mesh.n_vertices) for name, part in after.items()]
+    cells = [_indices(before.get(name), part, "first_cell", part.mesh.n_cells) for name, part in after.items()]
+    names, handles = list(old.scene.materials), (old.scene.handles, new.scene.handles)
+    return Correspondence(
+        vertices=match_vertices(*handles, np.concatenate(vertices), len(new.state.positions)),
+        cells=np.concatenate(cells),
+        materials=np.array([names.index(name) if name in names else -1 for name in new.scene.materials]),
+        loose=match_loose(*handles),
+    )
+
+
+def _indices(before: MeshPart | None, part: MeshPart, first: str, count: int) -> NDArray[np.intp]:
+    """Return the old indices of the vertices or cells of a part; -1 for a part that is new."""
+    return np.full(count, -1) if before is None else getattr(before, first) + np.arange(count)
+
+
+def _require_free(simulation: Simulation, names: Collection[str]) -> None:
+    """Raise OverlapError if a soft body in ``names`` is inside of an obstacle, a rigid body or another soft body."""
+    scene, positions = simulation.scene, simulation.positions
+    parts = {
+        name: replace(part.mesh, vertices=positions[part.first_vertex :][: part.mesh.n_vertices])
+        for name, part in parts_of(scene.mesh).items()
+    }
+    now = simulation.state.positions + simulation.origin
+    placed = placed_now(scene.handles, simulation.state.poses, now)
+    surface = outline(flat_quads(scene.mesh.surface()), scene.mesh.touching, positions)
+    for name in names:
+        for one in placed:
+            depth = -float(one.seen_from(parts[name].vertices)[0].min())
+            if depth > TOUCHING * scene.mesh.parts[name].mesh.size:
+                text = f"soft body {name!r} is {depth:.3g} m inside of {one.thing.noun} {one.thing.name!r}"
+                raise OverlapError(f"{text}; remedy: put it where it is free")
+            if isinstance(one.thing, RigidBody) and (text := inside_surface(one, *surface)):
+                raise OverlapError(text)
+        for other, mesh in parts.items():
+            if other != name and (found := find_overlap(mesh, parts[name])) is not None:
+                text = f"soft body {name!r} is {found.depth:.3g} m or more inside of {other!r}"
+                raise OverlapError(f"{text}; remedy: put it where it is free")

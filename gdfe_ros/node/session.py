@@ -113,11 +113,12 @@ class SimulationSession:
         """The scene that is simulated."""
         return self.simulation.scene
 
-    def start(self, before: Handover | None = None) -> None:
+    def start(self, before: Handover | None = None, *, paused: bool = False) -> None:
         """Start the threads; the present state is published at once.
 
         Args:
             before: what a session that ran before hands over; no new bag then begins.
+            paused: whether only requests make steps; ``before`` may say so, too.
 
         Raises:
             GdfeError: the bag cannot be created, ``command_set`` names an unknown input, or the external clock is not
@@ -139,7 +140,7 @@ class SimulationSession:
         self.courier = Courier(self.run.node.guarded(self.outputs.publish_step, "publishing a step"))
         # Before the first state is published, because a client may send commands as soon as it has received it.
         self.inputs.inbox = inbox
-        self.stepper.start(pace, inbox, paused=before is not None and before.paused)
+        self.stepper.start(pace, inbox, paused=paused or (before is not None and before.paused))
         self.inputs.followers.look(anew=True)
 
     def halt(self) -> Handover | None:

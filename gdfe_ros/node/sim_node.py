@@ -18,6 +18,7 @@ from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
 from gdfe_ros.node.diagnostics import Diagnostics
 from gdfe_ros.node.entities import Entities
+from gdfe_ros.node.entity_queries import EntityQueries
 from gdfe_ros.node.exchange import SceneExchange
 from gdfe_ros.node.interface import NODE_NAME, topics
 from gdfe_ros.node.interface.parameters import PARAMETERS
@@ -26,10 +27,12 @@ from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.preparation import prepare
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.remodelling import take_over
+from gdfe_ros.node.resources import offer_spawnables
 from gdfe_ros.node.services import Services
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard import StandardServices
 from gdfe_ros.node.trajectory_action import TrajectoryAction
+from gdfe_ros.node.worlds import Worlds
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
@@ -72,7 +75,12 @@ class SimNode(ManagedNode):
         self._answers = Services(self, self._settings, lambda: self.session)
         exchange = SceneExchange(self, lambda: self.session, self._replace)
         self._entities = Entities(self, lambda: self.session, exchange)
-        self._standard = StandardServices(self, lambda: self.session, self._entities, interrupted)
+        EntityQueries(self, self._entities)
+        offer_spawnables(self)
+        self._starts_paused = False
+        self._worlds = Worlds(self, lambda: self.session, load=self._load, unload=self._unload)
+        loading = {"loading": lambda: self._worlds.loading}
+        self._standard = StandardServices(self, lambda: self.session, self._entities, interrupted, **loading)
         self._trajectories = TrajectoryAction(self, lambda: self.session)
         # A steady clock, because with use_sim_time the ROS clock may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -204,8 +212,31 @@ class SimNode(ManagedNode):
                 return
             time.sleep(0.002)
 
+    def _load(self, simulation: Simulation) -> None:
+        """Drop the present session, and start one of ``simulation``, paused at time 0.
+
+        Raises:
+            GdfeError: a transition failed; the text is that of its error.
+        """
+        self._unload()
+        self._prepared, self._starts_paused = simulation, True
+        try:
+            for change in (self.trigger_configure, self.trigger_activate):
+                if change() is not TransitionCallbackReturn.SUCCESS:
+                    raise GdfeError(f"the present scene is gone, and {self._problem}")
+        finally:
+            self._starts_paused = False
+        self._standard.stop_at_start()
+
+    def _unload(self) -> None:
+        """Drop the present session, if any, by the transitions deactivate and cleanup."""
+        if self.lifecycle_state == "active":
+            self.trigger_deactivate()
+        if self.lifecycle_state == "inactive":
+            self.trigger_cleanup()
+
     def _activate(self) -> None:
-        self.session.start()
+        self.session.start(paused=self._starts_paused)
         held = [each for each in self.session.scene.handles if each.fixed and topics.MOVED[each.section].put is None]
         fixed = tuple(f"{each.section}/{each.name}/" for each in held)
         inputs = ", ".join(f"~/{key}" for key in self.session.inputs.keys if not key.startswith(fixed))

@@ -16,7 +16,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.entities import Entities
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.qos import installed, interface_class
+from gdfe_ros.node.qos import available, installed, interface_class
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard_answers import ResultCode, done, failed, later
 
@@ -28,17 +28,39 @@ class _State(IntEnum):
     PLAYING = 1
     PAUSED = 2
     QUITTING = 3
-    INITIALIZING = 4
+    NO_WORLD = 4
+    LOADING = 5
 
 
-_FEATURES = (0, 1, 9, 10, 11, 20, 23, 24, 25, 26, 31, 32, 33)
-"""Codes of the supported features.
+_FEATURES = {
+    services.SPAWN_ENTITY: (0, 9),
+    services.DELETE_ENTITY: (1,),
+    services.GET_NAMED_POSES: (2,),
+    services.GET_ENTITIES: (4, 6, 8),
+    services.GET_ENTITY_BOUNDS: (5,),
+    services.GET_ENTITY_STATE: (10,),
+    services.SET_ENTITY_STATE: (11,),
+    services.GET_ENTITY_INFO: (12,),
+    services.GET_SPAWNABLES: (14,),
+    services.RESET_SIMULATION: (20, 23),
+    services.GET_STATE: (24,),
+    services.SET_STATE: (25, 26),
+    services.STEP_SIMULATION: (31, 32),
+    services.SIMULATE_STEPS: (33,),
+    services.LOAD_WORLD: (40, 41),
+    services.UNLOAD_WORLD: (43,),
+    services.GET_CURRENT_WORLD: (44,),
+    services.GET_AVAILABLE_WORLDS: (45,),
+    services.SPAWN_ENTITIES: (50,),
+}
+"""Codes of the features that each service supports, as `SimulatorFeatures` numbers them.
 
-Spawn, delete, spawn from text, get and set the state of a body; reset, reset of spawned bodies; get state, set state,
-pause; one step, several steps, steps as an action.
+9: spawn from text. 4, 6, 8: filters by tags, boxes and categories. 23: reset of spawned bodies; 21 and 22 are missing
+because time and state are reset together only. 26: pause. 32: several steps. 41: worlds from text; 42, tags of worlds,
+is missing.
 """
 _FORMATS = ("urdf", "gdfe_ros")
-"""Formats of spawned bodies; the second one is YAML like an entry of `bodies` in a scene file."""
+"""Formats of spawned bodies; the second one is YAML: an entry of a scene's `bodies`, or a mesh with a material."""
 _TIME, _STATE, _SPAWNED, _ALL = 1, 2, 4, 255
 """Bits of a reset's scope: time, state, spawned bodies; a scope of 0 means all."""
 
@@ -51,6 +73,7 @@ class StandardServices:
         session: function that returns the running session, or None.
         entities: the spawned bodies, which some requests remove.
         quit: event that ends the process; None: this node cannot end it.
+        loading: function that returns whether a scene is being loaded.
     """
 
     def __init__(
@@ -59,8 +82,10 @@ class StandardServices:
         session: Callable[[], SimulationSession | None],
         entities: Entities,
         quit: threading.Event | None,
+        loading: Callable[[], bool],
     ) -> None:
         self._node, self._session, self._entities, self._quit = node, session, entities, quit
+        self._loading = loading
         self._at_start = False
         if not installed(services.STEP_SIMULATION.type):
             return
@@ -75,12 +100,17 @@ class StandardServices:
             node.offer(interface_class(spec.type), spec.name, answer)
         self._offer_action()
 
+    def stop_at_start(self) -> None:
+        """Answer that the simulation is stopped, not paused, as long as it stays at time 0."""
+        self._at_start = True
+
     def _features(self, request: Any, response: Any) -> Any:
         # The message's only field, which versions of the package name differently.
         features = getattr(response, next(iter(response.get_fields_and_field_types())))
-        features.features, features.spawn_formats = list(_FEATURES), list(_FORMATS)
+        offered = [codes for spec, codes in _FEATURES.items() if available(spec.type)]
+        features.features, features.spawn_formats = sorted(sum(offered, ())), list(_FORMATS)
         features.custom_info = (
-            "soft bodies; one scene, loaded by the transition configure; see also ~/step, ~/save_state"
+            "soft bodies, which can be spawned, too; a world is a scene; see also ~/step, ~/save_state"
         )
         return response
 
@@ -93,7 +123,9 @@ class StandardServices:
         """Return the simulation state; stopped means not active, or paused at time 0 by a request to stop."""
         session, label = self._session(), self._node.lifecycle_state
         if session is None:
-            return _State.INITIALIZING if label == "configuring" else _State.STOPPED
+            if label == "configuring" or self._loading():
+                return _State.LOADING
+            return _State.NO_WORLD if available(services.LOAD_WORLD.type) else _State.STOPPED
         if not session.stepper.running:
             return _State.STOPPED
         if not session.stepper.paused:

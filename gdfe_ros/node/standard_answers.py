@@ -30,6 +30,12 @@ class ResultCode(IntEnum):
     NAMESPACE_INVALID = 105
     PARSE_ERROR = 106
     INVALID_POSE = 109
+    SPAWN_FAILED = 150
+    WORLD_FORMAT = 101
+    WORLD_NO_RESOURCE = 102
+    WORLD_PARSE_ERROR = 103
+    NO_WORLD = 101
+    SOURCES_FAILED = 101
 
 
 class Refused(GdfeError):

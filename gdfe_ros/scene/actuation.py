@@ -110,19 +110,25 @@ def build_masses(
 def build_loads(
     draft: Draft,
     mesh: HexMesh | None,
+    whole: HexMesh | None,
     materials: Mapping[str, Material],
     cell_material: NDArray[np.int32],
     masses: tuple[AttachedMass, ...],
     report: Defects,
 ) -> tuple[Load, ...]:
-    """Return the loads whose points or faces in the body are valid; gravity needs the density of every material."""
+    """Return the loads whose points or faces in the body are valid; gravity needs the density of every material.
+
+    Gravity acts on ``whole``, the body and all soft bodies beside it, whose cells have the materials ``cell_material``.
+    """
     built = []
     for name, model in draft.loads.items() if mesh is not None else ():
         path = ("loads", name, model.chosen[0])
         if name in draft.actuators:
             report.add(("loads", name), "an actuator has this name; remedy: another name", value=NO_VALUE)
         load = _load(name, model, mesh, materials, cell_material, path, report)
-        built.append(replace(load, attached=masses) if isinstance(load, Gravity) else load)
+        if isinstance(load, Gravity):
+            load = replace(load, attached=masses, filling=whole.filling)
+        built.append(load)
     return tuple(load for load in built if load is not None)
 
 
@@ -244,8 +250,7 @@ def _load(
     report: Defects,
 ) -> Load | None:
     if model.gravity is not None:
-        gravity = _gravity(name, model.gravity, materials, cell_material, path, report)
-        return None if gravity is None else replace(gravity, filling=mesh.filling)
+        return _gravity(name, model.gravity, materials, cell_material, path, report)
     if model.point is not None:
         point = _embedded(mesh, model.point.mesh, [model.point.at], path, report, key="at")
         return None if point is None else PointLoad(name=name, point=point, force=np.array(model.point.force))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid bodies that join a scene later: read from URDF or YAML, added to the scene's text, and removed from it."""
+"""Bodies that join a scene later: read from URDF or YAML, added to the scene's text, and removed from it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
@@ -19,11 +19,18 @@ from gdfe_ros.arms.urdf import parse_urdf
 from gdfe_ros.errors import ArmError, SceneError
 from gdfe_ros.scene.document import parse_document
 from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.scene.mesh_schema import MeshModel
 from gdfe_ros.scene.obstacle_schema import BodyModel, form_of
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.scene.schema import NAME
 
+SOFT = ("material", "materials", "regions")
+"""Keys of a description that make its body a soft one."""
 PLACED = ("at", "rotation_deg")
 """Keys of a body's entry that state its place."""
+_TITLE = ("name", "description")
+MOST_CELLS = 20_000
+"""Largest number of cells of a generated soft body that joins."""
 LARGEST = 100_000
 """Largest number of characters of a body's description."""
 _MOST_VALUES = 1000
@@ -34,11 +41,12 @@ ODD = 0.05
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Entity:
-    """A rigid body that can join a scene.
+    """A body that can join a scene.
 
     Attributes:
         name: its name in the resource; empty if the resource states none.
-        entry: keys and values of its entry in `bodies`, without its place.
+        entry: keys and values of its entry in `bodies` or `soft_bodies`, without its place.
+        materials: dict from name to material of a soft body; the name of an only one is empty. None for a rigid body.
         origin: origin (3,) [m] of the frame of this entry, in the frame in which the entity is placed.
         axes: rotation (3, 3) of the frame of this entry relative to that frame.
         remark: difference between the resource and the body that is simulated; empty if there is none.
@@ -48,14 +56,22 @@ class Entity:
     entry: dict[str, Any]
     origin: NDArray[np.float64]
     axes: NDArray[np.float64]
+    materials: Mapping[str, Any] | None = None
     remark: str = ""
+
+    @property
+    def section(self) -> str:
+        """Section of a scene file to which its entry belongs."""
+        return "bodies" if self.materials is None else "soft_bodies"
 
 
 def read_entity(text: str, *, where: str = "the resource") -> Entity:
-    """Return the rigid body that a URDF, or a YAML entry like those in `bodies`, describes.
+    """Return the body that a URDF, a YAML entry like those in `bodies`, or a mesh with its material describes.
 
-    A URDF must have one link with one <collision> that is a box, a cylinder or a sphere, and with a mass. The body's
-    density is uniform; its coefficient of friction is <mu1> of the link's <gazebo> element, or else 0.
+    A soft body is a mesh, as in a scene, with `material` (its law and parameters), or with `materials` and `regions`;
+    the mesh may also be under the key `mesh`, as in a scene. A URDF must have one link with one <collision> that is a
+    box, a cylinder or a sphere, and with a mass. The body's density is uniform; its coefficient of friction is <mu1> of
+    the link's <gazebo> element, or else 0.
 
     Args:
         text: the URDF or the YAML text.
@@ -70,14 +86,59 @@ def read_entity(text: str, *, where: str = "the resource") -> Entity:
     if text.lstrip().startswith("<"):
         return _from_urdf(text, where)
     entry = parse_document(text, heading=where, most_nodes=_MOST_VALUES).data
-    stated = [key for key in PLACED if key in entry]
-    if stated:
-        raise SceneError(where, [f"it has {' and '.join(stated)}; remedy: leave it out, initial_pose states the place"])
+    if any(key in entry for key in SOFT):
+        return _soft(entry, where)
+    _require_unplaced(entry, where)
     return Entity(name="", entry=entry, origin=np.zeros(3), axes=np.eye(3))
 
 
+def _require_unplaced(entry: Mapping[str, Any], where: str) -> None:
+    stated = [key for key in PLACED if key in entry]
+    if stated:
+        raise SceneError(where, [f"it has {' and '.join(stated)}; remedy: leave it out, initial_pose states the place"])
+
+
+def _soft(data: Mapping[str, Any], where: str) -> Entity:
+    """Return the soft body of a description: a mesh, or a scene's `mesh` and `skin`, with its materials."""
+    rest = {key: value for key, value in data.items() if key not in (*SOFT, *_TITLE, "mesh", "skin")}
+    mesh = data.get("mesh", rest)
+    if not isinstance(mesh, dict):
+        raise SceneError(where, [f"mesh is {mesh!r}; allowed: one mesh as in a scene, e.g. {{bar: {{...}}}}"])
+    if "mesh" in data and rest:
+        allowed = ", ".join((*_TITLE, "mesh", "skin", *SOFT))
+        raise SceneError(where, [f"it has {', '.join(map(str, rest))}; allowed for a body that joins: {allowed}"])
+    _require_unplaced(mesh, where)
+    material, materials = data.get("material"), data.get("materials")
+    if (material is None) == (materials is None) or not isinstance(materials or {}, dict):
+        text = "give `material`, its law and parameters, or a mapping `materials` with `regions`"
+        raise SceneError(where, [text])
+    unfit = [str(name) for name in materials or {} if not NAME.fullmatch(str(name))]
+    if unfit:
+        raise SceneError(where, [f"materials has {', '.join(unfit)}; allowed: letters, digits and _, a letter first"])
+    entry = {**mesh, "skin": data["skin"]} if "skin" in data else dict(mesh)
+    if "regions" in data:
+        entry["regions"] = data["regions"]
+    _require_few_cells(mesh, where)
+    made_of = {"": material} if materials is None else materials
+    name = data.get("name", "")
+    found = {"name": name if isinstance(name, str) else "", "entry": entry, "materials": made_of}
+    return Entity(**found, origin=np.zeros(3), axes=np.eye(3))
+
+
+def _require_few_cells(mesh: Mapping[str, Any], where: str) -> None:
+    """Raise SceneError if a generated mesh has too many cells for a request of a stranger."""
+    try:
+        count = getattr(MeshModel.model_validate(dict(mesh)).chosen[1], "count", 0)
+    except ValidationError:
+        return  # loading the scene with this entry names the defects
+    if count > MOST_CELLS:
+        raise SceneError(where, [f"its mesh has about {count} cells; allowed for a body that joins: {MOST_CELLS}"])
+
+
 def with_body(scene: Scene, name: str, entity: Entity, *, origin: NDArray[np.float64], turn: Rotation) -> Scene:
-    """Return ``scene`` with the rigid body ``name`` as its last body.
+    """Return ``scene`` with the body ``name`` as the last one of its kind.
+
+    The materials of a soft body join, too, with its name before their own.
 
     Args:
         scene: the scene; it is not changed.
@@ -91,13 +152,39 @@ def with_body(scene: Scene, name: str, entity: Entity, *, origin: NDArray[np.flo
     """
     at, turned = origin + turn.apply(entity.origin), turn * Rotation.from_matrix(entity.axes)
     entry = {**entity.entry, "at": at.tolist(), "rotation_deg": np.degrees(turned.as_rotvec()).tolist()}
-    return scene_from_text(scene.source, origin=scene.name, overrides={f"bodies.{name}": entry})
+    given = {own: f"{name}_{own}" if own else name for own in entity.materials or {}}
+    if taken := [each for each in given.values() if each in scene.materials]:
+        raise SceneError(f"scene {scene.name}", [f"material {taken[0]!r} exists; remedy: another name for the body"])
+    if "regions" in entry:
+        entry["regions"] = [_renamed(region, given) for region in entry["regions"] or ()]
+    elif given:
+        entry["material"] = next(iter(given.values()))
+    overrides = {f"materials.{given[own]}": material for own, material in (entity.materials or {}).items()}
+    return scene_from_text(scene.source, origin=scene.name, overrides={**overrides, f"{entity.section}.{name}": entry})
 
 
-def without_bodies(scene: Scene, names: Iterable[str]) -> Scene:
-    """Return ``scene`` without the rigid bodies in ``names``."""
-    overrides: dict[str, None] = {f"bodies.{name}": None for name in names}
-    return scene_from_text(scene.source, origin=scene.name, overrides=overrides)
+def _renamed(region: Any, names: Mapping[str, str]) -> Any:
+    """Return a region with the name of its material in the scene; what is no region is reported by the loader."""
+    if not isinstance(region, dict) or not isinstance(region.get("material"), str):
+        return region
+    return {**region, "material": names.get(region["material"], region["material"])}
+
+
+def without_bodies(scene: Scene, names: Collection[str]) -> Scene:
+    """Return ``scene`` without the bodies in ``names``, and without the materials that came with soft ones."""
+    document = parse_document(scene.source, heading=f"scene {scene.name}").data
+    gone: dict[str, None] = {}
+    for name in names:
+        soft = document.get("soft_bodies", {}).get(name)
+        gone |= {f"{'bodies' if soft is None else 'soft_bodies'}.{name}": None}
+        used = [] if soft is None else [soft.get("material"), *(each["material"] for each in soft.get("regions", ()))]
+        gone |= {f"materials.{each}": None for each in used if each is not None and _own(each, name)}
+    return scene_from_text(scene.source, origin=scene.name, overrides=gone)
+
+
+def _own(material: str, body: str) -> bool:
+    """Return whether a material came with the body of this name."""
+    return material == body or material.startswith(f"{body}_")
 
 
 def _from_urdf(text: str, where: str) -> Entity:

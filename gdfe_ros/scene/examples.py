@@ -137,6 +137,11 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{file: finger.msh, skin: {file: finger.stl}, at: [0, 0.05, 0], rotation_deg: [0, 0, 90], mirror: y}",
         *KINDS,
     ),
+    schema.SoftBodyModel: (
+        "{bar: {size: [0.02, 0.02, 0.02], cells: [3, 3, 3]}, material: soft, at: [0.1, 0, 0.1]}",
+        "{sphere: {inner: 0.004, outer: 0.0125, cells: [4, 2]}, regions: [{material: soft}, {material: stiff, where: "
+        "{face: z-}}]}",
+    ),
     generator_schema.BarModel: ("{size: [0.20, 0.05, 0.05], cells: [20, 5, 5], cut: [{box: {x: [0.05, 0.10]}}]}",),
     generator_schema.GridModel: (
         "{x: [0.0, 0.002, 0.018, 0.02], y: [0.0, 0.01], z: [0.0, 0.01], cut: [{sphere: {center: [0, 0, 0], "

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from gdfe_ros.actuators import Actuator, Load
@@ -32,6 +33,7 @@ from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import Draft, SceneModel
+from gdfe_ros.scene.soft_bodies import assign_soft_materials, build_soft_bodies, with_soft_bodies
 from gdfe_ros.scene.solvable import cut_key, unsolvable
 from gdfe_ros.scene.touchable import build_bodies, build_obstacles, build_self_contact, build_sensors
 from gdfe_ros.share import share_dir
@@ -93,8 +95,8 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
 
 
 _SECTIONS = (
-    "arms", "meshes", "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses",
-    "fibres", "probes", "sensors",
+    "arms", "meshes", "soft_bodies", "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads",
+    "masses", "fibres", "probes", "sensors",
 )  # fmt: skip
 
 
@@ -126,7 +128,11 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     still = draft.dynamics is None and not report.concerns("dynamics")
     if mesh is not None and len(handles) == len(_names(document, "handles")) and still:
         require_held(mesh, handles, report)
-    rigid = build_bodies(draft, mesh, report)
+    guests = build_soft_bodies(draft, mesh, carried, report)
+    whole = with_soft_bodies(mesh, guests)
+    own = assign_soft_materials(draft, guests, _names(document, "materials"), report)
+    cell_material = np.concatenate([cell_material, own])
+    rigid = build_bodies(draft, whole, report)
     handles = (*handles, *build_obstacles(draft, mesh, report), *rigid)
     arms, robots = build_arms(draft, mesh, handles, report)
     carried |= robots
@@ -135,9 +141,9 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     probes = build_probes(draft, mesh, report)
     attached = build_masses(draft, mesh, probes, _names(document, "probes"), report)
     masses = (*attached, *(item.attached for item in rigid))
-    loads = build_loads(draft, mesh, materials, cell_material, masses, report)
+    loads = build_loads(draft, mesh, whole, materials, cell_material, masses, report)
     sensors = build_sensors(draft, mesh, report)
-    self_contact = build_self_contact(draft, mesh, report)
+    self_contact = build_self_contact(draft, mesh, whole, report)
     fibres = build_fibres(draft, mesh, materials, report)
     program = None
     if draft.program is not None:
@@ -147,8 +153,8 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
     sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
     parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
-    cut = () if mesh is None or report.concerns("skin") else cut_key(mesh)
-    parts |= {"fibres": fibres, "cut": cut, "self_contact": self_contact, "mesh": mesh, "arms": arms}
+    cut = () if mesh is None or report.concerns("skin") else cut_key(whole)
+    parts |= {"fibres": fibres, "cut": cut, "self_contact": self_contact, "mesh": whole, "arms": arms}
     for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
         if key == ("bodies",) and report.concerns("dynamics"):
             continue
@@ -157,7 +163,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     return Scene(
         name=document.data["name"],
         description=document.data.get("description", ""),
-        mesh=mesh,
+        mesh=whole,
         materials=materials,
         cell_material=cell_material,
         handles=handles,
@@ -174,6 +180,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         dynamics=dynamics,
         fibres=fibres,
         arms=arms,
+        soft_bodies=tuple(guests),
     )
 
 

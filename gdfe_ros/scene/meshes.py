@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -16,7 +16,7 @@ from gdfe_ros.mesh.overlap import find_overlap
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.lined_mesh import BodyStore
-from gdfe_ros.scene.mesh_schema import MeshModel
+from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel
 from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
 from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.skin_schema import SkinModel
@@ -56,17 +56,22 @@ def build_mesh(draft: Draft, names: Sequence[str], report: Defects) -> tuple[Mes
         return _body(draft.mesh, draft.skin, (("mesh",), ("skin",)), carried, report), carried
     parts = {}
     for name, model in draft.meshes.items():
-        path = ("meshes", name)
-        mesh = _body(model, model.skin, (path, (*path, "skin")), carried, report)
-        if mesh is not None:
-            parts[name] = model.place_part(mesh)
+        part = build_part(model, ("meshes", name), carried, report)
+        if part is not None:
+            parts[name] = part
     if any(isinstance(part.mesh, TetMesh) for part in parts.values()):
-        parts = {name: _of_tetrahedra(name, part, report) for name, part in parts.items()}
-    _require_apart(parts, report)
+        parts = {name: of_tetrahedra(("meshes", name), part, report) for name, part in parts.items()}
+    require_apart(parts, "meshes", report)
     return assemble(parts) if len(parts) == len(names) else None, carried
 
 
-def _of_tetrahedra(name: str, part: MeshPart, report: Defects) -> MeshPart:
+def build_part(model: PlacedMeshModel, path: KeyPath, carried: Carried, report: Defects) -> MeshPart | None:
+    """Return the mesh of the entry at ``path`` with its skin and its pose; None if it has defects."""
+    mesh = _body(model, model.skin, (path, (*path, "skin")), carried, report)
+    return None if mesh is None else model.place_part(mesh)
+
+
+def of_tetrahedra(path: KeyPath, part: MeshPart, report: Defects) -> MeshPart:
     """Return a mesh of a scene that has tetrahedra: hexahedra are divided; a skin or cut cells on them are defects."""
     mesh = part.mesh
     if isinstance(mesh, TetMesh):
@@ -77,7 +82,7 @@ def _of_tetrahedra(name: str, part: MeshPart, report: Defects) -> MeshPart:
             f"other meshes of this scene have tetrahedra, and these hexahedra have {' and '.join(lost)}; "
             "remedy: tets: {surface: ..., size: ...} for this mesh"
         )
-        report.add(("meshes", name), text, value=NO_VALUE)
+        report.add(path, text, value=NO_VALUE)
     return replace(part, mesh=divided(mesh))
 
 
@@ -126,10 +131,17 @@ def _made(
     return mesh
 
 
-def _require_apart(parts: Mapping[str, MeshPart], report: Defects) -> None:
-    """Report meshes that overlap in the undeformed configuration."""
+def require_apart(
+    parts: Mapping[str, MeshPart], section: str, report: Defects, *, among: Collection[str] | None = None
+) -> None:
+    """Report meshes that overlap in the undeformed configuration, as defects of the entries of ``section``.
+
+    ``among``: only pairs whose second mesh is one of these are examined; None: all pairs.
+    """
     placed = {name: part.placed() for name, part in parts.items()}
     for first, second in combinations(placed, 2):
+        if among is not None and second not in among:
+            continue
         found = find_overlap(placed[first], placed[second])
         if found is not None:
             x, y, z = found.point
@@ -137,7 +149,7 @@ def _require_apart(parts: Mapping[str, MeshPart], report: Defects) -> None:
                 f"mesh {second!r} lies in mesh {first!r} initially, {found.depth:.3g} m deep or more near "
                 f"({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: move or turn one of them, by at and rotation_deg"
             )
-            report.add(("meshes", second, "at"), text)
+            report.add((section, second, "at"), text)
 
 
 def known_part(mesh: Mesh, name: str | None, path: KeyPath, report: Defects) -> bool:

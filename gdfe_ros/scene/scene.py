@@ -49,6 +49,7 @@ class Scene:
         dynamics: inertia, damping and time steps; None if every step ends in a static equilibrium.
         fibres: layers of fibres, in the order of the file.
         arms: arms that carry handles, in the order of the file; their links are among the handles.
+        soft_bodies: names of the soft bodies beside the body; they are parts of the mesh.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Scene:
     dynamics: Dynamics | None = None
     fibres: tuple[FibreLayer, ...] = ()
     arms: tuple[Arm, ...] = ()
+    soft_bodies: tuple[str, ...] = ()
 
     @property
     def rigid_bodies(self) -> tuple[RigidBody, ...]:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, Field, StringConstraints, model_validator
@@ -56,6 +56,30 @@ class RegionModel(Entry):
 
     material: str = Field(description="name of one of the materials")
     where: WhereModel | None = Field(None, description="the cells (default: all)")
+
+
+class SoftBodyModel(PlacedMeshModel):
+    """A soft body beside the scene's body; it needs `dynamics`, and exactly one of these keys for its mesh."""
+
+    options: ClassVar[tuple[str, ...]] = (*PlacedMeshModel.options, "material", "regions")
+
+    material: str | None = Field(None, description="name of the material of all its cells; either this or `regions`")
+    regions: tuple[RegionModel, ...] = Field(
+        (), description="the material of each of its cells, as for the scene; places are in the body's own frame"
+    )
+
+    @model_validator(mode="after")
+    def _one_of_material_and_regions(self) -> SoftBodyModel:
+        if (self.material is None) == (not self.regions):
+            raise ValueError("give exactly one of material and regions, e.g. material: soft")
+        return self
+
+    @property
+    def pose(self) -> dict[str, Any]:
+        """The keys of this entry that stay if its mesh is embedded: the pose and the materials."""
+        regions = [each.model_dump(exclude_none=True, mode="json") for each in self.regions]
+        made_of = {"regions": regions} if regions else {"material": self.material}
+        return {**super().pose, **made_of}
 
 
 class HandleModel(Entry):
@@ -184,6 +208,11 @@ class SceneModel(Entry):
         description="several bodies by name, instead of `mesh`, e.g. left: {file: finger.msh, at: [0, 0.05, 0]}",
     )
     skin: SkinModel | None = None
+    soft_bodies: dict[Name, SoftBodyModel] = Field(
+        {},
+        description="soft bodies beside the body, by name, e.g. cube: {bar: {...}, material: soft, at: [0, 0, 0.1]}; "
+        "a place without the key `mesh` never contains them",
+    )
     materials: dict[Name, MaterialModel] = Field(
         description="materials by name, e.g. soft: {law: linear, young: 1.0e5, poisson: 0.45}", min_length=1
     )
@@ -238,6 +267,7 @@ class Draft(BaseModel):
     mesh: MeshModel | None = None
     meshes: dict[str, PlacedMeshModel] = {}
     skin: SkinModel | None = None
+    soft_bodies: dict[str, SoftBodyModel] = {}
     materials: dict[str, MaterialModel] = {}
     regions: tuple[RegionModel | None, ...] = ()
     handles: dict[str, HandleModel] = {}

@@ -82,20 +82,38 @@ def build_bodies(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[R
     return tuple(bodies)
 
 
-def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Defects) -> SelfContact | None:
-    """Return the self-contact of a scene with the faces that may touch; None if there is none or if it has a defect."""
+def build_self_contact(
+    draft: Draft, mesh: HexMesh | None, whole: HexMesh | None, report: Defects
+) -> SelfContact | None:
+    """Return the self-contact of a scene with the faces that may touch; None if there is none or if it has a defect.
+
+    A place limits the faces of the body ``mesh``; soft bodies, which ``whole`` contains after it, touch everywhere.
+    """
     model = draft.self_contact
     if model is None or mesh is None:
         return None
-    faces = _touching_faces(mesh)
+    faces = _touching_faces(whole)
     if model.where is not None:
-        faces = select(_touching_faces, mesh, model.where, ("self_contact", "where"), "boundary face", report)
-    if faces is None:
-        return None
-    lined = faces[:, 0] >= mesh.n_vertices
-    triangles = faces[lined, :3] - np.int32(mesh.n_vertices)
-    parts = {name: part.first_vertex for name, part in mesh.parts.items()}
+        chosen = select(_touching_faces, mesh, model.where, ("self_contact", "where"), "boundary face", report)
+        if chosen is None:
+            return None
+        faces = np.concatenate([_renumbered(chosen, mesh, whole), _beside(faces, mesh, whole)])
+    lined = faces[:, 0] >= whole.n_vertices
+    triangles = faces[lined, :3] - np.int32(whole.n_vertices)
+    parts = {name: part.first_vertex for name, part in whole.parts.items()}
     return SelfContact(quads=faces[~lined], triangles=triangles, friction=model.friction, parts=parts)
+
+
+def _renumbered(faces: NDArray[np.int32], mesh: HexMesh, whole: HexMesh) -> NDArray[np.int32]:
+    """Return faces of ``mesh`` with the numbers that its contact points have in ``whole``."""
+    return np.where(faces < mesh.n_vertices, faces, faces + np.int32(whole.n_vertices - mesh.n_vertices))
+
+
+def _beside(faces: NDArray[np.int32], mesh: HexMesh, whole: HexMesh) -> NDArray[np.int32]:
+    """Return those of the faces of ``whole`` that do not belong to ``mesh``, its first vertices and contact points."""
+    points = whole.n_vertices + (0 if mesh.touching is None else len(mesh.touching.corners))
+    first = faces[:, 0]
+    return faces[np.where(first < whole.n_vertices, first >= mesh.n_vertices, first >= points)]
 
 
 def _touching_faces(mesh: HexMesh, where: Where | None = None) -> NDArray[np.int32]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import hashlib
 import io
 import json
 import shutil
@@ -32,7 +33,9 @@ _LINKED = (
 
 
 def build_interfaces(definitions: Path, folder: Path) -> Path:
-    """Build a Python package of messages, services and actions unless it exists; return its entry for ``PYTHONPATH``.
+    """Build a Python package of messages, services and actions; return its entry for ``PYTHONPATH``.
+
+    A package that was built from the same definitions is used again.
 
     Args:
         definitions: directory with msg/, srv/ and action/; its name is the name of the package.
@@ -46,14 +49,24 @@ def build_interfaces(definitions: Path, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     place = folder / definitions.name
     target = place / definitions.name
+    digest, stored = _digest(definitions), target / "digest"
     with _locked(folder / f"{definitions.name}.lock"):
-        if not (target / "__init__.py").exists():
+        if not stored.exists() or stored.read_text(encoding="utf-8") != digest:
             if not (Path(sys.prefix) / "share" / "rosidl_generator_py").is_dir():
                 raise GdfeError(f"{sys.prefix} has no generators of ROS's wheels; install gdfe_ros[ros] there")
             shutil.rmtree(place, ignore_errors=True)
             _Builder(definitions.resolve(), target).build()
             (target / "__init__.py").touch()
+            stored.write_text(digest, encoding="utf-8")
     return place
+
+
+def _digest(definitions: Path) -> str:
+    """Return a digest of the names and contents of all definitions."""
+    found = hashlib.sha256()
+    for path in sorted(path for kind in _KINDS for path in definitions.glob(f"{kind}/*")):
+        found.update(f"{path.relative_to(definitions)}\n{path.read_text(encoding='utf-8')}\n".encode())
+    return found.hexdigest()
 
 
 class _Builder:
@@ -162,10 +175,13 @@ class _Builder:
         unit = folder / "unit.cpp"
         unit.write_text("".join(f'#include "{path}"\n' for path in sources if path.suffix == ".cpp"), encoding="utf-8")
         self._run("g++", *common, "-c", str(unit), folder=folder)
-        plain = [str(path) for path in sources if path.suffix == ".c"]
-        if plain:
-            self._run("gcc", *common, "-c", *plain, folder=folder)
-        objects = [str(path) for path in sorted(folder.glob("*.o"))]
+        # A message and a service may have the same name, and so have their sources: each folder has its own objects.
+        plain = [path for path in sources if path.suffix == ".c"]
+        for number, parent in enumerate(sorted({path.parent for path in plain})):
+            (folder / str(number)).mkdir()
+            beside = [str(path) for path in plain if path.parent == parent]
+            self._run("gcc", *common, "-c", *beside, folder=folder / str(number))
+        objects = [str(path) for path in sorted(folder.rglob("*.o"))]
         libraries = [
             f"-l:{path.name}" for pattern in _LINKED for path in (self._prefix / "lib").glob(f"lib{pattern}.so")
         ]

@@ -12,7 +12,7 @@ from typing import Any
 from std_srvs.srv import SetBool
 
 OK, INCORRECT_STATE, FAILED, ALREADY = 1, 3, 4, 101
-STOPPED, PLAYING, PAUSED, QUITTING = range(4)
+STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD = range(5)
 
 
 class _Standard:
@@ -54,7 +54,7 @@ def test_a_node_is_played_paused_stepped_stopped_and_quit(
     interfaces("simulation_interfaces")
     standard = _Standard(client)
     process = start(**coarse, clock="fast", publish_clock=True, autostart=False)
-    assert standard.state() == STOPPED
+    assert standard.state() == NO_WORLD
     assert standard.set(PLAYING)[0] == INCORRECT_STATE
     assert "configure" in standard.step(1)[1]
     assert client.transition("configure")

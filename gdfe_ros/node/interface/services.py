@@ -64,7 +64,8 @@ GET_FEATURES = ServiceSpec(
 GET_STATE = ServiceSpec(
     name="~/get_simulation_state",
     type="simulation_interfaces/srv/GetSimulationState",
-    meaning="answer playing, paused or stopped; stopped means paused in the initial state, or not active",
+    meaning="answer playing, paused, stopped (paused in the initial state, or not active), no world (unconfigured), or "
+    "loading",
 )
 SET_STATE = ServiceSpec(
     name="~/set_simulation_state",
@@ -90,7 +91,13 @@ SPAWN_ENTITY = ServiceSpec(
     name="~/spawn_entity",
     type="simulation_interfaces/srv/SpawnEntity",
     meaning="add a rigid body, from a URDF with one link (box, cylinder or sphere with a mass) or from YAML like an "
-    "entry of `bodies`; the scene needs `dynamics`. Not while a bag is written",
+    "entry of `bodies`; or a soft body, from a mesh with its material. The scene needs `dynamics`. Not while a bag is "
+    "written",
+)
+SPAWN_ENTITIES = ServiceSpec(
+    name="~/spawn_entities",
+    type="simulation_interfaces/srv/SpawnEntities",
+    meaning="as ~/spawn_entity for up to 100 bodies, one after another; each has a result of its own",
 )
 DELETE_ENTITY = ServiceSpec(
     name="~/delete_entity",
@@ -100,17 +107,65 @@ DELETE_ENTITY = ServiceSpec(
 GET_ENTITIES = ServiceSpec(
     name="~/get_entities",
     type="simulation_interfaces/srv/GetEntities",
-    meaning="list the rigid bodies whose names match `filters.filter`; other filters are not supported",
+    meaning="list the rigid bodies and the soft bodies beside the scene's body; filters: an expression for names, "
+    "categories, tags (rigid, soft, spawned), a box or a sphere in the frame `frame_id`",
+)
+GET_ENTITIES_STATES = ServiceSpec(
+    name="~/get_entities_states",
+    type="simulation_interfaces/srv/GetEntitiesStates",
+    meaning="answer names and states, all after the same step, with the filters of ~/get_entities",
+)
+GET_ENTITY_INFO = ServiceSpec(
+    name="~/get_entity_info",
+    type="simulation_interfaces/srv/GetEntityInfo",
+    meaning="answer category, description and tags of a body",
+)
+GET_ENTITY_BOUNDS = ServiceSpec(
+    name="~/get_entity_bounds",
+    type="simulation_interfaces/srv/GetEntityBounds",
+    meaning="answer the box around a body as it is now, in the body's own frame: highest corner, lowest corner",
+)
+GET_SPAWNABLES = ServiceSpec(
+    name="~/get_spawnables",
+    type="simulation_interfaces/srv/GetSpawnables",
+    meaning="list the bodies of config/bodies, and the .yaml and .urdf files of the folders in `sources`",
+)
+GET_NAMED_POSES = ServiceSpec(
+    name="~/get_named_poses",
+    type="simulation_interfaces/srv/GetNamedPoses",
+    meaning="list the rest poses of handles, obstacles and probes, each with its kind as a tag",
 )
 GET_ENTITY_STATE = ServiceSpec(
     name="~/get_entity_state",
     type="simulation_interfaces/srv/GetEntityState",
-    meaning="answer a rigid body's pose and velocity after the last step, in the frame `frame_id`",
+    meaning="answer a body's pose and velocity after the last step, in the frame `frame_id`; those of a soft body are "
+    "its mean ones",
 )
 SET_ENTITY_STATE = ServiceSpec(
     name="~/set_entity_state",
     type="simulation_interfaces/srv/SetEntityState",
     meaning="teleport a rigid body with the next step; it is then without velocity",
+)
+LOAD_WORLD = ServiceSpec(
+    name="~/load_world",
+    type="simulation_interfaces/srv/LoadWorld",
+    meaning="replace the scene by another one, from a file or a text; the present one steps on while the new one is "
+    "prepared. The node is then active and paused at time 0",
+)
+UNLOAD_WORLD = ServiceSpec(
+    name="~/unload_world",
+    type="simulation_interfaces/srv/UnloadWorld",
+    meaning="as the transitions deactivate and cleanup",
+)
+GET_CURRENT_WORLD = ServiceSpec(
+    name="~/get_current_world",
+    type="simulation_interfaces/srv/GetCurrentWorld",
+    meaning="answer name, file and description of the scene",
+)
+GET_AVAILABLE_WORLDS = ServiceSpec(
+    name="~/get_available_worlds",
+    type="simulation_interfaces/srv/GetAvailableWorlds",
+    meaning="list the scenes of config/scenes, and the .yaml files of the folders in `additional_sources`",
 )
 FOLLOW_TRAJECTORY = ServiceSpec(
     name="~/follow_joint_trajectory",
@@ -128,12 +183,22 @@ STANDARD_SERVICES = (
     STEP_SIMULATION,
     SIMULATE_STEPS,
     SPAWN_ENTITY,
+    SPAWN_ENTITIES,
     DELETE_ENTITY,
     GET_ENTITIES,
     GET_ENTITY_STATE,
+    GET_ENTITIES_STATES,
     SET_ENTITY_STATE,
+    GET_ENTITY_INFO,
+    GET_ENTITY_BOUNDS,
+    GET_SPAWNABLES,
+    GET_NAMED_POSES,
+    LOAD_WORLD,
+    UNLOAD_WORLD,
+    GET_CURRENT_WORLD,
+    GET_AVAILABLE_WORLDS,
 )
-"""Services offered if the package simulation_interfaces is installed."""
+"""Services offered if the package simulation_interfaces is installed, and its version has them."""
 ACTIONS = (FOLLOW_TRAJECTORY,)
 """Actions offered if the package control_msgs is installed."""
 

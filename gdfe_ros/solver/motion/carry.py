@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transfer of a motion to a body of the same shape with other materials, or to a scene with other rigid bodies."""
+"""Transfer of a motion to a body of the same shape with other materials, or to a scene with other free bodies."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
 import numpy as np
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.rigid_body import rigid_among
-from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.state import Saved, Snapshot
+from gdfe_ros.solver.motion import inertia, viscosity
+from gdfe_ros.solver.state import ElementState, Saved, Snapshot
 from gdfe_ros.solver.value import changed
 
 _Value = TypeVar("_Value")
@@ -40,31 +40,49 @@ def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
     return replace(moving, state=state, scene=fresh.scene)
 
 
-def with_bodies_of(moving: Snapshot, fresh: Snapshot, old: Sequence[Handle], new: Sequence[Handle]) -> Snapshot:
-    """Return a snapshot that continues a motion in a scene that differs in its rigid bodies only.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Correspondence:
+    """What each part of a new scene was in an old one; -1 marks what the old scene does not have.
 
-    Bodies of both scenes, the soft body, the contacts between them and the arms continue. A new body is at rest in its
-    rest pose, as in ``fresh``.
+    Attributes:
+        vertices: (n,) old index of each vertex, those of rigid bodies included.
+        cells: (m,) old index of each cell.
+        materials: (k,) old index of each material.
+        loose: (p,) old index of each freely moving part of the handles.
+    """
+
+    vertices: NDArray[np.intp]
+    cells: NDArray[np.intp]
+    materials: NDArray[np.intp]
+    loose: NDArray[np.intp]
+
+
+def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> Snapshot:
+    """Return a snapshot that continues a motion in a scene that differs in its rigid bodies and soft bodies only.
+
+    What both scenes have continues. A new body is at rest in its rest pose, as in ``fresh``. If soft bodies came or
+    went, contacts with the soft bodies start without a force: the next step finds the forces.
 
     Args:
         moving: snapshot in the old scene.
         fresh: snapshot in the new scene before its first step.
-        old: handles, obstacles and rigid bodies of the old scene.
-        new: those of the new scene.
+        same: what the parts of the new scene were in the old one.
     """
     before, start = moving.state, fresh.state
-    rows = _rows(old, new, len(start.positions))
-    loose = _matches(_loose(old), _loose(new))
-    terms = _known(before.terms, start.terms)
-    terms[inertia.NAME] = _moved_rows(before.terms[inertia.NAME], start.terms[inertia.NAME], rows, len(start.positions))
+    terms = {name: _continued(before.terms.get(name), own) for name, own in start.terms.items()}
+    terms[inertia.NAME] = _moved_rows(before.terms[inertia.NAME], start.positions, same.vertices)
+    if viscosity.NAME in terms:
+        terms[viscosity.NAME] = _of_viscosity(before.terms[viscosity.NAME], start.terms[viscosity.NAME], same.cells)
     state = before.with_(
-        positions=_taken(before.positions, start.positions, rows),
-        base=_taken(before.base, start.base, rows),
+        positions=_taken(before.positions, start.positions, same.vertices),
+        base=_taken(before.base, start.base, same.vertices),
         poses=_known(before.poses, start.poses),
-        slides=_taken(before.slides, start.slides, loose),
-        turns=_taken(before.turns, start.turns, loose),
+        slides=_taken(before.slides, start.slides, same.loose),
+        turns=_taken(before.turns, start.turns, same.loose),
         motion=None,
         terms=terms,
+        elements=_of_cells(before.elements, start.elements, same),
+        operators=start.operators,
         tangent=start.tangent,
         unfinished=None,
         proved=None,
@@ -77,23 +95,52 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, old: Sequence[Handle], new
     return replace(moving, state=state, targets=_known(moving.targets, fresh.targets), scene=fresh.scene)
 
 
-def _rows(old: Sequence[Handle], new: Sequence[Handle], count: int) -> NDArray[np.intp]:
-    """Return the old index of each of ``count`` vertices, or -1 for those of a new rigid body."""
+def _continued(old: Saved | None, own: Saved) -> Saved:
+    """Return the stored state of a term: the old one, or ``own`` with the old losses if it has other points now."""
+    if old is None:
+        return own
+    if all(np.shape(old.get(name, array)) == np.shape(array) for name, array in own.items()):
+        return old
+    return {**own, "lost": old["lost"]} if "lost" in old else own
+
+
+def _of_viscosity(old: Saved, own: Saved, cells: NDArray[np.intp]) -> Saved:
+    """Return the stored strains of viscosity, each cell's with the cell; a new cell is undeformed."""
+    each = len(own["strain"]) // len(cells)
+    rows = np.where(cells[:, None] < 0, -1, each * cells[:, None] + np.arange(each)).ravel()
+    found = {name: _taken(old[name], own[name], rows) for name in ("strain", "before")}
+    pairs = zip(old["branches"], own["branches"], strict=True)
+    branches = [_taken(held, fresh, rows) for held, fresh in pairs]
+    return {**old, **found, "branches": np.array(branches).reshape(own["branches"].shape)}
+
+
+def _of_cells(old: ElementState, new: ElementState, same: Correspondence) -> ElementState:
+    """Return the state of the elements, with the values of ``old`` in the cells and materials that it has."""
+    rows = {field.name: same.materials if field.name == "bulk" else same.cells for field in fields(ElementState)}
+    return ElementState(**{name: _taken(getattr(old, name), getattr(new, name), rows[name]) for name in rows})
+
+
+def match_vertices(
+    old: Sequence[Handle], new: Sequence[Handle], parts: NDArray[np.intp], count: int
+) -> NDArray[np.intp]:
+    """Return the old index of each of ``count`` vertices: ``parts`` (n,) for the soft bodies, then the rigid bodies."""
     known = {body.name: body.vertices for body in rigid_among(old)}
-    rows = np.arange(count)
+    rows = np.concatenate([parts, np.full(count - len(parts), -1)])
     for body in rigid_among(new):
         rows[body.vertices] = known.get(body.name, -1)
     return rows
+
+
+def match_loose(old: Sequence[Handle], new: Sequence[Handle]) -> NDArray[np.intp]:
+    """Return the old index of each freely moving part of the handles ``new``; -1 if ``old`` does not have it."""
+    before, after = _loose(old), _loose(new)
+    return np.array([before.index(name) if name in before else -1 for name in after], dtype=np.intp)
 
 
 def _loose(handles: Sequence[Handle]) -> list[tuple[str, int]]:
     """Return the name of each freely moving part of the handles, with its number within the handle."""
     pieces = [(handle.name, k, piece) for handle in handles for k, piece in enumerate(handle.pieces)]
     return [(name, k) for name, k, piece in pieces if piece.loose]
-
-
-def _matches(old: Sequence[tuple[str, int]], new: Sequence[tuple[str, int]]) -> NDArray[np.intp]:
-    return np.array([old.index(name) if name in old else -1 for name in new], dtype=np.intp)
 
 
 def _taken(old: NDArray[np.float64], new: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -103,12 +150,12 @@ def _taken(old: NDArray[np.float64], new: NDArray[np.float64], rows: NDArray[np.
     return found
 
 
-def _moved_rows(old: Saved, new: Saved, rows: NDArray[np.intp], count: int) -> Saved:
-    """Return the stored inertia ``old`` with other rows: a row that -1 marks has the rest position and no motion."""
+def _moved_rows(old: Saved, positions: NDArray[np.float64], rows: NDArray[np.intp]) -> Saved:
+    """Return the stored inertia ``old`` with other rows: a row that -1 marks is at ``positions`` (n, 3) and at rest."""
     found = {}
     for name, array in old.items():
         if len(array) > 1:
-            rest = new["positions"] if name in ("positions", "before") else np.zeros((count, *array.shape[1:]))
+            rest = positions if name in ("positions", "before") else np.zeros((len(rows), *array.shape[1:]))
             array = _taken(array, rest, rows)
         found[name] = array
     return found

@@ -30,7 +30,7 @@ def put_elsewhere(
 
     ``places`` is a dict from body name to pose, relative to the body's rest pose.
     """
-    vertices = _vertices(body, places)
+    vertices = vertices_of(body, places)
     slides, turns = handles.put(state.slides, state.turns, places)
     positions = state.positions.copy()
     positions[vertices] = handles.placed(state.base, slides, turns)[vertices]
@@ -62,19 +62,22 @@ def require_free(body: Body, state: State, names: Collection[str]) -> None:
         raise OverlapError("; ".join(text for text in found if text))
 
 
-def pulled(state: State, places: Mapping[str, Pose], acceleration: NDArray[np.float64], body: Body) -> State:
-    """Return ``state`` with the accelerations of the rigid bodies in ``places`` replaced.
+def pulled(state: State, vertices: NDArray[np.int32], acceleration: NDArray[np.float64]) -> State:
+    """Return ``state`` in which ``vertices`` have these rows of ``acceleration`` (n, 3) [m/s^2], but no velocity yet.
 
-    The new accelerations are the rows of ``acceleration`` (n, 3) [m/s^2] for the bodies' vertices.
+    The previous step is the one that a motion with this constant acceleration would have had.
     """
-    vertices, kept = _vertices(body, places), dict(state.terms[inertia.NAME])
-    for name in ("acceleration", "balanced"):
+    kept, pull = dict(state.terms[inertia.NAME]), acceleration[vertices]
+    h, places = float(kept["h"][0]), kept["positions"][vertices]
+    rows = {"acceleration": pull, "balanced": pull, "before": places + 0.5 * h * h * pull, "velocity_before": -h * pull}
+    for name, values in rows.items():
         kept[name] = kept[name].copy()
-        kept[name][vertices] = acceleration[vertices]
+        kept[name][vertices] = values
     return state.with_(terms={**state.terms, inertia.NAME: kept})
 
 
-def _vertices(body: Body, places: Mapping[str, Pose]) -> NDArray[np.int32]:
+def vertices_of(body: Body, places: Collection[str]) -> NDArray[np.int32]:
+    """Return the vertices of the rigid bodies whose names are in ``places``."""
     return np.concatenate([each.vertices for each in body.rigid_bodies if each.name in places])
 
 

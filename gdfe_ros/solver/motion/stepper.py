@@ -22,7 +22,7 @@ from gdfe_ros.solver.motion.integrator import Integrator
 from gdfe_ros.solver.motion.internal_step import InternalStep, Trial, failed, unfolded
 from gdfe_ros.solver.motion.ledger import Accounts, Ceiling, told
 from gdfe_ros.solver.motion.mass import FreeMass
-from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free
+from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free, vertices_of
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.settings import Skip, SolverSettings
 from gdfe_ros.solver.solution import Solution
@@ -190,14 +190,19 @@ class MotionStepper:
         """
         found = put_elsewhere(self.body, self.equilibrium.handles, self.actuation, state, places)
         require_free(self.body, found, places)
-        if self._began(state):
-            still = found.with_(terms={**found.terms, inertia.NAME: self.at_rest().terms[inertia.NAME]})
-            found = pulled(found, places, self._free_mass.accelerated(-self.equilibrium.forces(still)), self.body)
+        found = self.released(found, vertices_of(self.body, places))
         before = self.actuation.balance(state.positions, state.commands)
         after = self.actuation.balance(found.positions, state.commands)
         kinetic = [self._accounts.energies(each, self.velocities(each))["kinetic"] for each in (state, found)]
         work = state.ledger.work + after.potential - before.potential + kinetic[1] - kinetic[0]
         return found.with_(balance=after, ledger=changed(found.ledger, work=work))
+
+    def released(self, state: State, vertices: NDArray[np.int32]) -> State:
+        """Return ``state`` in which ``vertices``, which do not move, have the accelerations by their forces."""
+        if not self._began(state):
+            return state
+        still = state.with_(terms={**state.terms, inertia.NAME: self.at_rest().terms[inertia.NAME]})
+        return pulled(state, vertices, self._free_mass.accelerated(-self.equilibrium.forces(still)))
 
     def unbalanced(self, state: State) -> float:
         """Return the energy [J] that is not accounted for: kinetic + elastic + potential + dissipated - work."""

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Services of ``simulation_interfaces`` for worlds: a world is a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+from gdfe_ros.errors import GdfeError, SceneError
+from gdfe_ros.node.interface import services
+from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.resources import WORLDS, files_in, path_of
+from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.standard_answers import Refused, ResultCode, done, failed, later
+from gdfe_ros.node.standard_offer import offer
+from gdfe_ros.scene.loader import load_scene, scene_from_text, scene_names
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.share import share_dir
+from gdfe_ros.simulation import Simulation
+
+_LONGEST = 1_000_000
+"""Largest number of characters of a scene's text in an answer; longer texts contain meshes."""
+
+
+class Worlds:
+    """Loads other scenes into a node while it runs.
+
+    The present scene steps on while the new one is loaded, factored and compiled in a thread. Then the new one takes
+    its place, active and paused at time 0; spawned bodies, commands and a bag end with the present scene.
+
+    Args:
+        node: node that offers the services.
+        session: function that returns the running session, or None.
+        load: function that starts a session of a simulation in place of the present one, in the executor's thread.
+        unload: function that ends the present session.
+
+    Attributes:
+        loading: whether a scene is being loaded.
+    """
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        session: Callable[[], SimulationSession | None],
+        *,
+        load: Callable[[Simulation], None],
+        unload: Callable[[], None],
+    ) -> None:
+        self._node, self._session, self._start, self._end = node, session, load, unload
+        self.loading = False
+        offered = {
+            services.LOAD_WORLD: self._load,
+            services.UNLOAD_WORLD: self._unload,
+            services.GET_CURRENT_WORLD: self._get_current,
+            services.GET_AVAILABLE_WORLDS: self._get_available,
+        }
+        offer(node, offered)
+
+    def _load(self, request: Any, response: Any) -> Future[Any]:
+        resource, state = getattr(request, "world_resource", request), self._node.lifecycle_state
+        uri, text = resource.uri, resource.resource_string
+        if self.loading or state not in ("unconfigured", "inactive", "active"):
+            what = "another world is being loaded" if self.loading else f"the node is {state}"
+            raise Refused(ResultCode.INCORRECT_STATE, f"{what}; ask again later")
+        if not (uri or text):
+            raise Refused(ResultCode.WORLD_NO_RESOURCE, "uri and resource_string are empty; one must state the scene")
+        self.loading, work = True, Future()
+        built: list[Simulation | Exception] = []
+
+        def build() -> None:
+            try:
+                built.append(Simulation(_scene(uri, text)))
+                built[0].warm_up()
+            except Exception as error:
+                built[:] = [error]
+
+        def finish() -> None:
+            self.loading = False
+            try:
+                work.set_result(self._replace(built.pop()))
+            except Exception as error:
+                work.set_exception(error)
+
+        self._node.in_background(build, finish, name="world")
+        return later(work, response, lambda response, scene: _describe(response.world, scene))
+
+    def _replace(self, built: Simulation | Exception) -> Scene:
+        """Start a session of a new simulation, and return its scene; raise the exception that prevented it."""
+        if isinstance(built, SceneError):
+            raise Refused(ResultCode.WORLD_PARSE_ERROR, str(built)) from built
+        if isinstance(built, Exception):
+            raise built
+        session, state = self._session(), self._node.lifecycle_state
+        if state not in ("unconfigured", "inactive", "active"):
+            raise GdfeError(f"the node is {state} meanwhile; the world was not loaded")
+        if session is not None:
+            session.interrupt("load_world ended it")
+        self._start(built)
+        return built.scene
+
+    def _unload(self, request: Any, response: Any) -> Any:
+        self._require_world().interrupt("unload_world ended it")
+        self._end()
+        return done(response)
+
+    def _get_current(self, request: Any, response: Any) -> Any:
+        _describe(response.world, self._require_world().scene)
+        return done(response)
+
+    def _require_world(self) -> SimulationSession:
+        session = self._session()
+        if session is None:
+            text = "no world is loaded; remedy: ~/load_world, or the transition `configure`"
+            raise Refused(ResultCode.NO_WORLD, text)
+        return session
+
+    def _get_available(self, request: Any, response: Any) -> Any:
+        import simulation_interfaces.msg
+
+        sources = getattr(request, "additional_sources", None) or getattr(request, "sources", ())
+        others, wrong = files_in(sources, WORLDS)
+        own = [share_dir() / "config" / "scenes" / f"{name}.yaml" for name in scene_names()]
+        if not request.filter.tags:  # scenes have no tags
+            for path in (*own, *others):
+                world = simulation_interfaces.msg.WorldResource(name=path.stem)
+                _resource(world).uri = path.absolute().as_uri()
+                response.worlds.append(world)
+        if wrong and not getattr(request, "continue_on_error", True):
+            return failed(response, ResultCode.SOURCES_FAILED, wrong)
+        response.result.error_message = wrong
+        return done(response)
+
+
+def _scene(uri: str, text: str) -> Scene:
+    """Return the scene of a URI, of a name in config/scenes, or of a text.
+
+    Raises:
+        Refused: the URI is neither of a file nor a name.
+        SceneError: the scene has defects.
+    """
+    if not uri:
+        return scene_from_text(text, origin="resource_string")
+    named: str | Path = uri if uri in scene_names() else path_of(uri, WORLDS, code=ResultCode.WORLD_FORMAT)
+    return load_scene(named)
+
+
+def _resource(world: Any) -> Any:
+    """Return the part of a ``WorldResource`` with its URI; version 2 has a message of its own for it."""
+    return getattr(world, "world_resource", world)
+
+
+def _describe(world: Any, scene: Scene) -> None:
+    """Write name, description and file of a scene into a ``WorldResource``; without a file, its text."""
+    world.name, world.description, resource = scene.name, scene.description, _resource(world)
+    if scene.path is not None:
+        resource.uri = scene.path.absolute().as_uri()
+    elif hasattr(resource, "resource_string") and len(scene.source) <= _LONGEST:
+        resource.resource_string = scene.source

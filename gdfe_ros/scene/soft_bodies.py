@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Soft bodies beside the body of a scene, which selections without a body's name do not see.
+
+They can therefore join and leave a scene whose handles, regions and loads stay what they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.mesh import HexMesh, Mesh, TetMesh, select_cells
+from gdfe_ros.mesh.assembly import assemble
+from gdfe_ros.mesh.mesh import MeshPart
+from gdfe_ros.mesh.quality import list_ids
+from gdfe_ros.scene.builder import holder_of, select
+from gdfe_ros.scene.meshes import Carried, build_part, of_tetrahedra, require_apart
+from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
+from gdfe_ros.scene.schema import Draft, SoftBodyModel
+
+MAIN = "mesh"
+"""Name of the body of a scene with the key `mesh`, among the parts of the whole mesh."""
+
+
+def parts_of(mesh: Mesh) -> dict[str, MeshPart]:
+    """Return a dict from name to each mesh of a scene's mesh; a single mesh has the name `MAIN`."""
+    return dict(mesh.parts) or {MAIN: MeshPart(mesh, np.zeros(3), np.eye(3))}
+
+
+def build_soft_bodies(draft: Draft, mesh: Mesh | None, carried: Carried, report: Defects) -> dict[str, MeshPart]:
+    """Return a dict from name to each valid soft body; report clashes of names, and bodies that overlap.
+
+    Args:
+        draft: valid parts of the file.
+        mesh: the body of the scene; None if it has defects.
+        carried: receives the entries with the contents of their files.
+        report: collects the defects.
+    """
+    if not draft.soft_bodies or mesh is None:
+        return {}
+    if draft.dynamics is None and not report.concerns("dynamics"):
+        text = "nothing holds them; remedy: `dynamics: {}`, with which they can move"
+        report.add(("soft_bodies",), text, value=NO_VALUE)
+    own, found = parts_of(mesh), {}
+    for name, model in draft.soft_bodies.items():
+        path = ("soft_bodies", name)
+        taken = "the body" if name in own else holder_of(name, draft, "handles", "obstacles", "bodies")
+        if taken is not None:
+            report.add(path, f"{taken} has this name; remedy: another one", value=NO_VALUE)
+            continue
+        part = build_part(model, path, carried, report)
+        if part is None:
+            continue
+        if isinstance(mesh, TetMesh):
+            part = of_tetrahedra(path, part, report)
+        elif isinstance(part.mesh, TetMesh):
+            text = "it has tetrahedra, and the body of this scene has hexahedra; remedy: a mesh of hexahedra"
+            report.add(path, text, value=NO_VALUE)
+            continue
+        found[name] = part
+    require_apart({**own, **found}, "soft_bodies", report, among=found)
+    return found
+
+
+def with_soft_bodies(mesh: HexMesh | None, bodies: Mapping[str, MeshPart]) -> HexMesh | None:
+    """Return a mesh of the body and of the soft bodies after it; ids of the body's vertices and cells stay."""
+    return assemble({**parts_of(mesh), **bodies}) if bodies and mesh is not None else mesh
+
+
+def assign_soft_materials(
+    draft: Draft, bodies: Mapping[str, MeshPart], names: Sequence[str], report: Defects
+) -> NDArray[np.int32]:
+    """Return the index into ``names`` of the material of each cell of the soft bodies (m,), int32; -1: none."""
+    each = [_materials(name, draft.soft_bodies[name], part.mesh, names, report) for name, part in bodies.items()]
+    return np.concatenate([np.zeros(0, dtype=np.int32), *each])
+
+
+def _materials(name: str, model: SoftBodyModel, mesh: Mesh, names: Sequence[str], report: Defects) -> NDArray[np.int32]:
+    """Return the index into ``names`` of each cell's material; -1 for a cell without a material."""
+    path, assigned = ("soft_bodies", name), np.full(mesh.n_cells, -1, dtype=np.int32)
+    wanted = [(model.material, None, (*path, "material"))] if model.material is not None else []
+    wanted += [(each.material, each.where, (*path, "regions", i)) for i, each in enumerate(model.regions)]
+    sound = True
+    for material, where, place in wanted:
+        cells = select(select_cells, mesh, where, (*place, "where"), "cell", report)
+        if material not in names:
+            key = place if place[-1] == "material" else (*place, "material")
+            report.add(key, f"there is no such material{suggest(material, names)}")
+        sound &= material in names and cells is not None
+        if material in names and cells is not None:
+            assigned[cells] = names.index(material)
+    bare = np.flatnonzero(assigned < 0)
+    if sound and len(bare):
+        text = f"{len(bare)} cells have no material: {list_ids(bare)}; remedy: begin with a region without `where`"
+        report.add((*path, "regions"), text, value=NO_VALUE)
+    return assigned

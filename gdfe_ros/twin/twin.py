@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulation that follows a robot's commands in real time, is compared with measurements, and fits its moduli."""
+
+from __future__ import annotations
+
+import csv
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.live.session import LiveSession
+from gdfe_ros.live.view import View
+from gdfe_ros.node.orders import ActuatorOrder
+from gdfe_ros.node.remodelling import moduli_of
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.twin.comparison import Comparison, Deviation, Sample
+from gdfe_ros.twin.estimator import ModulusEstimator
+
+SMALLEST = 0.005
+"""Least correction of a modulus, as a fraction, for which the simulation is built anew."""
+LARGEST = 0.5
+"""Largest change of the logarithm of a modulus at once; a larger one is taken in parts, each linearised anew."""
+_PERIOD = 1.0
+"""Shortest time between two changes of moduli [s]."""
+_HEAD = ("stamp [s]", "probe", *(f"{kind} {axis} [m]" for kind in ("measured", "simulated") for axis in "xyz"))
+
+
+class Twin:
+    """A simulation beside a robot.
+
+    Args:
+        simulation: simulation that is ready to step.
+        moduli: names of the materials whose Young's moduli are fitted; none: the simulation is only compared.
+        dt: time of a step [s], in simulation time and in real time.
+        noise: standard deviation of the measured positions along an axis [m].
+        delay: time by which the stamps of measurements are late [s].
+        window: uncertainty of the times of commands and measurements [s]: while the simulation moves within this time,
+            a measurement counts as that much less exact.
+        record: path of a CSV file for all measurements beside the simulated positions; None: none is written.
+        told: function that is called with the view of each step, in the stepping thread.
+        warn: function that receives texts for the user.
+
+    Attributes:
+        session: steps the simulation, for a page.
+        latest: dict from probe to its last comparison.
+        compared: number of measurements that were compared.
+
+    Raises:
+        GdfeError: a material has no modulus, the scene has no probes, or the file exists or cannot be written.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        moduli: Sequence[str] = (),
+        dt: float = 0.02,
+        noise: float = 1e-3,
+        delay: float = 0.0,
+        window: float = 0.3,
+        record: Path | None = None,
+        told: Callable[[View], None] = lambda view: None,
+        warn: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        _require(simulation, moduli)
+        self._names, self._told, self._warn = tuple(moduli), told, warn
+        self._noise, self._delay = noise, delay
+        self._estimator, self._comparison = ModulusEstimator(len(self._names)), Comparison(dt, window)
+        self._lock, self._changed, self._change = threading.Lock(), 0.0, None
+        self._file = None if record is None else record.open("x", newline="", encoding="utf-8")
+        self._table = None if self._file is None else csv.writer(self._file)
+        if self._table is not None:
+            self._table.writerow((*_HEAD, "distance [m]", *(f"{name} [Pa]" for name in self._names)))
+        self.latest: dict[str, Deviation] = {}
+        self.compared, self._idle = 0, True
+        self.session = LiveSession(simulation, dt=dt, told=self._take, warn=warn)
+
+    def start(self) -> None:
+        """Start the stepping thread."""
+        self.session.start()
+
+    def stop(self) -> None:
+        """End the stepping thread, and complete the file."""
+        self.session.stop()
+        if self._file is not None:
+            self._file.close()
+
+    @property
+    def moduli(self) -> dict[str, float]:
+        """Present Young's moduli [Pa] of the fitted materials."""
+        return {name: self.session.moduli[name] for name in self._names}
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """Relative standard deviations of the moduli, as far as the assumed noise is right."""
+        with self._lock:
+            return dict(zip(self._names, self._estimator.deviations.tolist(), strict=True)) if self._names else {}
+
+    def command(self, values: Mapping[str, float]) -> None:
+        """Queue commands of the robot for the next step."""
+        self.session.command("commands", ActuatorOrder(dict(values)))
+
+    def measure(self, stamp: float, probe: str, place: NDArray[np.float64]) -> None:
+        """Add a measured position (3,) [m] of a probe with its stamp [s]; what is not finite is ignored."""
+        if np.isfinite(place).all() and np.isfinite(stamp):
+            with self._lock:
+                self._comparison.measure(stamp - self._delay, probe, place)
+
+    def update(self) -> list[Deviation]:
+        """Compare the measurements that have come since the last call, and change the moduli if it is time to."""
+        now = time.time()
+        with self._lock:
+            found = self._comparison.pairs(now, idle=self._idle)
+            for each in found:
+                self.latest[each.probe] = each
+                sigma = float(np.hypot(self._noise, each.spread))
+                if each.derivatives is not None and self._change is None:
+                    self._estimator.add(each.stamp, each.measured - each.simulated, each.derivatives, sigma)
+        self.compared += len(found)
+        self._write(found)
+        self._adapt(now)
+        return found
+
+    def _take(self, view: View) -> None:
+        """Keep the state of a step with its derivatives; called in the stepping thread."""
+        simulation = self.session.simulation
+        places = {name: point.at(view.positions)[0] for name, point in simulation.scene.probes.items()}
+        sample = Sample(stamp=time.time(), places=places, derivatives=self._derivatives(simulation))
+        with self._lock:
+            self._comparison.add(sample)
+            self._idle = simulation.settled
+        self._told(view)
+
+    def _derivatives(self, simulation: Simulation) -> dict[str, NDArray[np.float64]] | None:
+        """Return the derivatives of the probes with respect to the logarithms of the moduli."""
+        probes, moduli = list(simulation.scene.probes), moduli_of(simulation.scene)
+        if not self._names or simulation.result is None or not simulation.result.converged:
+            return None
+        parameters = [f"materials.{name}.young" for name in self._names]
+        try:
+            found = simulation.sensitivities([f"probes.{name}" for name in probes], parameters)
+        except GdfeError as error:  # e.g. at a saddle: this state says nothing about the modulus
+            self._warn(f"no derivatives at {simulation.time:.2f} s: {error}")
+            return None
+        scale = np.array([moduli[name] for name in self._names])
+        return {name: found.matrix[3 * i : 3 * i + 3] * scale for i, name in enumerate(probes)}
+
+    def _adapt(self, now: float) -> None:
+        """Give the simulation the estimated moduli, if they differ enough and the last change is done."""
+        if self._change is not None and self._change.done():
+            change, self._change = self._change, None
+            if (error := change.exception()) is not None:
+                self._warn(f"the moduli were not changed: {error}")
+        if not self._names or self._change is not None or now - self._changed < _PERIOD:
+            return
+        with self._lock:
+            step = np.clip(self._estimator.correction, -LARGEST, LARGEST)
+        if np.abs(step).max() < SMALLEST:
+            return
+        wanted = {name: young * float(np.exp(d)) for (name, young), d in zip(self.moduli.items(), step, strict=True)}
+        with self._lock:
+            self._estimator.settle(step)
+            self._comparison.forget()
+        self._changed, self._change = now, self._replaced(wanted)
+
+    def _replaced(self, moduli: Mapping[str, float]) -> Future[None]:
+        """Change the moduli between two steps."""
+        return self.session.set_moduli(moduli)
+
+    def _write(self, found: Sequence[Deviation]) -> None:
+        if self._table is None:
+            return
+        moduli = [f"{young:.6g}" for young in self.moduli.values()]
+        for each in found:
+            numbers = (*each.measured.tolist(), *each.simulated.tolist(), each.distance)
+            self._table.writerow((f"{each.stamp:.6f}", each.probe, *(f"{number:.9g}" for number in numbers), *moduli))
+
+
+def _require(simulation: Simulation, moduli: Sequence[str]) -> None:
+    """Raise a `GdfeError` if there is nothing to compare, or a material has no modulus to fit."""
+    scene, known = simulation.scene, moduli_of(simulation.scene)
+    if not scene.probes:
+        raise GdfeError(f"scene {scene.name!r} has no probes, whose positions are compared; add the key `probes`")
+    for name in moduli:
+        if name not in known:
+            text = f"material {name!r} has no Young's modulus to fit; {did_you_mean(name, known)}".rstrip("; ")
+            raise GdfeError(f"{text}; materials with one: {', '.join(known) or 'none'}")

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Soft bodies as entities of simulation_interfaces, and the services that answer what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from std_srvs.srv import Trigger
+
+CUBE = """{bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]},
+  material: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1070}}"""
+BOX = "{box: {size: [0.03, 0.03, 0.03]}, mass: 0.02}"
+OK, FAILED, PARSE, NOT_UNIQUE, SOME_FAILED, UNSUPPORTED = 1, 4, 106, 101, 150, 0
+PLACE = (0.3, 0.0, 0.2)
+
+
+class _Bodies:
+    """A client of the services for entities."""
+
+    def __init__(self, client: Any) -> None:
+        from simulation_interfaces import msg, srv
+
+        self._client, self._srv, self._msg = client, srv, msg
+
+    def ask(self, kind: str, service: str, **fields: Any) -> Any:
+        request = getattr(self._srv, kind).Request(**fields)
+        return self._client.call(getattr(self._srv, kind), service, request)
+
+    def spawn(self, name: str, text: str = CUBE, at: Any = PLACE) -> Any:
+        wanted = self.wanted(name, text, at)
+        fields = {key: getattr(wanted, key) for key in wanted.get_fields_and_field_types()}
+        return self.ask("SpawnEntity", "spawn_entity", **fields)
+
+    def wanted(self, name: str, text: str, at: Any) -> Any:
+        found = self._msg.SpawnEntity(name=name)
+        found.entity_resource.resource_string = text
+        place = found.initial_pose.pose.position
+        place.x, place.y, place.z = map(float, at)
+        return found
+
+    def filters(self, **fields: Any) -> Any:
+        return self._msg.EntityFilters(**fields)
+
+    def bounds(self, kind: int, *points: Any) -> Any:
+        from geometry_msgs.msg import Vector3
+
+        corners = [Vector3(**dict(zip("xyz", map(float, point), strict=True))) for point in points]
+        return self._msg.Bounds(type=kind, points=corners)
+
+    def names(self, **fields: Any) -> list[str]:
+        return list(self.ask("GetEntities", "get_entities", filters=self.filters(**fields)).entities)
+
+
+@pytest.fixture
+def bodies(client: Any, interfaces: Callable, start: Callable, slab: Path) -> _Bodies:
+    """Give a client of the services of a node with a slab and a rigid part, in lockstep."""
+    interfaces("simulation_interfaces")
+    start(scene=str(slab), clock="lockstep", dt=0.005)
+    client.wait(client.records)
+    return _Bodies(client)
+
+
+def _steps(client: Any, count: int) -> None:
+    for _ in range(count):
+        response = client.call(Trigger, "step", Trigger.Request())
+        assert response.success, response.message
+
+
+def test_a_soft_body_joins_falls_is_asked_and_leaves(client: Any, bodies: _Bodies) -> None:
+    """A soft cube joins a moving scene, falls by g t^2 / 2, has tags, bounds and a modulus, and leaves again."""
+    _steps(client, 3)
+    before = client.mesh()
+    spawned = bodies.spawn("gel")
+    assert (spawned.result.result, spawned.entity_name) == (OK, "gel"), spawned.result.error_message
+    assert "self_contact" in spawned.result.error_message
+    client.wait(lambda: len(client.mesh()) == len(before) + 27)
+    assert np.abs(client.mesh()[: len(before)] - before).max() == 0.0
+    assert bodies.names() == ["part", "gel"]
+    _steps(client, 4)
+    state = bodies.ask("GetEntityState", "get_entity_state", entity="gel").state
+    assert state.twist.linear.z == pytest.approx(-9.81 * 0.02, rel=1e-2)
+    assert state.pose.position.z == pytest.approx(PLACE[2] - 0.5 * 9.81 * 0.02**2, abs=5e-4)
+    info = bodies.ask("GetEntityInfo", "get_entity_info", entity="gel").info
+    assert (list(info.tags), info.description) == (["soft", "spawned"], "a soft body of 8 cells")
+    box = bodies.ask("GetEntityBounds", "get_entity_bounds", entity="gel").bounds
+    corners = np.array([[each.x, each.y, each.z] for each in box.points])
+    assert box.type == 1
+    assert corners == pytest.approx(np.array([[0.03, 0.015, 0.015], [0.0, -0.015, -0.015]]), abs=1e-5)
+    assert client.set(**{"materials.gel.young": 5.0e4})[0].successful
+    _steps(client, 2)
+    assert client.record().converged
+    assert bodies.ask("DeleteEntity", "delete_entity", entity="gel").result.result == OK
+    client.wait(lambda: len(client.mesh()) == len(before))
+    assert bodies.names() == ["part"]
+    _steps(client, 2)
+    assert client.record().converged
+
+
+def test_several_bodies_join_in_one_request(client: Any, bodies: _Bodies) -> None:
+    """Each entry has a result; a bad one does not hinder the others; states come with names, by filters."""
+    wanted = [
+        bodies.wanted("a", CUBE, PLACE),
+        bodies.wanted("a", CUBE, (0.4, 0, 0.2)),
+        bodies.wanted("b", "{bar: 3, material: {}}", PLACE),
+        bodies.wanted("c", BOX, (0.5, 0, 0.2)),
+    ]
+    answer = bodies.ask("SpawnEntities", "spawn_entities", spawn_requests=wanted)
+    assert answer.result.result == SOME_FAILED
+    assert "2 of 4 joined; results[1]" in answer.result.error_message
+    assert [each.result.result for each in answer.results] == [OK, NOT_UNIQUE, FAILED, OK]
+    assert bodies.names() == ["part", "c", "a"]
+    tags = bodies.filters().tags
+    tags.tags = ["soft"]
+    assert bodies.names(tags=tags) == ["a"]
+    near = bodies.bounds(3, (0.5, 0, 0.2), (0.05, 0, 0))
+    states = bodies.ask("GetEntitiesStates", "get_entities_states", filters=bodies.filters(bounds=near))
+    assert list(states.entities) == ["c"]
+    assert states.states[0].pose.position.x == pytest.approx(0.5)
+    hull = bodies.ask("GetEntities", "get_entities", filters=bodies.filters(bounds=bodies.bounds(2, PLACE)))
+    assert hull.result.result == UNSUPPORTED
+    too_many = [bodies.wanted("x", BOX, PLACE)] * 101
+    assert (
+        "allowed: up to 100"
+        in bodies.ask("SpawnEntities", "spawn_entities", spawn_requests=too_many).result.error_message
+    )
+    assert bodies.ask("ResetSimulation", "reset_simulation", scope=4).result.result == OK
+    assert bodies.names() == ["part"]
+
+
+def test_what_can_be_spawned_is_listed_and_can_be_spawned(client: Any, bodies: _Bodies, tmp_path: Path) -> None:
+    """Each listed URI joins; folders in `sources` are listed without their subfolders; named poses have kinds."""
+    (tmp_path / "more.yaml").write_text(BOX)
+    (tmp_path / "more.txt").write_text(BOX)
+    found = bodies.ask("GetSpawnables", "get_spawnables", sources=[str(tmp_path), "/nowhere"])
+    uris = [each.uri for each in found.spawnables]
+    assert [Path(uri).stem for uri in uris] == ["box", "soft_ball", "soft_cube", "more", "slab"]
+    assert "/nowhere" in found.result.error_message
+    for number, uri in enumerate(uris[:3]):
+        from simulation_interfaces.srv import SpawnEntity
+
+        request = SpawnEntity.Request(name=f"body{number}")
+        request.entity_resource.uri = uri
+        place = request.initial_pose.pose.position
+        place.x, place.z = 0.3 + 0.1 * number, 0.2
+        answer = client.call(SpawnEntity, "spawn_entity", request)
+        assert answer.result.result == OK, answer.result.error_message
+    _steps(client, 1)
+    assert client.record().converged
+    poses = bodies.ask("GetNamedPoses", "get_named_poses").poses
+    assert {each.tags[0] for each in poses} <= {"handle", "obstacle", "probe"}
+    assert poses
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "reason"),
+    [
+        ("{bar: {size: [0.03, 0.03, 0.03], cells: [100, 100, 100]}, material: {}}", PARSE, "1000000 cells; allowed"),
+        (CUBE.replace("material:", "at: [0, 0, 0], material:"), PARSE, "initial_pose states the place"),
+        (CUBE.replace("neo_hookean", "jelly"), FAILED, "jelly"),
+        (CUBE.replace(", density: 1070", ""), FAILED, "density"),
+        ("{mesh: {bar: {}}, handles: {}, material: {}}", PARSE, "it has handles; allowed for a body that joins"),
+        ("{mesh: {file: ../../x.msh}, material: {law: linear, young: 1, poisson: 0}}", FAILED, "x.msh"),
+        ("{mesh: {file: /dev/zero}, material: {law: linear, young: 1, poisson: 0}}", FAILED, "zero"),
+        ("{bar: {}, materials: {'a.b': {}}, regions: []}", PARSE, "a.b; allowed: letters"),
+        ("{bar: {}, materials: [1], regions: []}", PARSE, "a mapping `materials`"),
+    ],
+)
+def test_a_soft_body_that_cannot_join_is_refused(
+    client: Any, bodies: _Bodies, text: str, code: int, reason: str
+) -> None:
+    """A defect is named with its code; the simulation goes on."""
+    answer = bodies.spawn("gel", text).result
+    assert (answer.result, reason in answer.error_message) == (code, True), answer.error_message
+    assert bodies.names() == ["part"]
+    _steps(client, 1)
+    assert client.record().converged
