@@ -180,6 +180,16 @@ def depth_in(x, surface, inner, box, e, v, bound):
     return depth_below(x, surface.quads, surface.touchable, first, last, v, v - len(surface.rest), bound)
 
 
+@inlined
+def bins_between(first, last, edge, count):
+    """Return the first and the last of ``count`` bins between two distances [m] from the lowest bin's beginning.
+
+    For distances beyond all bins they are 0 and -1: no bin.
+    """
+    begin, end = max(0, math.floor(first / edge)), min(count - 1, math.floor(last / edge))
+    return (begin, end) if begin <= end else (0, -1)
+
+
 @kernel
 def find_inside(x, surface, inner, bound, depth, cell):
     """Find the surface vertices inside cells, and their depth below the faces of the cell's connected piece.
@@ -206,11 +216,9 @@ def find_inside(x, surface, inner, bound, depth, cell):
     edge, n0, n1, n2 = edge * coarser, int(s0 / coarser) + 1, int(s1 / coarser) + 1, int(s2 / coarser) + 1
     starts, order = sorted_into_bins(x, vertices, low, edge, n0, n1, n2)
     for e in range(len(cells)):
-        i0, i1 = max(0, int((boxes[e, 0, 0] - low[0]) / edge)), min(n0 - 1, int((boxes[e, 1, 0] - low[0]) / edge))
-        j0, j1 = max(0, int((boxes[e, 0, 1] - low[1]) / edge)), min(n1 - 1, int((boxes[e, 1, 1] - low[1]) / edge))
-        k0, k1 = max(0, int((boxes[e, 0, 2] - low[2]) / edge)), min(n2 - 1, int((boxes[e, 1, 2] - low[2]) / edge))
-        if k0 > k1:  # no vertex is as high, or as low
-            continue
+        i0, i1 = bins_between(boxes[e, 0, 0] - low[0], boxes[e, 1, 0] - low[0], edge, n0)
+        j0, j1 = bins_between(boxes[e, 0, 1] - low[1], boxes[e, 1, 1] - low[1], edge, n1)
+        k0, k1 = bins_between(boxes[e, 0, 2] - low[2], boxes[e, 1, 2] - low[2], edge, n2)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 row = (i * n1 + j) * n2

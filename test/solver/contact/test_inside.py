@@ -9,9 +9,10 @@ import pytest
 from benchmarks.self_contact import stack
 from benchmarks.torture.bodies import distance
 from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.compiled import kernel
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact import inside
 from gdfe_ros.solver.contact.own_contact import DEEPEST, OwnContact
+from gdfe_ros.solver.contact.penetration import bins_between
 
 BLOCKS = """
 name: blocks
@@ -170,10 +171,14 @@ def test_plates_of_one_cell_that_overlap_in_their_plane_are_told(overlap: float)
     assert "mesh 'low' lies 0.001 m inside of mesh 'high'" in text or "mesh 'high' lies 0.001 m" in text
 
 
-def test_cells_above_and_below_all_vertices_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where only a part of the surface touches, cells far beyond it look into no bin that does not exist."""
-    monkeypatch.setattr(inside, "find_inside", inside.find_inside.py_func)  # checks each index
-    tall = {"bar": {"size": [0.05, 0.05, 0.5], "cells": [1, 1, 10]}, "at": [0, 0, 0.28]}
-    where = {"box": {"z": [0.02, 0.04]}}
-    simulation = Simulation(scene_from_text(BLOCKS, overrides={"meshes.high": tall, "self_contact.where": where}))
-    assert deepest(simulation) == 0.0
+@kernel
+def _bins(first: float, last: float, count: int) -> tuple[int, int]:
+    return bins_between(first, last, 1.0, count)
+
+
+@pytest.mark.parametrize(("first", "last"), [(-9.0, -0.5), (4.0, 4.5), (11.0, 13.0)])
+def test_no_bins_are_read_beyond_those_of_the_vertices(first: float, last: float) -> None:
+    """A cell that ends below the first of four bins, or begins above the last one, has none of them."""
+    assert _bins(first, last, 4) == (0, -1)
+    assert _bins(0.5, 2.5, 4) == (0, 2)
+    assert _bins(first - 20.0, last + 20.0, 4) == (0, 3)
