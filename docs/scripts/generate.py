@@ -29,6 +29,7 @@ from benchmarks import (
 from benchmarks.coarse_meshes import table as coarse_meshes
 from benchmarks.loop import table as loop_tables
 from benchmarks.markdown import markdown_table, replace_tables
+from benchmarks.measured_robots import membrane, rubber
 from benchmarks.node import tables as node_tables
 from benchmarks.report import KEPT, read_report
 from benchmarks.tables import all_tables
@@ -87,6 +88,8 @@ TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "factors": factors.table,
     "loop": loop_tables.make_loop_table,
     "manners": manners_table,
+    "measured_membrane": membrane.membrane_table,
+    "measured_rubber": rubber.rubber_table,
     "motion": motion.all_tables,
     "robots": robots.robot_table,
     "since": since.since_table,
