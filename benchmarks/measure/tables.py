@@ -71,6 +71,8 @@ TABLES = (
     Table(name="robots", module="benchmarks.robots", minutes=1),
     Table(name="chamber", module="benchmarks.chamber", minutes=1, needs=("felupe", "pypardiso")),
     Table(name="motion", module="benchmarks.motion", minutes=1),
+    Table(name="afternoon", module="benchmarks.measured_robots.afternoon", minutes=0.5),
+    Table(name="measured_arm_steps", module="benchmarks.measured_robots.arm_steps", minutes=1.5),
     Table(name="measured_membrane", module="benchmarks.measured_robots.membrane", minutes=3),
     Table(name="measured_rubber", module="benchmarks.measured_robots.rubber", minutes=0.5),
     Table(name="arm_grasp", module="benchmarks.arm_grasp", minutes=1.5, needs=("pinocchio",)),

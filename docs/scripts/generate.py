@@ -29,7 +29,7 @@ from benchmarks import (
 from benchmarks.coarse_meshes import table as coarse_meshes
 from benchmarks.loop import table as loop_tables
 from benchmarks.markdown import markdown_table, replace_tables
-from benchmarks.measured_robots import membrane, rubber
+from benchmarks.measured_robots import afternoon, arm_steps, membrane, rubber
 from benchmarks.node import tables as node_tables
 from benchmarks.report import KEPT, read_report
 from benchmarks.tables import all_tables
@@ -75,6 +75,7 @@ def manners_table(report: Mapping[str, Any]) -> str:
 
 
 TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
+    "afternoon": afternoon.form_table,
     "arm_grasp": arm_grasp.all_tables,
     "batches": batches.batch_table,
     "bench": all_tables,
@@ -88,6 +89,7 @@ TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "factors": factors.table,
     "loop": loop_tables.make_loop_table,
     "manners": manners_table,
+    "measured_arm_steps": arm_steps.step_tables,
     "measured_membrane": membrane.membrane_table,
     "measured_rubber": rubber.rubber_table,
     "motion": motion.all_tables,

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
-from benchmarks.measured_robots import ROBOTS, membrane, rubber
+from benchmarks.measured_robots import ROBOTS, afternoon, arm_steps, membrane, rubber
 from benchmarks.measured_robots.membrane_body import CLAMPED, LAWS, Design, lift
 from gdfe_ros.materials import Law, NeoHookean, Ogden
 
@@ -59,6 +62,48 @@ def test_the_membrane_agrees_with_membrane_theory() -> None:
     """At 16 and 28 mm, pressures exceed those without bending stiffness by at most 2.5 %."""
     for height, pressure in zip((0.016, 0.028), lift(PLAIN, 39.24, [0.016, 0.028]), strict=True):
         assert 1.0 < pressure / membrane_theory(39.24, height) < 1.025
+
+
+def test_a_ringing_is_read() -> None:
+    """Frequency and damping ratio of a synthetic ringing are found, and a curve that only rises has none."""
+    times = np.arange(0.0, 1.0, 0.005)
+    turn = 2.0 * np.pi * 8.0
+    moved = 1.0 - np.exp(-0.05 * turn * times) * np.cos(turn * times)
+    found = arm_steps.ringing(times, moved)
+    assert found["frequency"] == pytest.approx(8.0, rel=0.01)
+    assert found["damping"] == pytest.approx(0.05, rel=0.1)
+    assert arm_steps.ringing(times, 1.0 - np.exp(-5.0 * times)) is None
+
+
+def test_the_recorded_arm_rings_at_one_frequency() -> None:
+    """From 50 to 350 mbar, the recorded arm rings at 7.9 to 8.5 Hz."""
+    found = {pressure: arm_steps.ringing(*curve) for pressure, curve in arm_steps.recorded().items()}
+    assert all(7.9 < found[pressure]["frequency"] < 8.5 for pressure in found if pressure < 360.0)
+
+
+def test_the_simulated_arm_rings_at_nearly_this_frequency() -> None:
+    """At 50 mbar, with nothing fitted to the arm, the frequency is within 15 % of the recorded one."""
+    recorded = arm_steps.ringing(*arm_steps.recorded()[50.0])["frequency"]
+    assert arm_steps.probe()["frequency at 50 mbar [Hz]"] == pytest.approx(recorded, rel=0.15)
+
+
+def test_a_form_with_mistakes_is_refused(tmp_path: Path) -> None:
+    """A form says which numbers are missing or wrong; the shipped form is complete."""
+    assert afternoon.read_form(afternoon.FORM)["load"]["mass"] == 0.052
+    form = tmp_path / "form.yaml"
+    form.write_text("length: 0.1\nwidth: -3\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"width = -3; allowed: a number above 0.*load.sag = None"):
+        afternoon.read_form(form)
+    form.write_text("nothing", encoding="utf-8")
+    with pytest.raises(ValueError, match="has no keys"):
+        afternoon.read_form(form)
+
+
+def test_a_strip_comes_back_from_its_own_sag() -> None:
+    """The modulus whose sag is on the form is found within 1 %, for a form that was simulated."""
+    form = afternoon.read_form(afternoon.FORM)
+    form["sag"] = afternoon.sag(afternoon.strip(form, 2.5e5))
+    assert afternoon.fit_young(form) == pytest.approx(2.5e5, rel=0.01)
 
 
 def test_one_cube_has_the_closed_forms() -> None:
