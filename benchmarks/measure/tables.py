@@ -74,6 +74,7 @@ TABLES = (
     Table(name="afternoon", module="benchmarks.measured_robots.afternoon", minutes=0.5),
     Table(name="measured_arm_steps", module="benchmarks.measured_robots.arm_steps", minutes=1.5),
     Table(name="measured_membrane", module="benchmarks.measured_robots.membrane", minutes=3),
+    Table(name="measured_module", module="benchmarks.measured_robots.module", minutes=2, needs=("gmsh",)),
     Table(name="measured_rubber", module="benchmarks.measured_robots.rubber", minutes=0.5),
     Table(name="arm_grasp", module="benchmarks.arm_grasp", minutes=1.5, needs=("pinocchio",)),
     Table(name="contact", module="benchmarks.contact", minutes=4.5),

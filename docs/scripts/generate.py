@@ -29,7 +29,7 @@ from benchmarks import (
 from benchmarks.coarse_meshes import table as coarse_meshes
 from benchmarks.loop import table as loop_tables
 from benchmarks.markdown import markdown_table, replace_tables
-from benchmarks.measured_robots import afternoon, arm_steps, membrane, rubber
+from benchmarks.measured_robots import afternoon, arm_steps, membrane, module, rubber
 from benchmarks.node import tables as node_tables
 from benchmarks.report import KEPT, read_report
 from benchmarks.tables import all_tables
@@ -91,6 +91,7 @@ TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "manners": manners_table,
     "measured_arm_steps": arm_steps.step_tables,
     "measured_membrane": membrane.membrane_table,
+    "measured_module": module.module_tables,
     "measured_rubber": rubber.rubber_table,
     "motion": motion.all_tables,
     "robots": robots.robot_table,

@@ -10,8 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
-from benchmarks.measured_robots import ROBOTS, afternoon, arm_steps, membrane, rubber
+from benchmarks.measured_robots import ROBOTS, afternoon, arm_steps, membrane, module, rubber
 from benchmarks.measured_robots.membrane_body import CLAMPED, LAWS, Design, lift
+from benchmarks.measured_robots.module_body import CHAMBER, LENGTH, module_scene
+from benchmarks.report import KEPT, read_report
+from gdfe_ros import Simulation
 from gdfe_ros.materials import Law, NeoHookean, Ogden
 
 PLAIN = Design(thickness=2e-3, cap=25.4e-3)
@@ -62,6 +65,27 @@ def test_the_membrane_agrees_with_membrane_theory() -> None:
     """At 16 and 28 mm, pressures exceed those without bending stiffness by at most 2.5 %."""
     for height, pressure in zip((0.016, 0.028), lift(PLAIN, 39.24, [0.016, 0.028]), strict=True):
         assert 1.0 < pressure / membrane_theory(39.24, height) < 1.025
+
+
+def test_the_module_bends_in_the_direction_of_its_pair(tmp_path: Path) -> None:
+    """At 36 kPa, the tip tilts away from pair p0 by 17 degrees, and becomes up to 6 % longer."""
+    simulation = Simulation(module_scene(tmp_path, module.law("neo_hookean", module.START)))
+    found = module.bend(simulation, (36e3, 0.0, 0.0))
+    assert found["azimuth"] == pytest.approx(-90.0, abs=0.5)
+    assert 16.0 < found["tilt"] < 18.0
+    assert LENGTH < found["length"] < 1.06 * LENGTH
+    assert len(simulation.scene.actuators) == len(simulation.scene.fibres) == 6
+    volume = simulation.result.actuators["p0a"].extent
+    assert volume == pytest.approx(np.pi * CHAMBER**2 * LENGTH, rel=0.2)
+
+
+def test_the_predicted_tilts_are_within_their_bounds() -> None:
+    """In the table of the page, tilts of p1 and p2 are within 10 % of the recorded ones, those of p0 within 14 %."""
+    first = next(iter(read_report(KEPT / "measured_module.json").data.values()))
+    assert len(first["rows"]) == 9
+    for row in first["rows"]:
+        bound = 0.14 if row["recorded"]["pressures"][0] else 0.1
+        assert row["found"]["tilt"] == pytest.approx(row["recorded"]["tilt"], rel=bound)
 
 
 def test_a_ringing_is_read() -> None:
