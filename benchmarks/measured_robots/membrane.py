@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A membrane of Ecoflex 00-30 that lifts a weight: pressure against height, with the published law, nothing fitted.
 
-``python -m benchmarks.measured_robots.membrane`` prints the table of docs/measured_membrane.md (five minutes).
+``python -m benchmarks.measured_robots.membrane`` prints the table of docs/measured_membrane.md (three minutes).
 ``--data FILE`` compares with another file of the same columns, for example with recordings that were kept apart.
 """
 
