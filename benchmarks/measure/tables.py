@@ -67,6 +67,11 @@ TABLES = (
     Table(name="robots", module="benchmarks.robots", minutes=1),
     Table(name="chamber", module="benchmarks.chamber", minutes=1, needs=("felupe", "pypardiso")),
     Table(name="motion", module="benchmarks.motion", minutes=1),
+    Table(name="afternoon", module="benchmarks.measured_robots.afternoon", minutes=0.2),
+    Table(name="measured_arm_steps", module="benchmarks.measured_robots.arm_steps", minutes=0.6),
+    Table(name="measured_membrane", module="benchmarks.measured_robots.membrane", minutes=2.5),
+    Table(name="measured_module", module="benchmarks.measured_robots.module", minutes=1, needs=("gmsh",)),
+    Table(name="measured_rubber", module="benchmarks.measured_robots.rubber", minutes=0.2),
     Table(name="arm_grasp", module="benchmarks.arm_grasp", minutes=1.5, needs=("pinocchio",)),
     Table(name="contact", module="benchmarks.contact", minutes=4.5),
     Table(

@@ -21,7 +21,15 @@ PLACE = float(0.6 * OUTER / np.sqrt(2.0))
 """x and y of a point in the first chamber [m]."""
 
 
-def arm_scene(folder: Path, section: Section, material: dict[str, Any], *, hoops: float = 0.0) -> Scene:
+def arm_scene(
+    folder: Path,
+    section: Section,
+    material: dict[str, Any],
+    *,
+    hoops: float = 0.0,
+    dynamics: dict[str, Any] | None = None,
+    gravity: float = 9.81,
+) -> Scene:
     """Return the scene of the arm, which hangs along z. Its first chamber has the actuator ``air``.
 
     Args:
@@ -29,11 +37,13 @@ def arm_scene(folder: Path, section: Section, material: dict[str, Any], *, hoops
         section: cross-section of the arm.
         material: material law, as in a scene file.
         hoops: spacing of inextensible rings around the outer wall [m]; 0 for no rings.
+        dynamics: time steps and damping, as in a scene file; None for equilibria.
+        gravity: acceleration along the hanging arm [m/s^2]; 0 for an arm that is at rest in its drawn shape.
     """
     points, cells = section.hexahedra()
     file = folder / f"arm_{abs(hash((section, hoops))):x}.vtu"
     meshio.write(file, meshio.Mesh(points, [("hexahedron", cells)]))
-    marks = {f"mark{k}": _mark(k) for k in range(4)}
+    probes = {f"mark{k}": _mark(k) for k in range(4)}
     data = {
         "name": "measured_arm",
         "mesh": {"file": str(file)},
@@ -41,10 +51,12 @@ def arm_scene(folder: Path, section: Section, material: dict[str, Any], *, hoops
         "regions": [{"material": "silicone"}],
         "handles": {"base": {"where": {"box": {"z": [-1.0, 1e-6]}}, "fixed": True}},
         "actuators": {"air": {"chamber": {"near": [PLACE, PLACE, 0.5 * LENGTH], "command": "pressure"}}},
-        "loads": {"weight": {"gravity": [0.0, 0.0, 9.81]}},
-        "probes": marks,
+        "loads": {"weight": {"gravity": [0.0, 0.0, gravity]}},
+        "probes": probes,
         "solver": {"tolerance": 1e-4},
     }
+    if dynamics:
+        data["dynamics"] = dynamics
     for k, z in enumerate(np.arange(0.5 * hoops, LENGTH, hoops) if hoops else []):
         ring = 0.998 * section.outline()
         places = np.column_stack([ring, np.full(len(ring), z)])
@@ -63,19 +75,20 @@ def tips(scene: Scene, *, step: float, most: float, actuator: str = "air") -> ND
     """
     simulation, found = Simulation(scene), [[0.0, 0.0, 0.0]]
     simulation.step()
-    rest = _marks(simulation)
+    rest = marks(simulation)
     for pressure in np.arange(step, most + 0.5 * step, step):
         result = simulation.step(Command(actuators={actuator: float(pressure)}))
         if not result.converged or result.min_det <= 0.0:
             break
-        now = _marks(simulation)
+        now = marks(simulation)
         normal = np.cross(now[2] - now[0], now[3] - now[1])
         tilt = np.arccos(abs(normal[2]) / np.linalg.norm(normal))
         found.append([pressure, float(np.linalg.norm((now - rest).mean(axis=0))), tilt])
     return np.array(found)
 
 
-def _marks(simulation: Simulation) -> NDArray[np.float64]:
+def marks(simulation: Simulation) -> NDArray[np.float64]:
+    """Return the positions (4, 3) [m] of the markers on the free end."""
     places = simulation.probe_positions()
     return np.array([places[f"mark{k}"] for k in range(4)])
 

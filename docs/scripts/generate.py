@@ -26,6 +26,7 @@ from benchmarks import (
 from benchmarks.coarse_meshes import table as coarse_meshes
 from benchmarks.loop import table as loop_tables
 from benchmarks.markdown import markdown_table, replace_tables
+from benchmarks.measured_robots import afternoon, arm_steps, membrane, module, rubber
 from benchmarks.node import tables as node_tables
 from benchmarks.report import KEPT, read_report
 from benchmarks.tables import all_tables
@@ -71,6 +72,7 @@ def manners_table(report: Mapping[str, Any]) -> str:
 
 
 TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
+    "afternoon": afternoon.form_table,
     "arm_grasp": arm_grasp.all_tables,
     "batches": batches.batch_table,
     "bench": all_tables,
@@ -82,6 +84,10 @@ TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "environments": environments.environment_table,
     "loop": loop_tables.make_loop_table,
     "manners": manners_table,
+    "measured_arm_steps": arm_steps.step_tables,
+    "measured_membrane": membrane.membrane_table,
+    "measured_module": module.module_tables,
+    "measured_rubber": rubber.rubber_table,
     "motion": motion.all_tables,
     "robots": robots.robot_table,
     "skip": all_tables,
