@@ -20,10 +20,10 @@ from benchmarks.robots import ROBOTS
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.matrix.fronts import Fronts
 from gdfe_ros.solver.matrix.ordering import narrow_order
-from gdfe_ros.solver.tangent.fronts import Fronts
-from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.terms.springs import Tangent
+from gdfe_ros.solver.matrix.springs import Tangent
+from gdfe_ros.solver.minimise.level import TangentLevel
 
 REPEATS = 21
 HEADINGS = (

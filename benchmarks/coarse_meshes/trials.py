@@ -24,8 +24,8 @@ from gdfe_ros.materials.table import BULK, PENALTY, SHEAR
 from gdfe_ros.mesh.faces import HEX_FACES
 from gdfe_ros.mesh.trilinear import CORNERS
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.watch import Watch
-from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness
+from gdfe_ros.solver.elements.response import Watch
+from gdfe_ros.solver.minimise.level import ElementStiffness
 
 Matrix = Any
 """A sparse matrix of scipy."""

@@ -19,7 +19,6 @@ from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.coupling.search import BalanceSearch
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.integrator import reduction
 from gdfe_ros.solver.motion.stepper import CALM, MotionStepper
@@ -28,6 +27,7 @@ from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import FINER, Stepper
 from gdfe_ros.solver.stepping.way import on_path
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
+from gdfe_ros.solver.vectors import largest
 
 Vector = NDArray[np.float64]
 BALANCED = 0.1

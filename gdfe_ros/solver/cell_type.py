@@ -16,8 +16,7 @@ from gdfe_ros.mesh.tet_faces import tet_boundary
 from gdfe_ros.mesh.tet_operators import TetOperators, gradients, grown_tet_operators, tet_operators
 from gdfe_ros.mesh.tetrahedra import EDGES, PARTS
 from gdfe_ros.solver.elements import tangent_rows, tetrahedra
-from gdfe_ros.solver.elements.blocks import block_geometry, make_blocks
-from gdfe_ros.solver.elements.tet_blocks import make_tet_blocks, tet_geometry
+from gdfe_ros.solver.elements.blocks import block_geometry, make_blocks, make_tet_blocks, tet_geometry
 
 
 class CellType(NamedTuple):

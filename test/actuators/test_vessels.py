@@ -14,8 +14,7 @@ from gdfe_ros import Simulation
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command
-from gdfe_ros.solver.stepping.attempt import Attempt
-from gdfe_ros.solver.stepping.way import SHORTEST_SUBSTEP, AttemptOutcome, Goal, Way
+from gdfe_ros.solver.stepping.way import SHORTEST_SUBSTEP, Attempt, AttemptOutcome, Goal, Way
 
 SHEAR = 1e6 / (2 * 1.4999)
 RUBBER = """

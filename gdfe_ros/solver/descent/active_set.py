@@ -14,8 +14,7 @@ from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import End, Workspace, allocate, numbers
-from gdfe_ros.solver.elements.blocks import Blocks
-from gdfe_ros.solver.elements.tet_blocks import TetBlocks
+from gdfe_ros.solver.elements.blocks import Blocks, TetBlocks
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns

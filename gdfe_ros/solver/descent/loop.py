@@ -23,11 +23,11 @@ from gdfe_ros.solver.descent.arc import follow_arc
 from gdfe_ros.solver.descent.pairs import begin_recursion, end_recursion, inner, remember
 from gdfe_ros.solver.descent.search import advance
 from gdfe_ros.solver.descent.workspace import End
-from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.coupling import Coupling
-from gdfe_ros.solver.tangent.frames import vertex_rotations
-from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
+from gdfe_ros.solver.matrix.frames import vertex_rotations
+from gdfe_ros.solver.matrix.substitution import Kept, solve_kept
+from gdfe_ros.solver.vectors import largest
 
 RATE, SLOWEST = 0.3, 0.9
 """Ratio of two successive steps that is assumed before it is known, and upper limit of the ratio."""

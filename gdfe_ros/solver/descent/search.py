@@ -8,8 +8,7 @@ import math
 from gdfe_ros.compiled import internal, kernel, merged
 from gdfe_ros.solver.descent.pairs import inner
 from gdfe_ros.solver.descent.workspace import End
-from gdfe_ros.solver.elements.response import evaluate
-from gdfe_ros.solver.elements.watch import look
+from gdfe_ros.solver.elements.response import evaluate, look
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_in_threads, gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.terms.term import terms_energy
 

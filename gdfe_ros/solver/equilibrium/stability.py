@@ -19,13 +19,12 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.loop import UNPROVEN
-from gdfe_ros.solver.descent.minimiser import LEAST_AGE, SHARE, Minimiser, Task
-from gdfe_ros.solver.descent.products import TangentProducts
-from gdfe_ros.solver.distance import largest, largest_distance
 from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.minimise.curvature import FLAT, Lowest, TangentProducts, lowest
+from gdfe_ros.solver.minimise.minimiser import LEAST_AGE, SHARE, Minimiser, Task
 from gdfe_ros.solver.solution import Solution
-from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
+from gdfe_ros.solver.vectors import largest, largest_distance
 
 GROWTH, LONG = 2.0, 1e-2
 """A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex moves by

@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.account import Failure
 from gdfe_ros.solver.solution import Solution
-from gdfe_ros.solver.state import State
+from gdfe_ros.solver.state import Failure, State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.way import on_path
 from gdfe_ros.solver.value import NEGLIGIBLE, changed

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.solver.account import Bound, Ledger
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.inertia import kinematics_of
-from gdfe_ros.solver.state import Array, State
+from gdfe_ros.solver.state import Array, Bound, Ledger, State
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 ABOVE_START = 0.01

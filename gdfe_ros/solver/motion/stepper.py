@@ -13,15 +13,13 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.distance import largest
+from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.flight import Flight
-from gdfe_ros.solver.motion.inertia import kinematics_of, saved_of
-from gdfe_ros.solver.motion.integrator import Integrator
-from gdfe_ros.solver.motion.internal_step import InternalStep, Trial, failed, unfolded
+from gdfe_ros.solver.motion.inertia import FreeMass, kinematics_of, saved_of
+from gdfe_ros.solver.motion.integrator import Integrator, InternalStep, Trial, failed, unfolded
 from gdfe_ros.solver.motion.ledger import Accounts, Ceiling, told
-from gdfe_ros.solver.motion.mass import FreeMass
 from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.settings import Skip, SolverSettings
@@ -29,9 +27,9 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.placing import placed, require_own
-from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.vectors import largest
 
 CALM = 0.5
 """A body counts as at rest if no vertex, at its present velocity or acceleration, moves farther than the tolerance

@@ -22,17 +22,16 @@ from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.elements.pressures import with_bulk
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.forces.pressures import with_bulk
+from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, gather_rigid_rows, place
-from gdfe_ros.solver.reactions import vertex_forces
+from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.sensitivity.krylov import ELIMINATED, ConjugateResiduals, SchurComplement
-from gdfe_ros.solver.sensitivity.softening import add_products, slopes
-from gdfe_ros.solver.sensitivity.volumes import Volumes
+from gdfe_ros.solver.sensitivity.softening import Volumes, add_products, slopes
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.multiplier import Multipliers
 from gdfe_ros.solver.terms.term import terms_energy
 

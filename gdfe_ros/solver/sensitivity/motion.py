@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.solver.descent.products import SPACING
+from gdfe_ros.solver.minimise.curvature import SPACING
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.internal_step import InternalStep
+from gdfe_ros.solver.motion.integrator import InternalStep
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.sensitivity.columns import Tangents, own_side, pair_of
 from gdfe_ros.solver.sensitivity.parameter import Parameter, moved

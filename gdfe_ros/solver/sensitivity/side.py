@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import MaterialTable
-from gdfe_ros.solver.descent.products import SPACING
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
+from gdfe_ros.solver.forces.reactions import handle_reactions
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
-from gdfe_ros.solver.reactions import handle_reactions
+from gdfe_ros.solver.minimise.curvature import SPACING
 from gdfe_ros.solver.sensitivity.linearised import Linearised
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term

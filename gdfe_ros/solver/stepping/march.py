@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.vectors import largest_distance
 
 SAME = 1e-6
 """Two energies count as equal if their relative difference is at most this."""

@@ -12,16 +12,15 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
-from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
+from gdfe_ros.solver.equilibrium.relative import RelativeEquilibrium
+from gdfe_ros.solver.forces.actuation import Actuation, past_limit
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.attempt import FOLDS, Attempt
 from gdfe_ros.solver.stepping.balance import jumped
 from gdfe_ros.solver.stepping.march import NEAR, March, crumpled
 from gdfe_ros.solver.stepping.placing import placed, require_own
-from gdfe_ros.solver.stepping.way import AttemptOutcome, Goal, Way, planned_increments
-from gdfe_ros.solver.terms.actuation import Actuation, past_limit
+from gdfe_ros.solver.stepping.way import FOLDS, Attempt, AttemptOutcome, Goal, Way, planned_increments
 from gdfe_ros.solver.value import changed
 
 SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling; smaller steps do not change that"

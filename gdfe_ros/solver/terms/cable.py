@@ -23,9 +23,9 @@ from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
-from gdfe_ros.solver.terms.springs import Springs
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.value import NEGLIGIBLE
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.tangent.curvature import lowest
+from gdfe_ros.solver.minimise.curvature import lowest
 
 COUNT = 60
 

@@ -18,10 +18,10 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.loop import Metric, choose, descend, move, precondition, start
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.descent.workspace import End, Problem, Workspace, numbers
-from gdfe_ros.solver.distance import largest, largest_shift
-from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.substitution import Kept
-from gdfe_ros.solver.terms.springs import Tangent
+from gdfe_ros.solver.matrix.springs import Tangent
+from gdfe_ros.solver.matrix.substitution import Kept
+from gdfe_ros.solver.minimise.level import TangentLevel
+from gdfe_ros.solver.vectors import largest, largest_shift
 
 SHARE, MOVING, FREE = 0.2, 0.1, 0.02
 """A minimisation ends if its distance to the equilibrium, divided by the tolerance, is at most this: in statics, in

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.forces.grip import GripTerm
 from gdfe_ros.solver.matrix.unknowns import vertex_force
-from gdfe_ros.solver.terms.grip import GripTerm
 
 
 def handle_reactions(

@@ -11,7 +11,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.solver.elements.barrier import NONE
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.elements.tangent_rows import element_tangents
-from gdfe_ros.solver.tangent.element_stiffness import add_wall_tangents
+from gdfe_ros.solver.minimise.level import add_wall_tangents
 
 SPACING = 1e-6
 """Spacing of the differences over the element's edge of 0.1 m."""

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tangent preconditioner: the factored stiffness K at a recent shape, used instead of the constant matrix.
 
-Handles with a free axis are eliminated by their Schur complement, as with the constant matrix.
+K has the tangents of the elements and of the terms. Handles with a free axis are eliminated by their Schur complement,
+as with the constant matrix.
 """
 
 from __future__ import annotations
@@ -14,17 +15,74 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.cell_type import cell_type_with
 from gdfe_ros.solver.descent.workspace import Problem
+from gdfe_ros.solver.elements.cell_kernels import add_walls
+from gdfe_ros.solver.elements.tangent_rows import SPACING
+from gdfe_ros.solver.matrix.assembly import Assembly
 from gdfe_ros.solver.matrix.coupling import SINGULAR, spectral_inverse
+from gdfe_ros.solver.matrix.frames import unrotated, vertex_rotations
+from gdfe_ros.solver.matrix.fronts import Fronts, unturned_solutions
+from gdfe_ros.solver.matrix.springs import Springs, Tangent, spring_rows
+from gdfe_ros.solver.matrix.substitution import Kept, solve_kept
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
-from gdfe_ros.solver.tangent.assembly import Assembly
-from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness
-from gdfe_ros.solver.tangent.frames import unrotated, vertex_rotations
-from gdfe_ros.solver.tangent.fronts import Fronts, unturned_solutions
-from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
-from gdfe_ros.solver.terms.springs import Springs, Tangent, spring_rows
 from gdfe_ros.solver.terms.term import Term
+
+
+@kernel
+def add_wall_tangents(x, watched, shape, material, table, force, energy, out):
+    """Add the tangents of the fold barriers of the ``watched`` elements (k,) to ``out`` (m, 3 c, 3 c) [N/m].
+
+    They are central differences of `add_walls`. ``x`` (n, 3) is changed and restored; ``force`` (m, c, 3) and
+    ``energy`` (m,) are scratch.
+    """
+    for k in range(len(watched)):
+        e = watched[k]
+        spacing = SPACING * np.cbrt(shape.volume[e])
+        for column in range(3 * shape.cells.shape[1]):
+            vertex, axis = shape.cells[e, column // 3], column % 3
+            here = x[vertex, axis]
+            for side in range(2):
+                step = spacing if side == 0 else -spacing
+                x[vertex, axis] = here + step
+                force[e] = 0.0
+                add_walls(x, watched[k : k + 1], shape, material, table, force, energy)
+                for a in range(shape.cells.shape[1]):
+                    for i in range(3):
+                        out[e, column, 3 * a + i] += 0.5 * force[e, a, i] / step
+            x[vertex, axis] = here
+
+
+class ElementStiffness:
+    """Evaluates the tangents of a body's elements, in an array that is reused.
+
+    Args:
+        count: number of elements m.
+        corners: number c of corners of each element.
+
+    Attributes:
+        values: (m, 3 c, 3 c) [N/m] the last result of `at`.
+        memory: size of these values [bytes].
+    """
+
+    def __init__(self, count: int, corners: int = 8) -> None:
+        self._shape, self.memory = (count, 3 * corners, 3 * corners), 8 * count * (3 * corners) ** 2
+        self.values = np.zeros((0, 3 * corners, 3 * corners))
+        self._force, self._energy = np.zeros((count, corners, 3)), np.zeros(count)
+        self._tangents = cell_type_with(corners).tangents
+
+    def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the tangents (m, 3 c, 3 c) [N/m] at ``x`` (n, 3) [m], in an array that the next call overwrites."""
+        if len(self.values) != self._shape[0]:
+            self.values = np.zeros(self._shape)
+        shape, material, table = problem.shape, problem.material, problem.table
+        self._tangents(x, shape, problem.blocks, material, problem.pressure, problem.scale, table, self.values)
+        scratch = self._force, self._energy
+        add_wall_tangents(x, problem.watch.watched, shape, material, table, *scratch, self.values)
+        return self.values
+
 
 SHIFT_GROWTH = 10.0
 """If a tangent has no factor, growing multiples of the constant matrix are added to it: each is this factor times the

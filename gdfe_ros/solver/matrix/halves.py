@@ -11,7 +11,7 @@ from __future__ import annotations
 from numpy import uint64
 
 from gdfe_ros.compiled import internal, kernel
-from gdfe_ros.solver.tangent.substitution import PANEL
+from gdfe_ros.solver.matrix.substitution import PANEL
 
 GROUP = 8
 """Number of columns of Y that are found together."""

@@ -15,12 +15,12 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.pairs import contacts_of
 from gdfe_ros.solver.elements.blocks import Operators
+from gdfe_ros.solver.forces.grip import GripTerm
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Balance, Saved, State
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
 from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
-from gdfe_ros.solver.terms.grip import GripTerm
 from gdfe_ros.solver.terms.growth import Growths
 from gdfe_ros.solver.terms.pressure import PressureTerm
 from gdfe_ros.solver.terms.term import Term, TermTable

@@ -12,11 +12,11 @@ import pytest
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.equilibrium.solve import Solve
-from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.matrix.springs import Springs
+from gdfe_ros.solver.minimise.curvature import TangentProducts
+from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.terms.cable import TARGET
-from gdfe_ros.solver.terms.springs import Springs
 
 STRIP = """
 name: strip

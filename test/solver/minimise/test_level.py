@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.equilibrium.solve import Solve
-from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.terms.springs import Tangent
+from gdfe_ros.solver.matrix.springs import Tangent
+from gdfe_ros.solver.minimise.curvature import TangentProducts
+from gdfe_ros.solver.minimise.level import TangentLevel
 
 SCENE = """
 name: strip
