@@ -96,7 +96,7 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
 
 
 def test_rooms_of_the_solver_have_an_order() -> None:
-    """A module of the solver imports modules only from its row of the architecture page's table, and from rows below."""
+    """Modules of the solver import only from their own row of the architecture page's table, and from rows below."""
     page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("## Packages of the solver")[2]
     table = [line.split("|")[1] for line in page.partition("\n## ")[0].splitlines() if line.startswith("| `")]
     rows = {name.removesuffix("/").removesuffix(".py"): k for k, row in enumerate(table) for name in _quoted(row)}

@@ -28,6 +28,7 @@ from gdfe_ros.solver.matrix.coupling import SINGULAR
 from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer, Task
+from gdfe_ros.solver.outcome import Outcome, tell
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State, Summary
@@ -72,9 +73,6 @@ def _weighed(matrix: ConstantMatrix, field: NDArray[np.float64], count: int) -> 
     """Return the constant matrix times a field (3 r,) of the unknowns; rows of handles are zero."""
     rows = field.reshape(-1, 3)
     return np.concatenate([matrix.multiply(rows[:count]).ravel(), np.zeros(3 * (len(rows) - count))])
-
-
-RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 
 class EquilibriumSolver:
@@ -207,7 +205,7 @@ class EquilibriumSolver:
         base = self.handles.base(problem.poses, start.poses, start.base)
         prediction = self._predictor.predict(start, base, start.change_to(problem.commands))
         solve = Solve(self._model, problem, start, base, prediction)
-        return self._judged(solve, self.descend(solve))
+        return self._judge(solve, self.descend(solve))
 
     def accept(self, solution: Solution, previous: State) -> State:
         """Return the complete state of ``solution``, which follows the state ``previous``."""
@@ -234,7 +232,7 @@ class EquilibriumSolver:
         solve.go_on_from(found.state)
         return solve.evaluate(self._whole, threads=self._whole.threads(self._threads))
 
-    def _judged(self, solve: Solve, found: Solution) -> Solution:
+    def _judge(self, solve: Solve, found: Solution) -> Solution:
         """Return a solution with its stability, and with a new tangent if that lowers the cost of the next solves."""
         if not found.converged:
             return found
@@ -243,7 +241,7 @@ class EquilibriumSolver:
                 self.minimiser.renew(self.task_at(solve, found))
                 found = changed(found, state=found.state.with_(tangent=self.minimiser.tangent))
             return found
-        return self._stability.judged(self, solve, found)
+        return self._stability.judge(self, solve, found)
 
     def descend(self, solve: Solve, *, spent: int = 0) -> Solution:
         """Return the solution of minimisations and multiplier updates from the present positions of ``solve``.
@@ -253,11 +251,13 @@ class EquilibriumSolver:
         active, limit = self._whole, solve.problem.limit - spent
         solve.descend(active, threads=active.threads(self._threads), limit=limit)
         if self.minimiser.ran_away(active):
-            summary = changed(solve.start.summary, converged=False, error_estimate=np.inf, message=RAN_AWAY)
+            summary = changed(
+                solve.start.summary, converged=False, error_estimate=np.inf, message=tell(Outcome.RUNAWAY)
+            )
             return Solution(
                 state=solve.start.with_(summary=summary),
                 iterations=solve.iterations,
-                diverged=True,
+                ended=Outcome.RUNAWAY,
                 began=solve.start.positions,
             )
         return solve.solution(active, self._stored, self._least)

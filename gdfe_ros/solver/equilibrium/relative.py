@@ -31,6 +31,7 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble_cent
 from gdfe_ros.solver.matrix.coupling import close_coupling
 from gdfe_ros.solver.matrix.unknowns import gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.minimise.minimiser import Observer
+from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ShapeState, State, Summary
 from gdfe_ros.solver.vectors import largest
@@ -99,10 +100,6 @@ def capture_shapes(x, shape: ShapeOperators, captured):
                 captured[e, a, i] = scale * (r[i] * y0 + r[3 + i] * y1 + r[6 + i] * y2)
 
 
-SAFETY = 0.01
-"""Lower bound of the length of a fixed-point step, divided by the distance to the fixed point."""
-
-
 class RelativeEquilibrium:
     """Equilibrium solver: finds positions at which every element is as close as possible to its desired shape (Eq. 3).
 
@@ -117,6 +114,9 @@ class RelativeEquilibrium:
         handles: the kinematics of the handles.
         patience: number of iterations after which a solve ends without success and a shorter increment is tried.
     """
+
+    SAFETY = 0.01
+    """Lower bound of the length of a fixed-point step, divided by the distance to the fixed point."""
 
     patience = 120
 
@@ -199,7 +199,7 @@ class RelativeEquilibrium:
         return Solution(
             state=found,
             iterations=iteration,
-            cut=late and not converged,
+            ended=Outcome.NEAR if converged else Outcome.CUT if late else Outcome.STALLED,
             began=prediction.positions,
         )
 
@@ -242,7 +242,7 @@ class RelativeEquilibrium:
             gather_rigid_rows(u.ravel(), x, self._difference, none, False, frame, unknowns, gradient.reshape(-1))
             self.matrix.solve(gradient[:count], step[:count])
             close_coupling(gradient.reshape(-1), self.matrix.coupling, step.reshape(-1))
-            estimate = float(largest(step.reshape(-1))) / (SAFETY * body.size)
+            estimate = float(largest(step.reshape(-1))) / (self.SAFETY * body.size)
             late = iteration > 0 and problem.deadline is not None and problem.deadline.passed()
             if estimate <= problem.tolerance or late or iteration == problem.limit:
                 break

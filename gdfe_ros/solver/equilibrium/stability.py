@@ -21,31 +21,11 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.loop import UNPROVEN
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.minimise.curvature import FLAT, Lowest, TangentProducts, lowest
-from gdfe_ros.solver.minimise.minimiser import LEAST_AGE, SHARE, Minimiser, Task
+from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
+from gdfe_ros.solver.outcome import Outcome, join, tell
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
 from gdfe_ros.solver.vectors import largest, largest_distance
-
-GROWTH, LONG = 2.0, 1e-2
-"""A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex moves by
-more than this multiple of the body's size in one solve.
-"""
-DEAR, SURE = 40, 0.3
-"""If a factor costs more than the first number of solutions, the Lanczos method with the kept tangent M proves a
-minimum. Its proof counts if the least eigenvalue of M^-1 K exceeds the second number.
-"""
-NEAR = 3
-"""A proof still holds after this number of further iterations."""
-ROUNDS = 12
-"""Largest number of proofs in one solve. Each saddle takes one; a long, nearly flat valley of the energy takes many."""
-FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
-"""First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers are
-the largest numbers of doublings of this length and of its divisions by four."""
-UNSTABLE = (
-    "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
-)
-
-NEUTRAL = "a motion of the body hardly changes its energy, and the body still follows it; remedy: hold this motion"
 
 
 class Downhill(NamedTuple):
@@ -58,6 +38,20 @@ class Downhill(NamedTuple):
 
     unknowns: NDArray[np.float64]
     positions: NDArray[np.float64]
+
+
+class Proof(NamedTuple):
+    """What the factor of a tangent shows.
+
+    Attributes:
+        stable: whether the equilibrium is a minimum; None if that is unknown.
+        direction: (3 r,) direction along which the energy may fall: of negative curvature, or the step M^-1 g [m].
+        distance: estimated distance to the equilibrium, divided by the body's size.
+    """
+
+    stable: bool | None
+    direction: NDArray[np.float64]
+    distance: float
 
 
 class Descents(Protocol):
@@ -88,6 +82,25 @@ class Stability:
             its stability is not known.
     """
 
+    GROWTH, LONG = 2.0, 1e-2
+    """A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex
+    moves by more than this multiple of the body's size in one solve.
+    """
+    DEAR, SURE = 40, 0.3
+    """If a factor costs more than the first number of solutions, the Lanczos method with the kept tangent M proves a
+    minimum. Its proof counts if the least eigenvalue of M^-1 K exceeds the second number.
+    """
+    NEAR = 3
+    """A proof still holds after this number of further iterations."""
+    ROUNDS = 12
+    """Largest number of proofs in one solve. Each saddle takes one; a long, nearly flat valley of the energy takes
+    many.
+    """
+    FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
+    """First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers
+    are the largest numbers of doublings of this length and of its divisions by four.
+    """
+
     def __init__(
         self, body: Body, minimiser: Minimiser, *, exact: bool, smooth: bool, conservative: bool = True
     ) -> None:
@@ -102,64 +115,65 @@ class Stability:
         self._noise = np.random.default_rng(0).standard_normal(3 * body.unknowns.rows)
         self._noise[body.unknowns.fixed] = 0.0
 
-    def judged(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
+    def judge(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
         """Return a converged solution with its stability, which is proved anew only where that is due.
 
         A saddle is left for a point of lower energy beside it.
         """
         if self._is_due(solve, found):
-            proved = self._proved(descents, solve, found)
-            return proved if self._conservative else _told(proved, stable=None)
-        return _told(found, stable=solve.start.summary.stable, proved=solve.start.proved)
+            proved = self._prove(descents, solve, found)
+            return proved if self._conservative else _tell(proved, stable=None)
+        return _tell(found, stable=solve.start.summary.stable, proved=solve.start.proved)
 
     def _is_due(self, solve: Solve, found: Solution) -> bool:
         """Return whether to prove a solution: after a cold, long, divided or resumed solve, or with an old tangent."""
         start, energy = solve.start, found.state.summary.energy
-        if start.proved is None or energy > GROWTH * start.proved or solve.interrupted:
+        if start.proved is None or energy > self.GROWTH * start.proved or solve.interrupted:
             return True
-        costly = found.iterations > max(LEAST_AGE, self._minimiser.level.price)
+        costly = found.iterations > max(Minimiser.LEAST_AGE, self._minimiser.level.price)
         overdue = self._minimiser.is_overdue(found.state.tangent)
-        return costly or overdue or largest_distance(found.positions, start.positions) > LONG * self._size
+        return costly or overdue or largest_distance(found.positions, start.positions) > self.LONG * self._size
 
-    def _proved(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
-        stable, distance = None, np.inf
-        for count in range(ROUNDS):
-            task = descents.task_at(solve, found)
-            if count == 0 and (known := self._proved_with_kept(task, solve, found)):
-                return known
-            definite = self._minimiser.renew(task)
-            found = _with(found, tangent=self._minimiser.tangent)
-            stable, direction = self._verdict(task, definite=definite)
-            late = past(solve.problem.deadline) or found.iterations >= solve.problem.limit
-            distance, step = self._minimiser.newton_step(task)
-            near = distance <= SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
-            if late or (near and stable is not False):
-                return _told(_at(found, distance), stable=stable)
+    def _prove(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
+        """Return a solution with its stability, after leaving saddles and following nearly flat valleys."""
+        task = descents.task_at(solve, found)
+        if known := self._prove_with_kept(task, solve, found):
+            return known
+        for count in range(self.ROUNDS):
+            task = descents.task_at(solve, found) if count else task
+            proof = self._factor(task)
+            found, late = _with(found, tangent=self._minimiser.tangent), past(solve.problem.deadline)
+            near = proof.distance <= Minimiser.SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
+            if late or found.iterations >= solve.problem.limit or (near and proof.stable is not False):
+                return _tell(_at(found, proof.distance), stable=proof.stable)
             solve.go_on_from(found.state)
-            if stable is False or count:  # beside a saddle, or in a nearly flat valley
-                moved = self._leave(descents, solve, found, task, step if direction is None else direction)
-                if near and not moved:
-                    return _told(found, stable=False)
+            leaves = proof.stable is False or count  # beside a saddle, or in a nearly flat valley
+            if leaves and not self._leave(descents, solve, found, task, proof.direction) and near:
+                return _tell(found, stable=False)
             again = descents.descend(solve, spent=found.iterations)
-            more, spent = again.iterations, found.iterations + again.iterations
+            total = found.iterations + again.iterations
             if not (again.converged and again.min_det > 0.0):
-                return _told(changed(found, iterations=spent), stable=stable)
-            found = changed(again, iterations=spent)
-            if stable and more <= NEAR:
-                return _told(found, stable=True)
-        if distance <= solve.problem.tolerance:
-            return _told(_at(found, distance), stable=stable)
-        summary = changed(found.state.summary, converged=False, error_estimate=distance, message=NEUTRAL)
-        return changed(_with(found, summary=summary), exhausted=True)
+                return _tell(changed(found, iterations=total), stable=proof.stable)
+            found = changed(again, iterations=total)
+            if proof.stable and again.iterations <= self.NEAR:
+                return _tell(found, stable=True)
+        return _conclude(found, proof, solve.problem.tolerance)
 
-    def _proved_with_kept(self, task: Task, solve: Solve, found: Solution) -> Solution | None:
+    def _factor(self, task: Task) -> Proof:
+        """Factor the tangent at the unknowns of ``task``; return what it shows."""
+        definite = self._minimiser.renew(task)
+        stable, direction = self._examine(task, definite=definite)
+        distance, step = self._minimiser.newton_step(task)
+        return Proof(stable, step if direction is None else direction, distance)
+
+    def _prove_with_kept(self, task: Task, solve: Solve, found: Solution) -> Solution | None:
         """Return a solution that the kept tangent proves to be a near minimum; None if it does not."""
         least = self._least_curvature(task)
-        if not least > SURE:
+        if not least > self.SURE:
             return None
         distance, _ = self._minimiser.newton_step(task)
-        near = distance <= SHARE * least * solve.aim
-        return _told(_at(found, distance / least), stable=True) if near else None
+        near = distance <= Minimiser.SHARE * least * solve.aim
+        return _tell(_at(found, distance / least), stable=True) if near else None
 
     def _leave(
         self, descents: Descents, solve: Solve, found: Solution, task: Task, direction: NDArray[np.float64]
@@ -176,13 +190,13 @@ class Stability:
     def _least_curvature(self, task: Task) -> float:
         """Return the least eigenvalue of M^-1 K, 0 if it is unknown, or if K is factored instead."""
         minimiser = self._minimiser
-        if minimiser.tangent is None or minimiser.level.price <= DEAR:
+        if minimiser.tangent is None or minimiser.level.price <= self.DEAR:
             return 0.0
         minimiser.level.turn(task.active.workspace.x)
         seen = self.look(task)
         return seen.value if seen.known else 0.0
 
-    def _verdict(self, task: Task, *, definite: bool) -> tuple[bool | None, NDArray[np.float64] | None]:
+    def _examine(self, task: Task, *, definite: bool) -> tuple[bool | None, NDArray[np.float64] | None]:
         """Return whether the energy has positive curvature in every direction, None if that is unknown.
 
         If it has not, a direction (3 r,) of negative curvature is the second result.
@@ -224,11 +238,11 @@ class Stability:
         """
         work = task.active.workspace
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
-        unit, length, best, found = sign / largest(direction) * direction, FIRST * self._size, np.inf, None
+        unit, length, best, found = sign / largest(direction) * direction, self.FIRST * self._size, np.inf, None
         start = float(task.active.status["energy"])
         least = start - NEGLIGIBLE * float(task.active.status["absolute"] + task.active.status["outside"])
         self._product.begin(task)
-        for _ in range(SHORTENINGS + DOUBLINGS):
+        for _ in range(self.SHORTENINGS + self.DOUBLINGS):
             with task.turn:
                 energy = self._product.energy(length * unit)
             if not energy < min(least, best):
@@ -241,6 +255,14 @@ class Stability:
         return found
 
 
+def _conclude(found: Solution, proof: Proof, tolerance: float) -> Solution:
+    """Return a solution whose last proof found the energy nearly flat."""
+    if proof.distance <= tolerance:
+        return _tell(_at(found, proof.distance), stable=proof.stable)
+    defect = {"converged": False, "error_estimate": proof.distance, "message": tell(Outcome.NEUTRAL)}
+    return changed(_with(found, summary=changed(found.state.summary, **defect)), ended=Outcome.NEUTRAL)
+
+
 def _with(found: Solution, **changes: object) -> Solution:
     """Return a solution with other attributes of its state."""
     return changed(found, state=found.state.with_(**changes))
@@ -251,13 +273,13 @@ def _at(found: Solution, distance: float) -> Solution:
     return _with(found, summary=changed(found.state.summary, error_estimate=distance))
 
 
-def _told(found: Solution, *, stable: bool | None, proved: float | None = None) -> Solution:
+def _tell(found: Solution, *, stable: bool | None, proved: float | None = None) -> Solution:
     """Return a solution with its stability, and a message if it is unstable.
 
     ``proved`` is the strain energy [J] of the last proof; None stands for that of this solution.
     """
     if not found.converged:
         return found
-    message = found.message if stable is not False else f"{UNSTABLE}; {found.message}".rstrip("; ")
+    message = join("" if stable is not False else tell(Outcome.UNSTABLE), found.message)
     summary = changed(found.state.summary, stable=stable, message=message)
     return _with(found, summary=summary, proved=summary.energy if proved is None else proved)

@@ -40,16 +40,6 @@ POINT = 5
 """Number of vertices of a point: its own, and the four that carry its place."""
 
 
-STIFF = 1e3
-"""Penalty s of a grip, divided by the largest stiffness of a held vertex. Kept tangents contain it, so that it may be
-large: each update reduces the error of the forces to about this fraction.
-"""
-FINE = 1e-3
-"""Allowed displacement by the last change of the forces, divided by the tolerance: in an internal step of a motion, a
-displacement within the tolerance would be a force of the order of the weight.
-"""
-
-
 class Hold(IntEnum):
     """State of a grip: nothing is held, it holds, or its forces fall."""
 
@@ -93,6 +83,15 @@ class GripTerm(Term):
     Attributes:
         actuator: the grip.
         neutral_command: 0, nothing is held.
+    """
+
+    STIFF = 1e3
+    """Penalty s of a grip, divided by the largest stiffness of a held vertex. Kept tangents contain it, so that it may
+    be large: each update reduces the error of the forces to about this fraction.
+    """
+    FINE = 1e-3
+    """Allowed displacement by the last change of the forces, divided by the tolerance: in an internal step of a motion,
+    a displacement within the tolerance would be a force of the order of the weight.
     """
 
     kernel, exact, neutral_command = _entry, True, 0.0
@@ -144,7 +143,7 @@ class GripTerm(Term):
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set the penalty in proportion to the largest stiffness of a held vertex."""
-        self._penalty = STIFF * float(matrix.assembled.diagonal()[self._points].max())
+        self._penalty = self.STIFF * float(matrix.assembled.diagonal()[self._points].max())
 
     def couplings(self) -> NDArray[np.int32]:
         """Return each held vertex, with the four vertices of a rigid body that holds it: (k, 1) or (k, 5)."""
@@ -235,7 +234,7 @@ class GripTerm(Term):
         """Update the forces that keep the points in their places; return their change as a displacement [m]."""
         self._rows[:, PULL:] = self._pulls(positions)
         self._updated = positions[self._points]
-        self._errors.append(STIFF / FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
+        self._errors.append(self.STIFF / self.FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
         return self._errors[-1]
 
     @property

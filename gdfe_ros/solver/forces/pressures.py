@@ -13,21 +13,6 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import update_pressures
 from gdfe_ros.solver.state import ElementState
 
-STILL_UPDATES, PLAIN_UPDATES = 3, 20
-"""Updates are accelerated after `STILL_UPDATES` successive updates before which the minimisation made no iteration, or
-after `PLAIN_UPDATES` updates in all.
-"""
-LOCAL_SLACK = 10.0
-"""Allowed volume error of a single element, divided by the allowed mean error. Both errors move positions by the same
-amount.
-"""
-SWINGING = 0.3
-"""An update counts as an oscillation if it reverses more than this fraction of the last one."""
-MOST_SWINGS = 2
-"""The penalty bulk modulus is raised after this number of successive oscillations."""
-STIFFENING, MOST_STIFFENING = 3.0, 30.0
-"""Oscillating pressures raise the penalty bulk modulus by the first factor; the second limits the total factor."""
-
 
 class Pressures:
     """The pressures of one solve, positive in tension, and their updates between minimisations.
@@ -42,6 +27,21 @@ class Pressures:
         values: (m,) p_e [Pa].
         table: the body's materials, with the present penalty bulk moduli.
     """
+
+    STILL_UPDATES, PLAIN_UPDATES = 3, 20
+    """Updates are accelerated after `STILL_UPDATES` successive updates before which the minimisation made no iteration,
+    or after `PLAIN_UPDATES` updates in all.
+    """
+    LOCAL_SLACK = 10.0
+    """Allowed volume error of a single element, divided by the allowed mean error. Both errors move positions by the
+    same amount.
+    """
+    SWINGING = 0.3
+    """An update counts as an oscillation if it reverses more than this fraction of the last one."""
+    MOST_SWINGS = 2
+    """The penalty bulk modulus is raised after this number of successive oscillations."""
+    STIFFENING, MOST_STIFFENING = 3.0, 30.0
+    """Oscillating pressures raise the penalty bulk modulus by the first factor; the second limits the total factor."""
 
     def __init__(self, body: Body, state: ElementState, ratio: float) -> None:
         self._body = body
@@ -70,14 +70,14 @@ class Pressures:
         worst, mean = update_pressures(x, elements, shape, self._body.material, self.table, self.values)
         change, last = self.values - before, self._change
         self._change = change
-        swings = last is not None and np.vdot(last, change) < -SWINGING * np.vdot(last, last)
+        swings = last is not None and np.vdot(last, change) < -self.SWINGING * np.vdot(last, last)
         self._swings = self._swings + 1 if swings else 0
-        if self._swings == MOST_SWINGS:
+        if self._swings == self.MOST_SWINGS:
             self._stiffen()
         self._still, self._updates = self._still + 1 if still else 0, self._updates + 1
-        if self._still > STILL_UPDATES or self._updates > PLAIN_UPDATES:
+        if self._still > self.STILL_UPDATES or self._updates > self.PLAIN_UPDATES:
             self.values[...] = self._anderson.next(before, change)
-        return max(mean, worst / LOCAL_SLACK)
+        return max(mean, worst / self.LOCAL_SLACK)
 
     @property
     def bulk(self) -> NDArray[np.float64]:
@@ -85,8 +85,8 @@ class Pressures:
         return self.table.parameters[:, PENALTY].copy()
 
     def _stiffen(self) -> None:
-        parameters, most = self.table.parameters, MOST_STIFFENING * self._body.table.parameters[:, PENALTY]
-        raised = np.minimum(STIFFENING * parameters[:, PENALTY], np.minimum(most, parameters[:, BULK]))
+        parameters, most = self.table.parameters, self.MOST_STIFFENING * self._body.table.parameters[:, PENALTY]
+        raised = np.minimum(self.STIFFENING * parameters[:, PENALTY], np.minimum(most, parameters[:, BULK]))
         parameters[:, PENALTY] = np.where(parameters[:, CARRIED] == 1.0, raised, parameters[:, PENALTY])
         self._swings = 0
 

@@ -22,11 +22,6 @@ from gdfe_ros.solver.descent.workspace import allocate, numbers
 from gdfe_ros.solver.minimise.minimiser import Task
 from gdfe_ros.solver.vectors import largest
 
-SPACING = 1e-7
-"""Largest displacement in a finite difference, divided by the body's size. If a displacement of a tenth of the body's
-size changes its stiffness by 100 %, the truncation error is a millionth of the product. The rounding error is smaller.
-"""
-
 
 @kernel
 def multiply(problem, u, gradient, beside, direction, spacing, image):
@@ -50,9 +45,15 @@ class TangentProducts:
         body: the discretised body.
     """
 
+    SPACING = 1e-7
+    """Largest displacement in a finite difference, divided by the body's size. If a displacement of a tenth of the
+    body's size changes its stiffness by 100 %, the truncation error is a millionth of the product. The rounding error
+    is smaller.
+    """
+
     def __init__(self, body: Body) -> None:
         self._beside = allocate(body.unknowns.rows, body.rest, body.cells.shape, memory=0)
-        self._spacing = SPACING * body.size
+        self._spacing = self.SPACING * body.size
 
     def begin(self, task: Task) -> None:
         """Set the unknowns of ``task`` as the point at which products use the tangent. The task is not modified."""

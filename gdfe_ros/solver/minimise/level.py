@@ -84,22 +84,6 @@ class ElementStiffness:
         return self.values
 
 
-SHIFT_GROWTH = 10.0
-"""If a tangent has no factor, growing multiples of the constant matrix are added to it: each is this factor times the
-last one.
-"""
-MOST_SHIFT = 1e12
-"""Largest multiple of the constant matrix that is added to a tangent without a factor. If it is not enough, the
-constant matrix replaces the tangent.
-"""
-OPERATIONS, MEMORY = 4e10, 1e9
-"""Largest number of multiplications of a factorisation, one or two seconds, and largest memory [bytes] for which a
-body has a tangent from the beginning.
-"""
-TURN = 1e-6
-"""Change of a rigid row in finite differences of the handles' motion, divided by the body's size."""
-
-
 class TangentLevel:
     """Evaluates, factors and applies kept tangents of a body.
 
@@ -114,6 +98,21 @@ class TangentLevel:
         first_shift: first multiple of the constant matrix that is added to a tangent without a factor: the softness of
             the body.
     """
+
+    SHIFT_GROWTH = 10.0
+    """If a tangent has no factor, growing multiples of the constant matrix are added to it: each is this factor times
+    the last one.
+    """
+    MOST_SHIFT = 1e12
+    """Largest multiple of the constant matrix that is added to a tangent without a factor. If it is not enough, the
+    constant matrix replaces the tangent.
+    """
+    OPERATIONS, MEMORY = 4e10, 1e9
+    """Largest number of multiplications of a factorisation, one or two seconds, and largest memory [bytes] for which a
+    body has a tangent from the beginning.
+    """
+    TURN = 1e-6
+    """Change of a rigid row in finite differences of the handles' motion, divided by the body's size."""
 
     first_shift = 1e-8
 
@@ -139,7 +138,7 @@ class TangentLevel:
         kind = np.float32 if body.handles else np.float64  # only double precision conserves the momentum of free bodies
         self._factor = Fronts(graph[:free, :free].tocsr(), body.rest[body.unknowns.free], kind=kind)
         self.price = self._factor.price
-        self.affordable = self._factor.operations <= OPERATIONS and self._factor.memory <= MEMORY
+        self.affordable = self._factor.operations <= self.OPERATIONS and self._factor.memory <= self.MEMORY
         self._loaded: Tangent | None = None
         self._rest: tuple[Tangent, Kept] | None = None
         self._sums = np.empty((len(body.rest), 9))
@@ -181,7 +180,7 @@ class TangentLevel:
         tangent += self._even
         self._assembly.fix(tangent, self._constant)
         shift = 0.0
-        while shift <= MOST_SHIFT:
+        while shift <= self.MOST_SHIFT:
             found = {"blocks": tangent + shift * self._constant if shift else tangent, "shift": shift}
             if self._load(Tangent(motion=motion, **found, **here)):
                 return self._loaded
@@ -189,7 +188,7 @@ class TangentLevel:
                 return None
             if not np.isfinite(tangent).all():
                 break
-            shift = max(self.first_shift, SHIFT_GROWTH * shift)
+            shift = max(self.first_shift, self.SHIFT_GROWTH * shift)
         if not self._load(
             Tangent(blocks=self._constant, motion=self._motion(np.zeros_like(u), problem.frame), shift=shift)
         ):
@@ -308,7 +307,7 @@ class TangentLevel:
         """Return d(positions of the members)/d(rigid rows) (3 b, 3 q) by central differences."""
         unknowns, first = self._unknowns, self._free
         motion = np.zeros((3 * len(unknowns.members), 3 * unknowns.rigid_rows))
-        step, sides = TURN * self._body.size, [np.array(self._body.rest) for _ in range(2)]
+        step, sides = self.TURN * self._body.size, [np.array(self._body.rest) for _ in range(2)]
         for column in range(motion.shape[1]):
             for sign, x in zip((step, -step), sides, strict=True):
                 beside = u.copy()

@@ -17,26 +17,13 @@ from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.loop import Metric, choose, descend, move, precondition, start
 from gdfe_ros.solver.descent.search import ROUNDING, advance
-from gdfe_ros.solver.descent.workspace import End, Problem, Workspace, numbers
+from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.springs import Tangent
 from gdfe_ros.solver.matrix.substitution import Kept
 from gdfe_ros.solver.minimise.level import TangentLevel
+from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.vectors import largest, largest_shift
 
-SHARE, MOVING, FREE = 0.2, 0.1, 0.02
-"""A minimisation ends if its distance to the equilibrium, divided by the tolerance, is at most this: in statics, in
-motion, and in the motion of bodies that nothing holds. Only the accuracy of the solve conserves their momentum.
-"""
-TRUST = 0.1
-"""Assumed least ratio of a step with the constant matrix to the distance to the equilibrium."""
-FARTHEST = 3000.0
-"""A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
-LEAST_AGE, AGE = 24, 1.5
-"""A tangent is renewed within a solve after this number of iterations, or after this multiple of the number of
-solutions that its factor costs, if that is larger. Otherwise a few far steps would renew it too often.
-"""
-UNSOLVED = 200
-"""A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve."""
 _TEAM = threading.Lock()
 """Lock for numba's threads. They serve one caller at a time; a second one could crash the process."""
 Observer = Callable[[float, float, bool], None]
@@ -70,19 +57,6 @@ class Task:
             advance(self.problem, self.active.workspace, True)
 
 
-@dataclass(frozen=True)
-class Descended:
-    """Outcome of a minimisation.
-
-    Attributes:
-        iterations: number of iterations.
-        cut: whether the limit of iterations or the deadline ended the minimisation before its target.
-    """
-
-    iterations: int
-    cut: bool
-
-
 class Minimiser:
     """Minimises the potential of a body.
 
@@ -100,6 +74,21 @@ class Minimiser:
         tangent: the tangent in use; None if the constant matrix is in use.
     """
 
+    SHARE, MOVING, FREE = 0.2, 0.1, 0.02
+    """A minimisation ends if its distance to the equilibrium, divided by the tolerance, is at most this: in statics, in
+    motion, and in the motion of bodies that nothing holds. Only the accuracy of the solve conserves their momentum.
+    """
+    TRUST = 0.1
+    """Assumed least ratio of a step with the constant matrix to the distance to the equilibrium."""
+    FARTHEST = 3000.0
+    """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
+    LEAST_AGE, AGE = 24, 1.5
+    """A tangent is renewed within a solve after this number of iterations, or after this multiple of the number of
+    solutions that its factor costs, if that is larger. Otherwise a few far steps would renew it too often.
+    """
+    UNSOLVED = 200
+    """A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve."""
+
     def __init__(
         self,
         body: Body,
@@ -111,7 +100,7 @@ class Minimiser:
     ) -> None:
         self._body, self.level, self.impulses = body, level, impulses
         held = bool(body.handles) and not body.rigid_bodies
-        self._share = (MOVING if held else FREE) if moving else SHARE
+        self._share = (self.MOVING if held else self.FREE) if moving else self.SHARE
         self._grain = float(np.finfo(float).eps * np.vdot(weight, body.shape.volume))
         rows, (count, corners) = 3 * body.unknowns.rows, body.cells.shape
         scratch = np.zeros(rows), np.zeros(rows), body.rest.copy(), np.zeros((count, corners, 3))
@@ -124,7 +113,7 @@ class Minimiser:
     def begin(self, active: ActiveSet, tangent: Tangent | None) -> None:
         """Prepare a solve with the tangent of the last one; None stands for that of the undeformed body."""
         status = active.status
-        status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
+        status["reach"], status["grain"] = self.FARTHEST * self._body.size, self._grain
         status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
         self._spent = 0
         if self.impulses is not None:
@@ -133,8 +122,10 @@ class Minimiser:
         if self.tangent is not None:
             self.level.load(self.tangent)
 
-    def descend(self, task: Task, *, tolerance: float, limit: int, proven: bool = False) -> Descended:
+    def descend(self, task: Task, *, tolerance: float, limit: int, proven: bool = False) -> int:
         """Minimise until the estimated distance to the equilibrium is small enough for the tolerance.
+
+        Return the number of iterations; ``task.active.ended`` is the reason for the end.
 
         Args:
             task: the problem.
@@ -161,12 +152,12 @@ class Minimiser:
             self._show(work, begins=False)
             begins, done = False, done + used
             self._spent += used
-            if task.active.ended is End.WORN and self._renewed(task, fresh=not used):
+            if task.active.ended is Outcome.WORN and self._renewed(task, fresh=not used):
                 continue
-            if task.active.ended is not End.NONE:
-                return Descended(done, cut=False)
-            if done >= limit or past(task.deadline):
-                return Descended(done, cut=True)
+            if task.active.ended is Outcome.NONE and (done >= limit or past(task.deadline)):
+                task.active.status["ended"] = Outcome.CUT
+            if task.active.ended is not Outcome.NONE:
+                return done
 
     def _touching(
         self,
@@ -193,7 +184,7 @@ class Minimiser:
             if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
                 return iteration
             if not impulses.settles(work):
-                numbers(work)["ended"] = End.GIVEN_UP
+                numbers(work)["ended"] = Outcome.GIVEN_UP
                 return iteration + 1
         return limit
 
@@ -223,14 +214,14 @@ class Minimiser:
         status = task.active.status
         self.tangent = tangent
         status["count"], status["since"], status["turned"], status["before"] = 0, 0, np.inf, np.inf
-        status["ended"], self._spent = End.NONE, 0
+        status["ended"], self._spent = Outcome.NONE, 0
 
     def newton_step(self, task: Task) -> tuple[float, NDArray[np.float64]]:
         """Return the step M^-1 g (3 r,) [m], and its largest displacement divided by the body's size and by its trust.
 
         With a fresh tangent M, the first result is the distance to the equilibrium.
         """
-        step, trust = np.empty_like(task.active.workspace.u), 1.0 if self.tangent is not None else TRUST
+        step, trust = np.empty_like(task.active.workspace.u), 1.0 if self.tangent is not None else self.TRUST
         self.precondition(task, task.active.workspace.gradient, step)
         return float(largest(step)) / (trust * self._body.size), step
 
@@ -247,26 +238,26 @@ class Minimiser:
 
     def is_overdue(self, tangent: Tangent | None) -> bool:
         """Return whether a new tangent lowers the mean cost of a solve."""
-        return tangent is not None and tangent.overdue(max(LEAST_AGE // 2, self.level.price))
+        return tangent is not None and tangent.overdue(max(self.LEAST_AGE // 2, self.level.price))
 
     def ran_away(self, active: ActiveSet) -> bool:
         """Return whether the body runs away, because the energy has no lower bound."""
-        far = not largest_shift(active.workspace.x, self._body.rest) <= FARTHEST * self._body.size
-        return far or active.ended is End.RUNAWAY
+        far = not largest_shift(active.workspace.x, self._body.rest) <= self.FARTHEST * self._body.size
+        return far or active.ended is Outcome.RUNAWAY
 
     def metric(self, active: ActiveSet) -> Metric:
         """Return the initial matrix for the kernels."""
         held, tangent, coupling = bool(self._body.handles), self.tangent, active.matrix.coupling
         if tangent is None:
-            return Metric(self._none, coupling, self._body.rest, held, TRUST, *self._given)
+            return Metric(self._none, coupling, self._body.rest, held, self.TRUST, *self._given)
         before = self._body.rest if tangent.positions is None else tangent.positions
         return Metric(self.level.kept, coupling, before, held, 1.0, *self._given)
 
     def _age(self) -> int:
         """Return the number of iterations of a solve for which one matrix serves."""
         if self.tangent is None:
-            return UNSOLVED if self.level.fits else 2**62
-        return max(LEAST_AGE, round(AGE * self.level.price))
+            return self.UNSOLVED if self.level.fits else 2**62
+        return max(self.LEAST_AGE, round(self.AGE * self.level.price))
 
     def _renewed(self, task: Task, *, fresh: bool) -> bool:
         """Renew the tangent within a solve; return whether that is possible and may help."""
@@ -277,7 +268,7 @@ class Minimiser:
         work = task.active.workspace
         self._adopt(task, self.level.take(task.problem, work.u, work.x))
         if self.tangent.shift > 0.0 and task.gives_up is not None and task.gives_up(work.x):
-            task.active.status["ended"] = End.GIVEN_UP
+            task.active.status["ended"] = Outcome.GIVEN_UP
             return False
         return True
 

@@ -30,13 +30,6 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.solver.vectors import largest
 
-SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
-"""Fractions of the free flight that are tried in turn until no element is folded. A force on one light vertex may move
-it across many cells in a step, and a start with folds ends in another equilibrium. Without handles, the centre of mass
-always moves by the whole free flight: the minimisation corrects it only to within the tolerance, and momentum would
-change.
-"""
-
 
 class FlightPredictor(Predictor):
     """Predicts the end of a step of one length from a state and its velocities.
@@ -47,6 +40,13 @@ class FlightPredictor(Predictor):
         matrix: the constant matrix.
         h: length of the step [s].
         masses: (n,) masses of the vertices [kg].
+    """
+
+    SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
+    """Fractions of the free flight that are tried in turn until no element is folded. A force on one light vertex may
+    move it across many cells in a step, and a start with folds ends in another equilibrium. Without handles, the centre
+    of mass always moves by the whole free flight: the minimisation corrects it only to within the tolerance, and
+    momentum would change.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class FlightPredictor(Predictor):
         drift, flight = self._shares @ flight, flight[self._free]
         led = state.positions.copy()
         led[held] += base[held] - state.base[held]
-        for share in (*SHARES, 1.0):  # handles may fold elements whatever the other vertices do
+        for share in (*self.SHARES, 1.0):  # handles may fold elements whatever the other vertices do
             start = led.copy()
             start[self._free] += share * flight + (1.0 - share) * drift
             if least_volume_ratio(start, self._shape) > 0.0:
@@ -78,15 +78,8 @@ ACCURACY = 3.0
 """Tolerance of an internal step, divided by the solver's tolerance and by the distance h^2 |a| of the fastest vertex.
 The tolerance is at most the solver's tolerance.
 """
-HELD = 3.0
-"""A body that only handles hold has a tolerance larger by this factor, and the distance is at least h |v|. With free
-bodies, only the accuracy of the solve conserves the momentum. Pressures always have the smaller tolerance: pressures
-that lag behind the motion add energy. `newmark` has no dissipation, and never gets the factor.
-"""
 FINEST = 1e-4
 """Least tolerance of an internal step, divided by the solver's tolerance."""
-KEPT = 4
-"""Number of step lengths whose factors are kept."""
 
 
 class Integrator:
@@ -101,6 +94,14 @@ class Integrator:
         acting: function that returns the actuation with given additional terms.
         euler: whether backward Euler, which needs only the last state, replaces the scheme.
     """
+
+    HELD = 3.0
+    """A body that only handles hold has a tolerance larger by this factor, and the distance is at least h |v|. With
+    free bodies, only the accuracy of the solve conserves the momentum. Pressures always have the smaller tolerance:
+    pressures that lag behind the motion add energy. `newmark` has no dissipation, and never gets the factor.
+    """
+    KEPT = 4
+    """Number of step lengths whose factors are kept."""
 
     def __init__(
         self,
@@ -121,7 +122,7 @@ class Integrator:
         # Pressures that lag behind a motion add energy to it; without damping they must not lag.
         self._fed = self._scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.mass_damping)
         self._held = bool(body.handles) and not body.rigid_bodies
-        self._coarser = 1.0 if self._scheme is Scheme.NEWMARK else HELD
+        self._coarser = 1.0 if self._scheme is Scheme.NEWMARK else self.HELD
         self._made: dict[float, EquilibriumSolver] = {}
         self._pushes, self._impacts = Pushes(free_mass, dynamics, self._scheme), Impacts(body, dynamics, self._scheme)
 
@@ -176,7 +177,7 @@ class Integrator:
         if self._dynamics.damps:
             own.append(Viscosity(self._body, self._dynamics, h))
         masses = np.asarray(self._mass.sum(axis=1)).ravel()
-        while len(self._made) >= KEPT:
+        while len(self._made) >= self.KEPT:
             del self._made[next(iter(self._made))]
         self._made[h] = EquilibriumSolver(
             self._body,

@@ -31,17 +31,6 @@ from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.solver.value import changed
 from gdfe_ros.solver.vectors import largest
 
-CALM = 0.5
-"""A body counts as at rest if no vertex, at its present velocity or acceleration, moves farther than the tolerance
-within this time [s].
-"""
-RELAXED = 3.0
-"""Lower bound of the time of `CALM`, divided by the longest relaxation time of the body."""
-SHORTEST = 1e-2
-"""Durations below this fraction of the longest internal step are only added up: differences over so short a time give
-only noise as acceleration.
-"""
-
 
 class MotionStepper:
     """Steps a body with mass in time. It stores no state, only factors for the step lengths in use.
@@ -56,6 +45,17 @@ class MotionStepper:
     Attributes:
         equilibrium: equilibrium solver of internal steps of the longest length.
         actuation: the external terms of these internal steps.
+    """
+
+    CALM = 0.5
+    """A body counts as at rest if no vertex, at its present velocity or acceleration, moves farther than the tolerance
+    within this time [s].
+    """
+    RELAXED = 3.0
+    """Lower bound of the time of `CALM`, divided by the longest relaxation time of the body."""
+    SHORTEST = 1e-2
+    """Durations below this fraction of the longest internal step are only added up: differences over so short a time
+    give only noise as acceleration.
     """
 
     def __init__(
@@ -74,7 +74,9 @@ class MotionStepper:
         self.actuation = self.equilibrium.actuation
         self._accounts = Accounts(body, mass, dynamics)
         self._ceiling = Ceiling(body, dynamics.scheme, settings.tolerance, self._accounts)
-        self._calm = max(CALM, RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min()))
+        self._calm = max(
+            self.CALM, self.RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min())
+        )
 
     @property
     def mass(self) -> sparse.csr_matrix:
@@ -123,7 +125,7 @@ class MotionStepper:
         internal step.
         """
         due = state.ledger.owed + duration
-        if due < SHORTEST * self._dynamics.step:
+        if due < self.SHORTEST * self._dynamics.step:
             return _noted(state.with_(ledger=changed(state.ledger, owed=due)), duration)
         began = self.started(state, commands)
         if observer is not None and began is not state:

@@ -20,18 +20,6 @@ from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.sensitivity.variant import MaterialVariant, Variant
 
-NEAR = 1e-5
-"""Variation of a parameter in a finite difference, divided by its order of magnitude. Forces are smooth functions of
-the parameter, so that the relative error is about 1e-10.
-"""
-TOUCH = 1e-8
-"""Variation of a translation or of a commanded length, divided by the body's size, and of a rotation [rad]. It is so
-small that no contact opens or closes, and that no cable becomes slack.
-"""
-FAINT = 1e-8
-"""Order of magnitude of a tension, divided by Young's modulus times the squared body size, and of a pressure, divided
-by Young's modulus. It may be small, because forces are linear in tension and pressure.
-"""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 """Components of a pose: translation [m] and rotation vector [rad]."""
 
@@ -51,6 +39,15 @@ class Parameter:
         model: function that returns the body for another value; None for poses and commands.
     """
 
+    NEAR = 1e-5
+    """Variation of a parameter in a finite difference, divided by its order of magnitude. Forces are smooth functions
+    of the parameter, so that the relative error is about 1e-10.
+    """
+    TOUCH = 1e-8
+    """Variation of a translation or of a commanded length, divided by the body's size, and of a rotation [rad]. It is
+    so small that no contact opens or closes, and that no cable becomes slack.
+    """
+
     name: str
     unit: str
     scale: float
@@ -62,7 +59,7 @@ class Parameter:
 
     def step(self, commands: Mapping[str, float]) -> float:
         """Return the variation of the parameter for finite differences, in its unit, at the given commands."""
-        near = TOUCH if self.unit in ("m", "rad") else NEAR
+        near = self.TOUCH if self.unit in ("m", "rad") else self.NEAR
         return near * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
 
     def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
@@ -89,6 +86,11 @@ class Parameters:
         body: the discretised body.
         model: materials and damping of the body.
         actuators, loads, handles: actuators, loads and handles of the scene.
+    """
+
+    FAINT = 1e-8
+    """Order of magnitude of a tension, divided by Young's modulus times the squared body size, and of a pressure,
+    divided by Young's modulus. It may be small, because forces are linear in tension and pressure.
     """
 
     def __init__(
@@ -216,8 +218,8 @@ class Parameters:
         if isinstance(actuator, Grip | Growth):
             return 1.0
         return {
-            Mode.TENSION: FAINT * young * size**2,
-            Mode.PRESSURE: FAINT * young,
+            Mode.TENSION: self.FAINT * young * size**2,
+            Mode.PRESSURE: self.FAINT * young,
             Mode.VOLUME: 1e-2 * size**3,
         }.get(actuator.mode, size)
 

@@ -12,12 +12,11 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.forces.actuation import inflated
+from gdfe_ros.solver.outcome import Outcome, join, tell
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
-SHORTEST_SUBSTEP = 1.0 / 256.0
-"""An increment of at most this fraction of a load path is not halved again."""
 LARGEST_TURN = math.radians(100.0)
 """Largest rotation of a handle in one increment [rad]."""
 Place = tuple[Mapping[str, Pose], Mapping[str, float]]
@@ -50,7 +49,7 @@ def on_path(began: Place, goal: Place, share: float) -> Place:
     return poses, {name: value + share * (goal[1][name] - value) for name, value in began[1].items()}
 
 
-class AttemptOutcome(Enum):
+class Verdict(Enum):
     """The consequence of an attempted increment."""
 
     ACCEPT = "accept, and go on from there"
@@ -78,7 +77,7 @@ class Goal:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Way:
+class LoadPath:
     """A load path and the progress on it.
 
     Attributes:
@@ -95,6 +94,9 @@ class Way:
         unstable: name of a chamber that lost its stability in an attempt; empty for none.
     """
 
+    SHORTEST_SUBSTEP = 1.0 / 256.0
+    """An increment of at most this fraction of a load path is not halved again."""
+
     poses: Mapping[str, Pose]
     commands: Mapping[str, float]
     goal: Goal
@@ -110,7 +112,7 @@ class Way:
     unstable: str = ""
 
     @classmethod
-    def between(cls, state: State, goal: Goal, increments: int, limit: int) -> Way:
+    def between(cls, state: State, goal: Goal, increments: int, limit: int) -> LoadPath:
         """Return the load path from a state to a goal; its budget is ``increments`` times ``limit`` iterations."""
         budget, length = increments * limit, 1.0 / increments
         return cls(poses=state.poses, commands=state.commands, goal=goal, budget=budget, length=length)
@@ -123,7 +125,7 @@ class Way:
     @property
     def shortest(self) -> bool:
         """Whether the increment is too short to be halved."""
-        return self.length <= SHORTEST_SUBSTEP or not self.moves
+        return self.length <= self.SHORTEST_SUBSTEP or not self.moves
 
     @property
     def next(self) -> float:
@@ -140,7 +142,7 @@ class Way:
         """Poses and commands at the end of the next attempt."""
         return on_path((self.poses, self.commands), (self.goal.poses, self.goal.commands), self.next)
 
-    def tried(self, solution: Solution, *, jumps: bool) -> Way:
+    def tried(self, solution: Solution, *, jumps: bool) -> LoadPath:
         """Return the load path after an attempt: iterations are added, and a jump or folded elements are recorded."""
         sound = solution.min_det > 0.0
         return changed(
@@ -152,24 +154,13 @@ class Way:
             leap=self.leap or (self.length if jumps and sound and solution.converged else 0.0),
         )
 
-    def after(self, verdict: AttemptOutcome) -> Way:
+    def after(self, verdict: Verdict) -> LoadPath:
         """Return the load path with the progress and the next length that follow from a verdict."""
-        if verdict is AttemptOutcome.HALVE:
+        if verdict is Verdict.HALVE:
             return changed(self, length=0.5 * self.length)
-        if verdict is AttemptOutcome.LEAP:
+        if verdict is Verdict.LEAP:
             return changed(self, length=self.leap, leaping=True)
-        return self if verdict is AttemptOutcome.WITHDRAW else changed(self, done=self.next, leap=0.0, leaping=False)
-
-
-SHORTEST_STUCK = 1.0 / 4.0
-"""An increment whose solve got stuck is not halved again if it is at most this fraction of a load path."""
-STUCK = 1e-4
-"""A solve without further descent is stuck if the estimated distance to the equilibrium, divided by the body's size,
-exceeds this. An example is a kink of the energy. At a smaller distance, the rounding of the energy has ended the solve.
-"""
-SHORTEST_JUMP = 1.0 / 32.0
-"""A jump is accepted in an increment of at most this fraction of a load path; shorter increments would jump, too."""
-FOLDS, ENTERS = "elements would fold or turn inside out", "surfaces would enter each other"
+        return self if verdict is Verdict.WITHDRAW else changed(self, done=self.next, leap=0.0, leaping=False)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -177,7 +168,7 @@ class Attempt:
     """Result of an attempted increment, and the evidence for the verdict.
 
     Attributes:
-        way: the load path after `Way.tried`; ``way.done`` does not include this increment yet.
+        path: the load path after `LoadPath.tried`; ``path.done`` does not include this increment yet.
         began: the state at the beginning of the increment.
         solution: result of the solve.
         jumps: whether the body jumped to another equilibrium.
@@ -188,7 +179,18 @@ class Attempt:
             ``patience``.
     """
 
-    way: Way
+    SHORTEST_STUCK = 1.0 / 4.0
+    """An increment whose solve got stuck is not halved again if it is at most this fraction of a load path."""
+    STUCK = 1e-4
+    """A solve without further descent is stuck if the estimated distance to the equilibrium, divided by the body's
+    size, exceeds this. An example is a kink of the energy. At a smaller distance, the rounding of the energy has ended
+    the solve.
+    """
+    SHORTEST_JUMP = 1.0 / 32.0
+    """A jump is accepted in an increment of at most this fraction of a load path; shorter increments would jump, too.
+    """
+
+    path: LoadPath
     began: State
     solution: Solution
     jumps: bool
@@ -204,13 +206,13 @@ class Attempt:
     @property
     def snapped(self) -> bool:
         """Whether the body jumped to another equilibrium, or jumped without reaching an equilibrium."""
-        return self.jumps or (self.way.jumped and not self.solution.converged)
+        return self.jumps or (self.path.jumped and not self.solution.converged)
 
     @property
     def failed(self) -> bool:
         """Whether the solve ended neither at a sound equilibrium nor as near to it as its precision allows."""
         solution = self.solution
-        stuck = solution.error_estimate > STUCK and self.way.length > SHORTEST_STUCK
+        stuck = solution.error_estimate > self.STUCK and self.path.length > self.SHORTEST_STUCK
         given_up = solution.exhausted and not stuck
         return not (solution.converged or given_up) or not self.sound
 
@@ -220,38 +222,39 @@ class Attempt:
         began = self.began
         once_sound = began.sound or began.anchor is not None
         passing = self.solution.cut and self.patient
-        return once_sound and not self.sound and not passing and (self.way.moves or began.anchor is not None)
+        return once_sound and not self.sound and not passing and (self.path.moves or began.anchor is not None)
 
     @property
     def divides(self) -> bool:
         """Whether a shorter increment is tried, because this one failed, or to avoid a jump."""
-        way = self.way
-        avoidable = self.jumps and way.length > SHORTEST_JUMP and not way.leaping
-        return ((self.failed and not way.shortest) or avoidable) and not self.spent
+        path = self.path
+        avoidable = self.jumps and path.length > self.SHORTEST_JUMP and not path.leaping
+        return ((self.failed and not path.shortest) or avoidable) and not self.spent
 
     @property
     def unusable(self) -> bool:
         """Whether there is no state from which the load path could go on."""
-        unstable = bool(self.unstable) or (self.spent and bool(self.way.unstable) and self.failed)
+        unstable = bool(self.unstable) or (self.spent and bool(self.path.unstable) and self.failed)
         return self.solution.diverged or unstable or self.folds
 
     @property
-    def verdict(self) -> AttemptOutcome:
+    def verdict(self) -> Verdict:
         """The verdict: accept, stop, halve, leap or withdraw."""
-        way = self.way
+        path = self.path
         if self.divides:
-            return AttemptOutcome.HALVE
+            return Verdict.HALVE
         if self.unusable:
-            return AttemptOutcome.LEAP if way.leap and not (way.leaping or self.spent) else AttemptOutcome.WITHDRAW
-        return AttemptOutcome.STOP if self.snapped or self.spent or way.next == 1.0 else AttemptOutcome.ACCEPT
+            return Verdict.LEAP if path.leap and not (path.leaping or self.spent) else Verdict.WITHDRAW
+        return Verdict.STOP if self.snapped or self.spent or path.next == 1.0 else Verdict.ACCEPT
 
     @property
     def reason_to_withdraw(self) -> str:
         """The reason why the step returns to the last sound state."""
-        way, message = self.way, self.solution.message
-        if way.unstable:
-            return inflated(way.unstable, self.began.commands, way.aim[1])
-        if self.solution.diverged and not way.folded:
+        path, message = self.path, self.solution.message
+        if path.unstable:
+            return inflated(path.unstable, self.began.commands, path.aim[1])
+        if self.solution.diverged and not path.folded:
             return message
-        what = ENTERS if self.solution.entered and self.solution.min_det > 0.0 else FOLDS
-        return f"{what} beyond {way.done:.3g} of the way to the command; {message}".rstrip("; ")
+        enters = self.solution.entered and self.solution.min_det > 0.0
+        what = tell(Outcome.ENTERED if enters else Outcome.FOLDED)
+        return join(f"{what} beyond {path.done:.3g} of the way to the command", message)
