@@ -23,7 +23,7 @@ from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.equilibrium.stability import Stability
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, apply_inverse
-from gdfe_ros.solver.matrix.frames import vertex_rotations
+from gdfe_ros.solver.matrix.rotation import vertex_rotations
 from gdfe_ros.solver.matrix.substitution import solve_kept
 from gdfe_ros.solver.minimise import minimiser
 from gdfe_ros.solver.minimise.level import TangentLevel

@@ -3,7 +3,7 @@
 
 A kernel that calls one of the functions below is compiled once for each cell type. Numba sees the type of ``shape``,
 and replaces the call by the function of that cell type, without a cost at run time. A third type needs an entry in
-`KERNELS`, and one in `gdfe_ros.solver.cell_type`.
+`KERNELS`, and one in `gdfe_ros.solver.elements.cell_type`.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
-from gdfe_ros.solver.cell_type import cell_type_of
+from gdfe_ros.solver.elements.cell_type import cell_type_of
 from gdfe_ros.solver.matrix.coupling import close_coupling, couple
 from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
 from gdfe_ros.solver.matrix.inverse import apply_free
