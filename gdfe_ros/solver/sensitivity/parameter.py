@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Named parameters of derivatives: commands, components of poses, numbers of materials and damping; scenes with others."""
+"""Named parameters of derivatives: commands, poses, numbers of materials and damping; and scenes with other numbers."""
 
 from __future__ import annotations
 
