@@ -135,10 +135,7 @@ class Minimiser:
         """
         work, begins, done = task.active.workspace, True, 0
         target = self._share * tolerance * self._body.size
-        if self.level.outdated(self.tangent) and (self.tangent is not None or self.level.fits):
-            self._adopt(task, self.level.take(task.problem, work.u, work.x))
-        elif self.tangent is not None:
-            self.tangent = self.level.reconnected(self.tangent, work.x)
+        self._follow_terms(task)
         while True:
             chunk = 1 if self.observer or task.deadline else limit
             if begins and self.observer:
@@ -158,6 +155,14 @@ class Minimiser:
                 task.active.status["ended"] = Outcome.CUT
             if task.active.ended is not Outcome.NONE:
                 return done
+
+    def _follow_terms(self, task: Task) -> None:
+        """Take a new tangent if a term has come to another stage; otherwise connect its springs as they are now."""
+        work = task.active.workspace
+        if self.level.outdated(self.tangent) and (self.tangent is not None or self.level.fits):
+            self._adopt(task, self.level.take(task.problem, work.u, work.x))
+        elif self.tangent is not None:
+            self.tangent = self.level.reconnected(self.tangent, work.x)
 
     def _touching(
         self,
