@@ -282,7 +282,7 @@ class Solve:
         slides, turns = active.rigid_motion()
         outcome, estimate = self._judge(active)
         flaw, message = self._actuation.flaw(positions), self._explain(outcome, estimate, active)
-        converged = outcome is Outcome.NEAR and not flaw and least.min() > 0.0
+        converged = outcome is Outcome.NEAR and not flaw and bool(least.min() > 0.0)
         message = join(flaw, message, "" if converged else flattened(least))
         outside = work.outside if self._actuation.terms else None
         others = self._actuation.contacts, self._actuation.grips
