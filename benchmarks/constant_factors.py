@@ -24,7 +24,7 @@ from benchmarks.scaling import SIZES
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.solver.matrix.constant_matrix import assemble
-from gdfe_ros.solver.matrix.factor import Factor
+from gdfe_ros.solver.matrix.factor import Factor, Factorisation
 from gdfe_ros.solver.matrix.inverse import apply_free
 
 REPEATS = 9
@@ -43,7 +43,7 @@ def probe() -> dict[str, float]:
     """Return the number of entries in the factors of the two smallest bars."""
     found = {}
     for cells in SIZES[:2]:
-        factor = Factor(*held_bar(cells))
+        factor = Factor(*held_bar(cells), Factorisation.SUPERNODES)
         found[f"{cells[0]} cells long: numbers"] = int(factor.inverse.value_start[-1])
     return found
 
@@ -54,7 +54,7 @@ def measured(cells: tuple[int, int, int]) -> dict[str, Any]:
     right = np.random.default_rng(0).standard_normal((len(points), 3))
     out, flat = np.empty_like(right), right.reshape(-1)
     began = time.process_time()
-    factor = Factor(matrix, points)
+    factor = Factor(matrix, points, Factorisation.SUPERNODES)
     taken = {"supernodes": time.process_time() - began}
     solves: dict[str, Solve] = {"supernodes": lambda: apply_free(factor.inverse, flat, out.reshape(-1), None)}
     for name, prepare in {"SuperLU": _superlu, "CHOLMOD": _cholmod}.items():
@@ -121,7 +121,7 @@ def main() -> None:
     words = "Factors of constant matrices, ours and those of libraries."
     given = options("benchmarks.constant_factors", words, "constant_factors").parse_args()
     held = held_bar(SIZES[0])
-    Factor(*held)  # compiled
+    Factor(*held, Factorisation.SUPERNODES)  # compiled
     found = rows()
     write_report(given.out, found, probe())
     print(table(found))

@@ -93,6 +93,7 @@ def _measure(cells: Sequence[int], poisson: float, threads: int) -> dict[str, An
         "iterations": result.iterations,
         "time_iteration": (solved - built) / max(result.iterations, 1),
         "converged": result.converged,
+        "factorisation": result.factorisation,
         "digest": hashlib.sha256(result.positions.tobytes()).hexdigest(),
         "peak_memory": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
     }

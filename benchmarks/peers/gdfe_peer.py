@@ -89,6 +89,7 @@ def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
         "version": __version__,
         "tolerance": variant.options["tolerance"],
         "iterations": sum(iterations for _, iterations in times),
+        "factorisation": simulation.result.factorisation,
     }
     if variant.options.get("stream"):
         seconds = [second for second, _ in times]

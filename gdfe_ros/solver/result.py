@@ -38,6 +38,7 @@ class StepResult:
         substeps: number of increments or internal steps that were attempted.
         wall_time: elapsed time [s].
         policy: the policy of the solve.
+        factorisation: the library that solves with the constant matrix.
         message: description of the defect; empty if there is none.
         stable: whether the energy has positive curvature in every direction. This is proved after cold and far steps,
             when the strain energy has grown much, and at intervals. False: the body is at a saddle of the energy and
@@ -65,6 +66,7 @@ class StepResult:
     substeps: int
     wall_time: float
     policy: Policy
+    factorisation: str
     message: str = ""
     stable: bool | None = None
     estimated: bool = False

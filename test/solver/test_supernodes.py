@@ -18,7 +18,7 @@ from gdfe_ros.mesh.tet_operators import tet_operators
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.matrix import factor as factors
 from gdfe_ros.solver.matrix.constant_matrix import assemble
-from gdfe_ros.solver.matrix.factor import Factor
+from gdfe_ros.solver.matrix.factor import Factor, Factorisation
 from gdfe_ros.solver.matrix.ordering import dissected
 
 MESHES = {
@@ -58,7 +58,8 @@ def test_it_solves(name: str, coarse_from: int, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(factors, "COARSE_FROM", coarse_from)
     mesh = MESHES[name]
     matrix, right = stiffness(mesh, contrast=1e3), right_of(mesh)
-    factor = Factor(matrix, mesh.vertices)
+    factor = Factor(matrix, mesh.vertices, Factorisation.SUPERNODES)
+    assert factor.kind is Factorisation.SUPERNODES
     assert (len(factor.inverse.coarse) > 0) == (coarse_from == 1)
     wanted = spsolve(matrix, right)
     np.testing.assert_allclose(solved(factor, right), wanted, atol=1e-9 * np.abs(wanted).max())
@@ -70,7 +71,7 @@ def test_16_bits_are_left_where_they_are_too_coarse(monkeypatch: pytest.MonkeyPa
     mesh = MESHES["row"]
     held = sparse.diags_array(np.where(mesh.vertices[:, 0] < 1e-9, 1e-12, 0.0))
     matrix = (assemble(shape_operators(mesh.vertices, mesh.cells), *np.ones((2, 300))) + held).tocsc()
-    factor = Factor(matrix, mesh.vertices)
+    factor = Factor(matrix, mesh.vertices, Factorisation.SUPERNODES)
     assert len(factor.inverse.coarse) == 0
     right = right_of(mesh)
     wanted = spsolve(matrix, right)
@@ -84,7 +85,7 @@ def test_pieces_that_nothing_joins_are_solved_each() -> None:
     both = sparse.block_diag([one, one, [[2.0]]]).tocsc()
     points = np.concatenate([mesh.vertices, mesh.vertices + np.array([0.0, 3.0, 0.0]), [[9.0, 9.0, 9.0]]])
     right = right_of(mesh)
-    found = solved(Factor(both, points), np.concatenate([right, 2.0 * right, [[2.0] * 3]]))
+    found = solved(Factor(both, points, Factorisation.SUPERNODES), np.concatenate([right, 2.0 * right, [[2.0] * 3]]))
     wanted = spsolve(one, right)
     np.testing.assert_allclose(found, np.concatenate([wanted, 2.0 * wanted, [[1.0] * 3]]), rtol=1e-8, atol=1e-12)
 
@@ -95,7 +96,7 @@ def test_a_matrix_that_is_not_definite_is_regularised() -> None:
     matrix = stiffness(mesh, springs=0.0)
     right = right_of(mesh)
     right -= right.mean(axis=0)
-    found = solved(Factor(matrix, mesh.vertices), right)
+    found = solved(Factor(matrix, mesh.vertices, Factorisation.SUPERNODES), right)
     assert np.isfinite(found).all()
     np.testing.assert_allclose(matrix @ found, right, atol=1e-3 * np.abs(right).max())
 
@@ -103,7 +104,7 @@ def test_a_matrix_that_is_not_definite_is_regularised() -> None:
 def test_the_same_bits_in_every_thread() -> None:
     """Solving in four threads with one factor gives the same bits."""
     mesh = MESHES["cube"]
-    factor = Factor(stiffness(mesh), mesh.vertices)
+    factor = Factor(stiffness(mesh), mesh.vertices, Factorisation.SUPERNODES)
     right = right_of(mesh)
     alone = solved(factor, right)
     with ThreadPoolExecutor(4) as pool:

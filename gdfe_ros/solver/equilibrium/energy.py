@@ -25,6 +25,7 @@ from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
 from gdfe_ros.solver.matrix.coupling import SINGULAR
+from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer, Task
 from gdfe_ros.solver.outcome import Outcome, tell
@@ -80,6 +81,7 @@ class EquilibriumSolver:
     Args:
         body: the discretised body.
         actuation: the external terms; None for none.
+        library: library that factors the constant matrix; None chooses by size.
         skip: kinds of work that are left out where possible.
         threads: largest number of threads among which the elements are divided.
         predictor: function that returns the predictor of a solve's start for given handle kinematics and constant
@@ -99,6 +101,7 @@ class EquilibriumSolver:
         body: Body,
         actuation: Actuation | None = None,
         *,
+        library: Factorisation | None = None,
         skip: Collection[Skip] = tuple(Skip),
         threads: int = 1,
         predictor: Callable[[HandleMotions, ConstantMatrix], Predictor] | None = None,
@@ -115,7 +118,7 @@ class EquilibriumSolver:
         assembled = sum(
             (share for share in shares if share is not None), assemble(body.shape, stiffness, bending, len(body.rest))
         )
-        self.matrix = ConstantMatrix(assembled.tocsc(), body.rest, body.unknowns)
+        self.matrix = ConstantMatrix(assembled.tocsc(), body.rest, body.unknowns, library=library)
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
         self._predictor = (predictor or partial(Predictor, body))(self.handles, self.matrix)

@@ -107,6 +107,7 @@ class RelativeEquilibrium:
         body: the discretised body.
         actuation: the growths, which change the desired shapes; None if there are none. Other actuators are not
             possible, because this policy has no forces.
+        library: library that factors the constant matrix; None chooses by size.
 
     Attributes:
         matrix: the constant matrix.

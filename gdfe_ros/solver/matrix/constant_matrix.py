@@ -11,7 +11,7 @@ from gdfe_ros.compiled import vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_type import cell_type_of
 from gdfe_ros.solver.matrix.coupling import close_coupling, couple
-from gdfe_ros.solver.matrix.factor import factor_of
+from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
 from gdfe_ros.solver.matrix.inverse import apply_free
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, Unknowns, gather_rigid_rows, handle_centres
 
@@ -60,8 +60,10 @@ class ConstantMatrix:
         matrix: the assembled matrix (n, n), symmetric.
         rest: (n, 3) rest vertices [m].
         unknowns: the numbering of the unknowns.
+        library: library that factors the matrix; None chooses by size.
 
     Attributes:
+        kind: the library in use.
         coupling: coupling of the handles in their rest poses to the free vertices.
         assembled: the matrix of all vertices (n, n).
     """
@@ -74,6 +76,8 @@ class ConstantMatrix:
         matrix: sparse.csc_matrix,
         rest: NDArray[np.float64],
         unknowns: Unknowns,
+        *,
+        library: Factorisation | None = None,
     ) -> None:
         self.assembled, self._rest, self._unknowns = matrix, rest, unknowns
         free = unknowns.free
@@ -85,7 +89,8 @@ class ConstantMatrix:
                 (self.ROLLING * block.diagonal()[rolling], (rolling, rolling)), block.shape
             )
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
-        self._factor = factor_of(block, rest[free])
+        self._factor = factor_of(block, rest[free], library or usual_kind(len(free)))
+        self.kind = self._factor.kind
         self.coupling = couple(matrix, rest, unknowns, self.solve_exactly, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:

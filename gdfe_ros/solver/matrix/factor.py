@@ -9,6 +9,7 @@ there, and passes the remaining update matrix to its parent.
 from __future__ import annotations
 
 import hashlib
+from enum import Enum
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -23,6 +24,8 @@ from gdfe_ros.solver.matrix.elimination import Elimination, eliminated, grouped
 from gdfe_ros.solver.matrix.inverse import LINE, Inverse, apply_free
 from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
 
+DENSE_UP_TO = 200
+"""Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
 COARSE_FROM = 4_000_000
 """A factor with at least this number of entries is stored as 16-bit integers."""
 CODES = np.iinfo(np.int16).max
@@ -66,7 +69,7 @@ def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact:
     pivot, scale = np.zeros((2, len(points)))
     lists = found.order, found.first, found.row_start, found.rows, group_start, length, start, pivot, scale
     kept = (none, values) if coarse else (values, none.astype(np.int16))
-    inverse = Inverse(*lists, *kept)
+    inverse = Inverse(np.zeros((0, 0)), *lists, *kept)
     with one_blas_thread():
         _factor(graph, found, inverse, values)
     return inverse
@@ -115,16 +118,25 @@ def _keep(rows: NDArray[np.float64], kept: NDArray, pivot: NDArray[np.float64], 
     kept[:, : rows.shape[1]] = rows
 
 
+class Factorisation(str, Enum):
+    """Method of solving with the constant matrix."""
+
+    DENSE = "dense inverse"
+    SUPERNODES = "supernodes"
+
+
 class Factor:
     """A factored matrix.
 
     Args:
         matrix: (f, f), symmetric positive definite.
         points: (f, 3) positions of its vertices [m].
+        kind: method of factorisation.
 
     Attributes:
-        inverse: the inverse for the kernels. If rounding leaves the matrix not definite, it is the inverse of the
-            matrix plus a small multiple of its diagonal.
+        kind: the argument.
+        inverse: the inverse for the kernels. If `Factorisation.SUPERNODES` finds the matrix not definite, because of
+            rounding, it is the inverse of the matrix plus a small multiple of its diagonal.
     """
 
     SOUND = 1e-3
@@ -136,11 +148,16 @@ class Factor:
     `SOUND`.
     """
 
-    def __init__(self, matrix: sparse.csc_matrix, points: NDArray[np.float64]) -> None:
-        self._matrix = matrix
-        self.inverse = supernodal(matrix, points) if matrix.shape[0] else Inverse.none()
-        if not self._sound():
-            self.inverse = supernodal(matrix, points, exact=True)
+    def __init__(self, matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> None:
+        self.kind, self.inverse, self._matrix = kind, Inverse.of(), matrix
+        if matrix.shape[0] == 0:
+            return
+        if kind is Factorisation.DENSE:
+            self.inverse = Inverse.of(np.ascontiguousarray(np.linalg.inv(matrix.toarray())))
+        else:
+            self.inverse = supernodal(matrix, points)
+            if not self._sound():
+                self.inverse = supernodal(matrix, points, exact=True)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64], *, exact: bool = False) -> None:
         """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``.
@@ -172,13 +189,18 @@ _MADE: WeakValueDictionary[bytes, Factor] = WeakValueDictionary()
 """Dict from the digest of a matrix and its vertices to the factor that is in use in the process."""
 
 
-def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64]) -> Factor:
+def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> Factor:
     """Return the factor of a matrix (f, f); an equal matrix in the process has the same factor."""
-    digest = hashlib.blake2b(f"{matrix.shape}".encode())
+    digest = hashlib.blake2b(f"{kind.value} {matrix.shape}".encode())
     for part in (matrix.indptr, matrix.indices, matrix.data, points):
         digest.update(np.ascontiguousarray(part).data)
     key = digest.digest()
     found = _MADE.get(key)
     if found is None:
-        found = _MADE.setdefault(key, Factor(matrix, points))
+        found = _MADE.setdefault(key, Factor(matrix, points, kind))
     return found
+
+
+def usual_kind(count: int) -> Factorisation:
+    """Return the fastest method for a number of free vertices."""
+    return Factorisation.DENSE if count <= DENSE_UP_TO else Factorisation.SUPERNODES

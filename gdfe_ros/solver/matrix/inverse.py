@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled application of the constant matrix' inverse, by the supernodes of a factor U^T U.
+"""Compiled application of the constant matrix' inverse: explicit, or by the supernodes of a factor U^T U.
 
 Three right-hand sides are solved at once, so that each entry of the factor is read once for x, y and z. Rows of the
 factor are processed four at a time; rows of zeros fill the last four. The length of each row is a multiple of eight
@@ -29,7 +29,8 @@ class Inverse(NamedTuple):
     """An inverse (f, f) for the kernels; it is never modified, so that threads may use it together.
 
     Attributes:
-        order, first, row_start, rows: attributes of the factor's `Elimination`.
+        explicit: (f, f) the inverse itself, or (0, 0).
+        order, first, row_start, rows: attributes of the factor's `Elimination`; empty without a factor.
         group_start: (g + 1,) first supernode of each group. Groups are independent of each other; the supernodes after
             them depend on several groups.
         length: (s,) length of the rows of each supernode.
@@ -40,6 +41,7 @@ class Inverse(NamedTuple):
         coarse: these entries as 16-bit integers; empty if they are in double precision.
     """
 
+    explicit: NDArray[np.float64]
     order: NDArray[np.int64]
     first: NDArray[np.int64]
     row_start: NDArray[np.int64]
@@ -53,10 +55,12 @@ class Inverse(NamedTuple):
     coarse: NDArray[np.int16]
 
     @classmethod
-    def none(cls) -> Inverse:
-        """Return the inverse of a matrix (0, 0)."""
-        start, none, no_value = np.zeros(1, np.int64), np.zeros(0, np.int64), np.zeros(0)
-        return cls(none, start, start, none, start, none, start, no_value, no_value, no_value, np.zeros(0, np.int16))
+    def of(cls, explicit: NDArray[np.float64] | None = None) -> Inverse:
+        """Return an explicit inverse (f, f); an empty inverse for None, if a library solves with the matrix."""
+        start, none = np.zeros(1, np.int64), np.zeros(0, np.int64)
+        known = np.zeros((0, 0)) if explicit is None else explicit
+        no_value, no_code = np.zeros(0), np.zeros(0, np.int16)
+        return cls(known, none, start, start, none, start, none, start, no_value, no_value, no_value, no_code)
 
 
 @vector_kernel
@@ -67,6 +71,7 @@ def apply_free(inverse, right, out, threads):
     version is then not compiled.
     """
     if len(inverse.order) == 0:
+        apply_explicit(inverse.explicit, right, out)
         return
     if len(inverse.coarse) > 0:
         apply_factor(inverse, inverse.coarse, np.empty(3 * len(inverse.order), np.float32), right, out, threads)
@@ -84,6 +89,19 @@ def apply_factor(inverse, values, x, right, out, threads):
     for i in range(len(inverse.order)):
         for axis in range(3):
             out[3 * inverse.order[i] + axis] = x[3 * i + axis]
+
+
+@vector_internal
+def apply_explicit(explicit, right, out):
+    """Write the product of an explicit inverse and ``right`` (f, 3), flat, to ``out``."""
+    for i in range(len(explicit)):
+        for axis in range(3):
+            out[3 * i + axis] = 0.0
+        for j in range(len(explicit)):
+            weight = explicit[i, j]
+            out[3 * i] += weight * right[3 * j]
+            out[3 * i + 1] += weight * right[3 * j + 1]
+            out[3 * i + 2] += weight * right[3 * j + 2]
 
 
 @vector_internal
