@@ -15,9 +15,9 @@ from benchmarks.markdown import markdown_table
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.descent import minimiser
-from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.forces.actuation import Actuation
+from gdfe_ros.solver.minimise import minimiser
+from gdfe_ros.solver.minimise.level import TangentLevel
 
 PHASES = {
     "closes": (0.0, 1.2),

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.minimise.level import TangentLevel
 
 CASES: Mapping[str, Command] = {
     "tendon_finger": Command(actuators={"flexor": 3.0}),

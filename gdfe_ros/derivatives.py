@@ -11,9 +11,8 @@ from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.sensitivity.columns import EquilibriumColumns, Tangents, joined
 from gdfe_ros.solver.sensitivity.motion import Trail
-from gdfe_ros.solver.sensitivity.parameter import Parameter, Parameters
+from gdfe_ros.solver.sensitivity.parameter import MaterialVariant, Parameter, Parameters
 from gdfe_ros.solver.sensitivity.result import Outputs, Sensitivities
-from gdfe_ros.solver.sensitivity.variant import MaterialVariant
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper
 

@@ -28,19 +28,18 @@ from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
 from gdfe_ros.solver.body import Body, working_origin
 from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.elements.fields import ElementFields, element_fields
+from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
+from gdfe_ros.solver.forces.fields import ElementFields, element_fields
 from gdfe_ros.solver.motion.imu import ImuReading, later_readings
 from gdfe_ros.solver.motion.putting import require_free
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.outcome import step_result
 from gdfe_ros.solver.stepping.placing import moved_along
-from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.step_time import require_countable, require_times
-from gdfe_ros.steppers import make_stepper, scene_body, usual_steps
+from gdfe_ros.steppers import make_stepper, scene_body, step_result, usual_steps
 
 if TYPE_CHECKING:
     from gdfe_ros.solver.sensitivity.result import Sensitivities

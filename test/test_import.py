@@ -93,3 +93,24 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
     graph = {name: (_imports(path) & files.keys()) - {name} for name, path in files.items()}
     order = tuple(TopologicalSorter(graph).static_order())
     assert order.index("gdfe_ros.mesh.faces") < order.index("gdfe_ros.simulation")
+
+
+def test_rooms_of_the_solver_have_an_order() -> None:
+    """Modules of the solver import only from their own row of the architecture page's table, and from rows below."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("## Packages of the solver")[2]
+    table = [line.split("|")[1] for line in page.partition("\n## ")[0].splitlines() if line.startswith("| `")]
+    rows = {name.removesuffix("/").removesuffix(".py"): k for k, row in enumerate(table) for name in _quoted(row)}
+    solver, wrong = ROOT / "gdfe_ros" / "solver", []
+    assert rows.keys() == {path.stem for path in solver.iterdir() if not path.name.startswith("__")}
+    for path in solver.rglob("*.py"):
+        room = path.relative_to(solver).with_suffix("").parts[0]
+        for name in _imports(path):
+            other = name.removeprefix("gdfe_ros.solver.").partition(".")[0] if "gdfe_ros.solver." in name else room
+            if room != "__init__" and rows[other] < rows[room]:
+                wrong.append(f"{path.relative_to(solver)} imports {name}")
+    assert not wrong
+
+
+def _quoted(text: str) -> list[str]:
+    """Return the names between backquotes."""
+    return text.split("`")[1::2]

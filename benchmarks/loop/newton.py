@@ -50,9 +50,8 @@ def measure_newton(task: Mapping[str, Any], path: str) -> dict[str, Any]:
 
 def _make_level(simulation: Any) -> Any:
     """Return an evaluation of exact tangents."""
-    from gdfe_ros.solver.tangent.level import TangentLevel
-
     # Modules of the frozen commit, in whose process this runs; they are not in this tree.
+    TangentLevel = import_module("gdfe_ros.solver.tangent.level").TangentLevel
     curved = import_module("gdfe_ros.solver.sensitivity.curvature").curved
     WholeStiffness = import_module("gdfe_ros.solver.sensitivity.stiffness").WholeStiffness
     equilibrium = simulation.stepper.equilibrium
@@ -89,11 +88,11 @@ def _make_state(simulation: Any, positions: np.ndarray, efforts: Mapping[str, fl
         positions: positions relative to the origin.
         efforts: dict from actuator to its tension [N] or pressure [Pa].
     """
-    from gdfe_ros.solver.elements.fields import volume_pressures
     from gdfe_ros.solver.elements.measures import update_hourglass_scales
     from gdfe_ros.solver.stepping.placing import placed
     from gdfe_ros.solver.value import changed
 
+    volume_pressures = import_module("gdfe_ros.solver.elements.fields").volume_pressures
     equilibrium, rest = simulation.stepper.equilibrium, simulation.stepper.at_rest()
     body, handles = equilibrium.body, equilibrium.handles
     operators = equilibrium.actuation.growths.at(simulation.commands, rest.operators)

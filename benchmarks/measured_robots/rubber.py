@@ -23,7 +23,7 @@ from gdfe_ros.fitting.tensile import fit_tensile
 from gdfe_ros.materials import Law, Material
 from gdfe_ros.mesh import bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.fields import corner_forces, volume_pressures
+from gdfe_ros.solver.forces.fields import corner_forces, volume_pressures
 
 Array = NDArray[np.float64]
 LAWS = (Law.NEO_HOOKEAN, Law.MOONEY_RIVLIN, Law.YEOH, Law.ARRUDA_BOYCE, Law.GENT, Law.OGDEN, Law.CURVE)

@@ -20,9 +20,8 @@ from benchmarks.savings import HYPERELASTIC, LINEAR
 from gdfe_ros.materials import Material, stress, tensor
 from gdfe_ros.mesh import bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements import corners, hex_response, hourglass, stress_rows
-from gdfe_ros.solver.elements.blocks import LANES
-from gdfe_ros.solver.elements.lanes import ROWS
+from gdfe_ros.solver.elements import corners, hexahedra, hourglass, stress_rows
+from gdfe_ros.solver.elements.blocks import LANES, ROWS
 
 LAWS: dict[str, Material] = {"linear": LINEAR, **HYPERELASTIC}
 
@@ -76,13 +75,13 @@ def count(law: str) -> float:
     elements, none = blocks.element[0], np.zeros(len(material))
     corners.load_geometry(b, blocks.geometry, 0)
     corners.load_corners(b, 1.1 * body.rest + 0.1 * body.rest[:, ::-1], body.shape, elements)
-    hex_response.load_parameters(b, elements, material, none, none + 1.0, body.table)
+    hexahedra.load_parameters(b, elements, material, none, none + 1.0, body.table)
     for i, value in enumerate(b):
         b[i] = Counted(value or 0.0)
     Counted.done = 0
     corners.gather_parallel(b)
-    hex_response.stress_rows(b, blocks.law[0], elements, material, body.table)
-    hex_response.hourglass_rows(b)
+    hexahedra.stress_rows(b, blocks.law[0], elements, material, body.table)
+    hexahedra.hourglass_rows(b)
     corners.scatter_parallel(b)
     return Counted.done / LANES
 

@@ -16,7 +16,6 @@ from typing import Any
 
 from benchmarks.profile.machine import fastest
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.descent import minimiser
 from gdfe_ros.solver.descent.arc import follow_arc
 from gdfe_ros.solver.descent.loop import FOLLOWED, STRAIGHT, Metric
 from gdfe_ros.solver.descent.search import advance
@@ -24,9 +23,10 @@ from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.equilibrium.stability import Stability
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, apply_inverse
-from gdfe_ros.solver.tangent.frames import vertex_rotations
-from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.substitution import solve_kept
+from gdfe_ros.solver.matrix.rotation import vertex_rotations
+from gdfe_ros.solver.matrix.substitution import solve_kept
+from gdfe_ros.solver.minimise import minimiser
+from gdfe_ros.solver.minimise.level import TangentLevel
 
 EVALUATIONS, SOLVES, ROTATIONS, ARCS, LOOP = "evaluations", "solves", "rotations", "arcs", "rest of the loop"
 TANGENTS, STABILITY, UPDATES, ENERGIES = "tangents", "stability", "updates", "energies"

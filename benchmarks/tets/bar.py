@@ -14,8 +14,8 @@ from gdfe_ros.materials import Material
 from gdfe_ros.mesh import Mesh
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
+from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.solution import Increment
-from gdfe_ros.solver.terms.actuation import Actuation
 
 DENSITY, GRAVITY = 1000.0, 9.81
 TOLERANCE = 1e-5

@@ -28,7 +28,7 @@ class Constant:
 
 
 def constants() -> list[Constant]:
-    """Return the numeric constants of all modules, in the order of the modules."""
+    """Return the numeric constants of all modules and their classes, in the order of the modules."""
     paths = ((room, path) for room in ROOMS for path in sorted((ROOT / "gdfe_ros" / room).rglob("*.py")))
     return [found for room, path in paths if path.stem not in LAYOUTS for found in _of_module(room, path)]
 
@@ -50,7 +50,9 @@ def constant_table() -> str:
 def _of_module(room: str, path: Path) -> Iterator[Constant]:
     text = path.read_text(encoding="utf-8")
     lines, body = text.splitlines(), ast.parse(text).body
-    for node, after in zip(body, [*body[1:], None], strict=True):
+    classes = (node for node in body if isinstance(node, ast.ClassDef))
+    bodies = [body, *(node.body for node in classes if not any("Enum" in ast.unparse(base) for base in node.bases))]
+    for node, after in (pair for each in bodies for pair in zip(each, [*each[1:], None], strict=True)):
         if not isinstance(node, ast.Assign) or len(node.targets) != 1:
             continue
         target, several = node.targets[0], isinstance(node.value, ast.Tuple) and isinstance(node.targets[0], ast.Tuple)

@@ -19,15 +19,15 @@ from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.coupling.search import BalanceSearch
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.integrator import reduction
-from gdfe_ros.solver.motion.stepper import CALM, MotionStepper
+from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.stepper import FINER, Stepper
-from gdfe_ros.solver.stepping.way import on_path
+from gdfe_ros.solver.stepping.path import on_path
+from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
+from gdfe_ros.solver.vectors import largest
 
 Vector = NDArray[np.float64]
 BALANCED = 0.1
@@ -108,7 +108,7 @@ class JointCoupling:
         self._stepper, self._dynamics, self._loads, self._origin = stepper, dynamics, loads, origin
         self._size = stepper.body.size
         self._near = tolerance * self._size
-        self._finer = {"tolerance": FINER * tolerance} if dynamics is None else {}
+        self._finer = {"tolerance": Stepper.FINER * tolerance} if dynamics is None else {}
 
     def __bool__(self) -> bool:
         return bool(self._arms)
@@ -132,7 +132,7 @@ class JointCoupling:
             if not motions[arm.name].arrived:
                 return False
             now = links[arm.name]
-            for move in (CALM * now.velocities, CALM**2 * now.balanced):
+            for move in (MotionStepper.CALM * now.velocities, MotionStepper.CALM**2 * now.balanced):
                 far = distance(arm, motions, now.positions, now.positions + move, self._size)
                 if not far <= self._near:
                     return False

@@ -38,7 +38,7 @@ from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.refusals import LONGEST, Refusal
 from gdfe_ros.node.step import Step
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.elements.fields import ElementFields
+from gdfe_ros.solver.forces.fields import ElementFields
 from gdfe_ros.solver.motion.imu import ImuReading
 
 MESH_FIELDS = ("x", "y", "z", "ux", "uy", "uz")

@@ -10,9 +10,9 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
-from gdfe_ros.solver.motion.dynamics import LONGEST_STEP, SHORTEST_STEP, THICKEST, Branch, Dynamics, Scheme
+from gdfe_ros.solver.motion.dynamics import THICKEST, Branch, Dynamics, Scheme
 
-_STEP = Quantity("longest internal step in time", "s", least=SHORTEST_STEP, most=LONGEST_STEP)
+_STEP = Quantity("longest internal step in time", "s", least=Dynamics.SHORTEST_STEP, most=Dynamics.LONGEST_STEP)
 _RHO = Quantity(
     "spectral radius of generalised_alpha: fraction of an infinitely fast motion that remains after a step",
     least=0.0,

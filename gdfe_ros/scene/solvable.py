@@ -23,8 +23,8 @@ from gdfe_ros.mesh.touching import outline
 from gdfe_ros.scene.resolution import coarse_cavities, coarse_contacts, coarse_walls
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.sticking import slipping
+from gdfe_ros.solver.equilibrium.shape_factor import calibration_remarks
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
-from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
 LARGEST_CONTRAST = 1e10

@@ -6,11 +6,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-MEMORY = 6
-"""Number of differences between successive iterates that the acceleration uses."""
-GROWTH = 2.0
-"""If the norm of the residual grows by more than this factor, the history is dropped and a plain iteration follows."""
-
 
 class Anderson:
     """Anderson acceleration of the iteration x <- x + f(x), from the last few pairs (x, f).
@@ -18,6 +13,12 @@ class Anderson:
     Args:
         growth: largest factor by which the norm of the residual may grow without dropping the history. A large one
             suits iterations that diverge by themselves, which only the history makes converge.
+    """
+
+    MEMORY = 6
+    """Number of differences between successive iterates that the acceleration uses."""
+    GROWTH = 2.0
+    """If the norm of the residual grows by more than this factor, the history is dropped and a plain iteration follows.
     """
 
     def __init__(self, growth: float = GROWTH) -> None:
@@ -35,7 +36,7 @@ class Anderson:
             self._residuals.clear()
         self._iterates.append(x.copy())
         self._residuals.append(f.copy())
-        del self._iterates[: -MEMORY - 1], self._residuals[: -MEMORY - 1]
+        del self._iterates[: -self.MEMORY - 1], self._residuals[: -self.MEMORY - 1]
         if len(self._residuals) == 1:
             return x + f
         changes = np.diff(np.array(self._residuals), axis=0)

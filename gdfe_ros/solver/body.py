@@ -21,9 +21,8 @@ from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.mesh.tet_operators import TetOperators
 from gdfe_ros.mesh.touching import Touching
-from gdfe_ros.solver.cell_type import CellType, cell_type_of, cell_type_with
-from gdfe_ros.solver.elements.blocks import Blocks
-from gdfe_ros.solver.elements.tet_blocks import TetBlocks
+from gdfe_ros.solver.elements.blocks import Blocks, TetBlocks
+from gdfe_ros.solver.elements.cell_type import CellType, cell_type_of, cell_type_with
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 from gdfe_ros.solver.settings import Torsion
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.state import Balance, State
 
 
@@ -53,9 +54,7 @@ class Solution:
     Attributes:
         state: the final state, still without the motion that `accept` adds.
         iterations: number of iterations.
-        cut: whether the limit or the deadline ended the solve.
-        diverged: whether the energy has no lower bound.
-        exhausted: whether no further descent was possible, because of the energy's rounding or at a kink of the energy.
+        ended: how its last minimisation ended; `Outcome.NEAR` if it converged.
         entered: whether surfaces of the body penetrate each other.
         began: (n, 3) positions at the beginning of the solve [m].
         balance: energy balance of the equilibrium; None if the state is no equilibrium, or has no energy.
@@ -63,12 +62,25 @@ class Solution:
 
     state: State
     iterations: int
-    cut: bool = False
-    diverged: bool = False
-    exhausted: bool = False
+    ended: Outcome
     entered: bool = False
     began: NDArray[np.float64]
     balance: Balance | None = None
+
+    @property
+    def cut(self) -> bool:
+        """Whether the limit or the deadline ended the solve."""
+        return self.ended is Outcome.CUT
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the energy has no lower bound."""
+        return self.ended is Outcome.RUNAWAY
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether no further descent was possible, because of the energy's rounding or at a kink of the energy."""
+        return self.ended in (Outcome.EXHAUSTED, Outcome.NEUTRAL)
 
     @property
     def converged(self) -> bool:

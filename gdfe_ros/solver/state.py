@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The state of a simulated body, as one immutable value.
+"""The state of a simulated body, with the energy account of its motion, as one immutable value.
 
 No array or mapping of a state is ever modified. A reference therefore serves as a copy, two simulations can share a
 state, and a step returns a new state. All other data are constants or work arrays. No result depends on old contents of
@@ -16,10 +16,63 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.account import Ledger
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.terms.springs import Tangent
+from gdfe_ros.solver.matrix.springs import Tangent
 from gdfe_ros.solver.value import changed
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Failure:
+    """Record of a time step whose first internal step fails from the present state, even at the shortest length.
+
+    Attributes:
+        poses, commands: targets of the step.
+        duration: duration of the step [s].
+        length: length of its internal steps [s] before any of them is halved.
+        reason: reason for the failure.
+    """
+
+    poses: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    duration: float
+    length: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Bound:
+    """Extremes of a moving body's energy; they show whether a step creates energy.
+
+    Attributes:
+        start: kinetic + elastic + potential energy - work [J] at the beginning.
+        least: minimum of kinetic + elastic + potential energy - work so far [J]. The uncertainty of later work is added
+            to ``start`` and ``least``.
+        most: largest kinetic + elastic energy so far [J].
+    """
+
+    start: float
+    least: float
+    most: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Ledger:
+    """Work and dissipated energy of a moving body since the start, and time that is not simulated yet.
+
+    Attributes:
+        work: work of handles and of changing commands on the body [J].
+        lost: energy dissipated by damping and friction [J].
+        owed: reported time [s] that was too short to simulate; the next step includes it.
+        failure: the last step if it failed; None if it succeeded.
+        bound: extremes of the energy; None if the next step starts them anew.
+    """
+
+    work: float
+    lost: float
+    owed: float = 0.0
+    failure: Failure | None = None
+    bound: Bound | None = None
+
 
 Array = NDArray[np.float64]
 Saved = Mapping[str, NDArray[np.float64]]

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState, Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver import state as states
-from gdfe_ros.solver.account import Bound, Failure, Ledger
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.terms.springs import Tangent
+from gdfe_ros.solver.matrix.springs import Tangent
+from gdfe_ros.solver.state import Bound, Failure, Ledger
 
 _VALUES = (
     Bound,

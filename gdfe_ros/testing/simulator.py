@@ -39,7 +39,7 @@ from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
-from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
+from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
 from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
 from gdfe_ros.testing.consumed import ACTUATION
 from gdfe_ros.testing.process import NodeProcess

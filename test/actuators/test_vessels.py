@@ -14,8 +14,7 @@ from gdfe_ros import Simulation
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command
-from gdfe_ros.solver.stepping.attempt import Attempt
-from gdfe_ros.solver.stepping.way import SHORTEST_SUBSTEP, AttemptOutcome, Goal, Way
+from gdfe_ros.solver.stepping.path import Attempt, Goal, LoadPath, Verdict
 
 SHEAR = 1e6 / (2 * 1.4999)
 RUBBER = """
@@ -200,12 +199,14 @@ def test_the_cause_is_named_if_only_a_longer_increment_inflated_the_chamber() ->
     """
     commands = {"air": 2e5}
     goal = Goal(poses={}, commands=commands, tolerance=1e-6)
-    way = Way(poses={}, commands={"air": 1e5}, goal=goal, budget=1000, length=SHORTEST_SUBSTEP, unstable="air")
+    path = LoadPath(
+        poses={}, commands={"air": 1e5}, goal=goal, budget=1000, length=LoadPath.SHORTEST_SUBSTEP, unstable="air"
+    )
     began = SimpleNamespace(sound=True, anchor=None, commands={"air": 1e5})
     folded = SimpleNamespace(
         converged=False, error_estimate=1.0, min_det=-0.1, entered=False, exhausted=True, lost=False, diverged=False,
         cut=False, message="elements folded",
     )  # fmt: skip
-    attempt = Attempt(way=way, began=began, solution=folded, jumps=False, unstable="", spent=False, patient=False)
-    assert attempt.verdict is AttemptOutcome.WITHDRAW
+    attempt = Attempt(path=path, began=began, solution=folded, jumps=False, unstable="", spent=False, patient=False)
+    assert attempt.verdict is Verdict.WITHDRAW
     assert attempt.reason_to_withdraw.startswith("chamber 'air' lost its stability between 100000 and")

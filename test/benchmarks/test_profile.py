@@ -9,7 +9,7 @@ from benchmarks.profile.operations import LAWS, Counted, counts
 from benchmarks.profile.phases import ARCS, EVALUATIONS, REST, ROTATIONS, SOLVES, TANGENTS, Phases
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.descent import minimiser
+from gdfe_ros.solver.minimise import minimiser
 
 
 @pytest.mark.parametrize(("scene", "steps"), [("bend5", 5), ("tendon_finger", 3)])

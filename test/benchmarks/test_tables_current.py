@@ -14,7 +14,7 @@ from benchmarks.report import KEPT, Report, read_report
 from docs.scripts import generate
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.descent import minimiser
+from gdfe_ros.solver.minimise import minimiser
 
 ONE_LOOP = "measured before one loop replaced the two minimisers; iterations and times have changed since"
 OLDER: dict[str, str] = {

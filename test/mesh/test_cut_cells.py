@@ -16,7 +16,7 @@ from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.trilinear import CORNERS, MODES
 from gdfe_ros.mesh.voxels import CutCubes, fill_surface
-from gdfe_ros.solver.motion.mass import mass_matrix
+from gdfe_ros.solver.motion.inertia import mass_matrix
 
 RANDOM = np.random.default_rng(5)
 

@@ -19,6 +19,7 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import Balance, State
@@ -50,7 +51,7 @@ def _solution(state: State) -> Solution:
 
 
 def _solution_of(state: State) -> Solution:
-    options = {"began": state.positions + 1.0, "balance": state.balance}
+    options = {"ended": Outcome.NEAR, "began": state.positions + 1.0, "balance": state.balance}
     return Solution(state=state, iterations=1, **options)
 
 

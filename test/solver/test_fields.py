@@ -18,13 +18,13 @@ from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.mesh.trilinear import CORNERS
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.fields import (
+from gdfe_ros.solver.elements.measures import least_volume_ratio, update_pressures
+from gdfe_ros.solver.forces.fields import (
     corner_forces,
     element_fields,
     strain_energies,
     volume_pressures,
 )
-from gdfe_ros.solver.elements.measures import least_volume_ratio, update_pressures
 
 MakeBody = Callable[..., Body]
 GRADIENT = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])

@@ -13,9 +13,9 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.materials import Linear, Material
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.fields import element_fields
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
-from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
+from gdfe_ros.solver.equilibrium.relative import RelativeEquilibrium
+from gdfe_ros.solver.forces.fields import element_fields
 from gdfe_ros.solver.solution import Increment, Solution
 
 MakeBody = Callable[..., Body]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation, load_scene
-from gdfe_ros.solver.descent import minimiser
+from gdfe_ros.solver.minimise import minimiser
 
 SCENES = ["bend5", "three_chamber_arm"]
 _CODE = """

@@ -37,7 +37,7 @@ from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
+from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
 from gdfe_ros.testing.state import PublishedState
 
 PATIENCE = 5.0

@@ -20,9 +20,9 @@ from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PLANE, PRE
 from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.surface import SHAPE, TURNED, ContactSurface, Corners
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
-from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
+from gdfe_ros.solver.vectors import largest_distance
 
 ENTRY = 1e-3
 """A point counts as outside if its distance from the obstacle, divided by the body's size, exceeds this. A point that

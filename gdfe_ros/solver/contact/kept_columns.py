@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.matrix.coupling import Coupling
+from gdfe_ros.solver.matrix.halves import GROUP, HIGH, multiply_columns, reduce_columns
 from gdfe_ros.solver.matrix.inverse import apply_free
-from gdfe_ros.solver.tangent.halves import GROUP, HIGH, multiply_columns, reduce_columns
-from gdfe_ros.solver.tangent.substitution import Kept
+from gdfe_ros.solver.matrix.substitution import Kept
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

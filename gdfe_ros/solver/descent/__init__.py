@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Minimisation of the potential: L-BFGS around a tangent that turns with the body."""
+"""Compiled minimisation: unknowns and workspace, and the loop of L-BFGS around a tangent that turns with the body."""

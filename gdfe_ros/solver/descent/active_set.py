@@ -13,17 +13,15 @@ from numpy.typing import NDArray
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.workspace import End, Workspace, allocate, numbers
-from gdfe_ros.solver.elements.blocks import Blocks
-from gdfe_ros.solver.elements.tet_blocks import TetBlocks
+from gdfe_ros.solver.descent.workspace import Workspace, allocate, numbers
+from gdfe_ros.solver.elements.blocks import Blocks, TetBlocks
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns
+from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.settings import Skip
 
-LEAST_BLOCKS = 25
-"""Least number of element blocks per thread. For small bodies, fewer threads are used."""
-_ENDS = tuple(End)
+_OUTCOMES = tuple(Outcome)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +38,9 @@ class ActiveSet:
         skipped: dict from kind of work to the number of elements for which it is left out.
         workspace: the arrays of its minimisations.
     """
+
+    LEAST_BLOCKS = 25
+    """Least number of element blocks per thread. For small bodies, fewer threads are used."""
 
     unknowns: Unknowns
     matrix: ConstantMatrix
@@ -77,9 +78,9 @@ class ActiveSet:
         return numbers(self.workspace)
 
     @property
-    def ended(self) -> End:
+    def ended(self) -> Outcome:
         """Why the last minimisation could not continue."""
-        return _ENDS[self.status["ended"]]
+        return _OUTCOMES[self.status["ended"]]
 
     @cached_property
     def turning(self) -> NDArray[np.bool_] | None:
@@ -129,7 +130,7 @@ class ActiveSet:
         """Return the fastest number of threads, at most ``most``; None stands for the calling thread alone."""
         if self.matrix.kind is Factorisation.DENSE:
             return None
-        count = min(most, len(self.blocks.element) // LEAST_BLOCKS)
+        count = min(most, len(self.blocks.element) // self.LEAST_BLOCKS)
         return count if count > 1 else None
 
 

@@ -19,11 +19,11 @@ import math
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, times
-from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 from gdfe_ros.solver.matrix.inverse import apply_free
 from gdfe_ros.solver.matrix.rotation import rotation_matrix
 from gdfe_ros.solver.matrix.unknowns import clear_fixed, gather_rows, place
+from gdfe_ros.solver.vectors import largest
 
 MOST_TURN = 0.2
 """Largest rotation of an element in a Newton step [rad]; longer steps are shortened. With 0.3 and more, some steps of

@@ -22,12 +22,12 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.arc import follow_arc
 from gdfe_ros.solver.descent.pairs import begin_recursion, end_recursion, inner, remember
 from gdfe_ros.solver.descent.search import advance
-from gdfe_ros.solver.descent.workspace import End
-from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.coupling import Coupling
-from gdfe_ros.solver.tangent.frames import vertex_rotations
-from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
+from gdfe_ros.solver.matrix.rotation import vertex_rotations
+from gdfe_ros.solver.matrix.substitution import Kept, solve_kept
+from gdfe_ros.solver.outcome import Outcome
+from gdfe_ros.solver.vectors import largest
 
 RATE, SLOWEST = 0.3, 0.9
 """Ratio of two successive steps that is assumed before it is known, and upper limit of the ratio."""
@@ -143,7 +143,7 @@ def measure(status, trust):
 def begin(status):
     """Reset the fields of ``status`` that belong to one minimisation."""
     status.before, status.rate, status.nearest = math.inf, RATE, math.inf
-    status.made, status.blocked, status.plateau, status.ended = 0, 0, 0, End.NONE
+    status.made, status.blocked, status.plateau, status.ended = 0, 0, 0, Outcome.NONE
 
 
 @internal
@@ -160,7 +160,7 @@ def choose(problem, work, metric, size, most):
     """Write the direction of the next step: 2 if it descends, 1 if not, 0 if the matrix has served ``most`` times."""
     status = work.status[0]
     if status.since >= most:
-        status.ended = End.WORN
+        status.ended = Outcome.WORN
         return 0
     if status.turned > FOLLOWED * size and len(metric.kept.order) > 0:
         rows = problem.unknowns.free, problem.unknowns.fixed
@@ -175,30 +175,30 @@ def move(problem, work, metric, size, target, proven, descends):
     """Step along the chosen direction, unless it is so short that the minimisation ends; return whether it goes on."""
     status, first = work.status[0], size < 0.0  # not a literal: numba would compile another copy of `advance` for it
     if status.step == 0.0:
-        status.distance, status.ended = 0.0, End.NEAR
+        status.distance, status.ended = 0.0, Outcome.NEAR
         return False
     if not descends:
-        status.distance, status.ended = math.inf, End.WORN
+        status.distance, status.ended = math.inf, Outcome.WORN
         return False
     measure(status, metric.trust)
     shown = proven or status.made > 0
     near = status.distance <= target * (1.0 if shown else UNPROVEN)
     if near and status.wild == 0:
-        status.ended = End.NEAR
+        status.ended = Outcome.NEAR
         return False
     if is_exhausted(status):
-        status.ended = End.EXHAUSTED
+        status.ended = Outcome.EXHAUSTED
         return False
     status.before = status.step
     if status.step > STRAIGHT * size and status.wild == 0:
         follow_arc(problem, work, metric)
     if not status.step <= status.reach:
-        status.ended = End.RUNAWAY
+        status.ended = Outcome.RUNAWAY
         return False
     if advance(problem, work, first):
         if status.count == 0:
             return False
-        status.count, status.ended = 0, End.NONE  # the pairs may be rounding
+        status.count, status.ended = 0, Outcome.NONE  # the pairs may be rounding
         return True
     status.turned += status.step
     status.made += 1
@@ -220,7 +220,7 @@ def start(problem, work):
 def descend(problem, work, metric, size, target, proven, most, limit, begins):
     """Minimise until the distance to the equilibrium is at most ``target`` [m]; return the number of iterations.
 
-    ``work.status[0].ended`` is the reason for the end; it is `End.NONE` if ``limit`` iterations were made.
+    ``work.status[0].ended`` is the reason for the end; it is `Outcome.NONE` if ``limit`` iterations were made.
 
     Args:
         problem: constant data of the minimisation.

@@ -7,10 +7,9 @@ import math
 
 from gdfe_ros.compiled import internal, kernel, merged
 from gdfe_ros.solver.descent.pairs import inner
-from gdfe_ros.solver.descent.workspace import End
-from gdfe_ros.solver.elements.response import evaluate
-from gdfe_ros.solver.elements.watch import look
+from gdfe_ros.solver.elements.response import evaluate, look
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_in_threads, gather_rigid_rows, gather_rows, place
+from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.terms.term import terms_energy
 
 LARGE = 50_000
@@ -99,7 +98,7 @@ def search(problem, work, first):
         found = energy_and_gradient(work.trial, problem, work, SHIFT_AND_TURN * length * status.step)
         if length == 0.0:
             status.energy = found
-            status.ended = End.NONE if first else End.STALLED
+            status.ended = Outcome.NONE if first else Outcome.STALLED
             break
         if cut == 0:
             status.blocked = status.blocked + 1 if found == math.inf else 0
@@ -157,4 +156,4 @@ def advance(problem, work, first):
     seconds to compile.
     """
     search(problem, work, first)
-    return work.status[0].ended != End.NONE
+    return work.status[0].ended != Outcome.NONE

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -11,25 +10,6 @@ from numpy.typing import NDArray
 
 MEMORY = 8
 """Number of pairs in the history. Between 5 and 14 the number of iterations hardly depends on it."""
-
-
-class End(IntEnum):
-    """Why a minimisation ended."""
-
-    NONE = 0
-    """It has not ended: it may continue."""
-    NEAR = 1
-    """The distance to the equilibrium is within the target."""
-    WORN = 2
-    """The matrix has served for so many iterations that a new one pays, or it gives no direction of descent."""
-    STALLED = 3
-    """No step along the direction lowers the energy."""
-    EXHAUSTED = 4
-    """The precision of the energy and its gradient is used up."""
-    RUNAWAY = 5
-    """The energy has no lower bound: an unstable law or load."""
-    GIVEN_UP = 6
-    """The body leaves its branch of equilibria, or faces that touch do not settle: a shorter increment may succeed."""
 
 
 STATUS = np.dtype(
@@ -56,7 +36,7 @@ STATUS = np.dtype(
         ("blocked", np.int64),  # successive searches whose full step had infinite energy
         ("plateau", np.int64),  # iterations since the energy fell or the steps halved
         ("evaluations", np.int64),  # of all elements
-        ("ended", np.int64),  # an `End`
+        ("ended", np.int64),  # an `Outcome`
     ]
 )
 """Fields of a minimisation's status record."""

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Elements in blocks of eight lanes with one law: the layout that lets the element kernels use SIMD."""
+"""Elements in blocks of eight lanes with one law, and the rows of a block's scratch array.
+
+This layout lets the element kernels use SIMD. The entry of row r and lane l has the index ``r * LANES + l`` in a flat
+array. The constant strides let LLVM prove that the lanes are independent. It then uses SIMD for every loop over lanes
+that accesses no second array.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.mesh.tet_operators import TetOperators
 from gdfe_ros.solver.elements.hourglass import couplings
+from gdfe_ros.solver.value import NEGLIGIBLE
 
 LANES = 8
 """Number of elements in a block. The innermost loops run over the elements of a block."""
@@ -98,3 +106,119 @@ class Operators:
     shape: ShapeOperators
     blocks: Blocks
     stretch: NDArray[np.float64]
+
+
+COORDINATES = 0
+"""First of 24 rows of corner coordinates, x then y then z. The corner forces overwrite them."""
+GRADIENT, MODES, STRESS, FORCES = 24, 33, 45, 54
+"""First rows of F (9), hourglass vectors q (4 x 3), stress P or V P (9), and hourglass forces (4 x 3)."""
+ENERGY, PRESSURE, SHEAR_ROW, LAME_ROW, PENALTY_ROW, YOUNG_ROW, SCALED_SHEAR, POISSON_ROW = range(66, 74)
+GEOMETRY = 74
+"""First of the rows of ``Blocks.geometry`` (23)."""
+ROWS = GEOMETRY + GEOMETRY_ROWS
+
+
+@inlined
+def load3(b, row, lane):
+    """Return the lane's three numbers in the rows from ``row`` on."""
+    i = row * LANES + lane
+    return b[i], b[i + LANES], b[i + 2 * LANES]
+
+
+@inlined
+def load6(b, row, lane):
+    """Return the lane's six numbers in the rows from ``row`` on."""
+    i = row * LANES + lane
+    return b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES], b[i + 4 * LANES], b[i + 5 * LANES]
+
+
+@inlined
+def load9(b, row, lane):
+    """Return the lane's nine numbers in the rows from ``row`` on."""
+    i = row * LANES + lane
+    return (
+        b[i],
+        b[i + LANES],
+        b[i + 2 * LANES],
+        b[i + 3 * LANES],
+        b[i + 4 * LANES],
+        b[i + 5 * LANES],
+        b[i + 6 * LANES],
+        b[i + 7 * LANES],
+        b[i + 8 * LANES],
+    )
+
+
+@inlined
+def store3(b, row, lane, v):
+    """Write the lane's three numbers ``v`` in the rows from ``row`` on."""
+    i = row * LANES + lane
+    b[i], b[i + LANES], b[i + 2 * LANES] = v
+
+
+@inlined
+def store9(b, row, lane, v):
+    """Write the lane's nine numbers ``v`` in the rows from ``row`` on."""
+    i = row * LANES + lane
+    b[i], b[i + LANES], b[i + 2 * LANES] = v[0], v[1], v[2]
+    b[i + 3 * LANES], b[i + 4 * LANES], b[i + 5 * LANES] = v[3], v[4], v[5]
+    b[i + 6 * LANES], b[i + 7 * LANES], b[i + 8 * LANES] = v[6], v[7], v[8]
+
+
+INVERSE, WEIGHT, TET_GEOMETRY_ROWS = 0, 36, 40
+"""First rows in ``TetBlocks.geometry`` of the inverses of dX/dxi (4 x 9) and the weights (4) of the integration points;
+and the number of rows."""
+NODES, TOTAL, GRADIENTS = ROWS, ROWS + 30, ROWS + 60
+"""First rows of the node coordinates (10 x 3), of the node forces (10 x 3), and of F at the points (4 x 9). The rows of
+hexahedra come before them, because the laws are evaluated in the rows of hexahedra.
+"""
+SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENTS + 38
+"""Row of the pressure that acts on the mean volume, row of the energy, and first of the geometry's 40 rows."""
+TET_ROWS = GEOMETRY_OF_TET + TET_GEOMETRY_ROWS
+
+
+class TetBlocks(NamedTuple):
+    """The elements in blocks, sorted by law and straight or curved edges; the last block of a kind is padded.
+
+    Attributes:
+        element: (b, LANES) int32 element of each lane.
+        used: (b,) int32 number of lanes in use; the other lanes repeat the first lane.
+        law: (b,) int32 law of the block's elements.
+        straight: (b,) bool, whether all edges of the block are straight. One inverse and one weight then serve all four
+            integration points.
+        start: (b,) int64 index in ``geometry`` at which each block begins.
+        geometry: float64, the rows `INVERSE` and `WEIGHT` of each block; a row has one number for each lane. Straight
+            blocks have one inverse (9) and one weight only: a quarter of the numbers, because memory limits the
+            kernels.
+    """
+
+    element: NDArray[np.int32]
+    used: NDArray[np.int32]
+    law: NDArray[np.int32]
+    straight: NDArray[np.bool_]
+    start: NDArray[np.int64]
+    geometry: NDArray[np.float64]
+
+
+def make_tet_blocks(
+    shape: TetOperators, material: NDArray[np.int32], table: MaterialTable, elements: NDArray[np.int32]
+) -> TetBlocks:
+    """Return the ``elements`` (k,) in blocks, sorted by law and edge shape; within a kind the order is kept."""
+    inverse = shape.inverse.reshape(-1, 4, 9)
+    bend = np.abs(inverse - inverse[:, :1]).max(axis=(1, 2))
+    straight = bend <= NEGLIGIBLE * np.abs(inverse[:, 0]).max(axis=1)
+    element, used = lanes_of((2 * table.law[material] + straight)[elements], elements)
+    kind = straight[element[:, 0]]
+    sizes = LANES * np.where(kind, TET_GEOMETRY_ROWS // 4, TET_GEOMETRY_ROWS)
+    start = np.cumsum([0, *sizes])[:-1]
+    blocks = TetBlocks(element, used, table.law[material[element[:, 0]]], kind, start, np.zeros(0))
+    return blocks._replace(geometry=tet_geometry(shape, blocks))
+
+
+def tet_geometry(shape: TetOperators, blocks: TetBlocks) -> NDArray[np.float64]:
+    """Return the array ``TetBlocks.geometry`` of elements that are already in blocks."""
+    inverse = shape.inverse.reshape(-1, 4, 9)
+    whole = np.concatenate([shape.inverse.reshape(-1, 36), shape.weight], axis=1)
+    short = np.concatenate([inverse[:, 0], shape.weight[:, :1]], axis=1)
+    rows = [(short if blocks.straight[b] else whole)[lanes].T.ravel() for b, lanes in enumerate(blocks.element)]
+    return np.concatenate([np.zeros(0), *rows])

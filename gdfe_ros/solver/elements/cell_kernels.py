@@ -3,7 +3,7 @@
 
 A kernel that calls one of the functions below is compiled once for each cell type. Numba sees the type of ``shape``,
 and replaces the call by the function of that cell type, without a cost at run time. A third type needs an entry in
-`KERNELS`, and one in `gdfe_ros.solver.cell_type`.
+`KERNELS`, and one in `gdfe_ros.solver.elements.cell_type`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numba.extending import overload
 
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.mesh.tet_operators import TetOperators
-from gdfe_ros.solver.elements import hex_response, hexahedra, tetrahedra
+from gdfe_ros.solver.elements import hexahedra, tetrahedra
 
 _INLINED = {"nogil": True, "error_model": "numpy", "forceinline": True, "no_cpython_wrapper": True}
 
@@ -43,13 +43,12 @@ class CellKernels(NamedTuple):
     least_corners: Callable
 
 
-def _of(*modules) -> CellKernels:
-    """Return the functions by name; each is taken from the first of ``modules`` that has it."""
-    found = (next(getattr(module, name) for module in modules if hasattr(module, name)) for name in CellKernels._fields)
-    return CellKernels(*found)
+def _of(module) -> CellKernels:
+    """Return the functions of ``module`` by name."""
+    return CellKernels(*(getattr(module, name) for name in CellKernels._fields))
 
 
-KERNELS = {ShapeOperators: _of(hex_response, hexahedra), TetOperators: _of(tetrahedra)}
+KERNELS = {ShapeOperators: _of(hexahedra), TetOperators: _of(tetrahedra)}
 """The functions of each cell type, by the class of its operators."""
 
 

@@ -9,19 +9,21 @@ products.
 from __future__ import annotations
 
 from gdfe_ros.compiled import inlined
-from gdfe_ros.solver.elements.blocks import GEOMETRY_ROWS, LANES, REFERENCE
-from gdfe_ros.solver.elements.hourglass import AMPLITUDE as UNIT
-from gdfe_ros.solver.elements.lanes import (
+from gdfe_ros.solver.elements.blocks import (
     COORDINATES,
     FORCES,
     GEOMETRY,
+    GEOMETRY_ROWS,
     GRADIENT,
+    LANES,
     MODES,
+    REFERENCE,
     STRESS,
     load3,
     load9,
     store3,
 )
+from gdfe_ros.solver.elements.hourglass import AMPLITUDE as UNIT
 
 
 @inlined

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled measures and fold barrier of hexahedra: mean gradient, volume ratios, forces that open corners.
-
-See `cell_kernels` for the measures, and `barrier` for the barrier.
-"""
+"""Compiled response, measures and fold barrier of hexahedra (see `cell_kernels`, and `barrier` for the barrier)."""
 
 from __future__ import annotations
 
@@ -11,12 +8,41 @@ import math
 import numpy as np
 
 from gdfe_ros.compiled import inlined, internal
-from gdfe_ros.materials.table import SHEAR
+from gdfe_ros.materials.stress import corotated
+from gdfe_ros.materials.table import LAME, PENALTY, POISSON, SHEAR, YOUNG
 from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.mesh.triples import cross, dot
 from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, wall
+from gdfe_ros.solver.elements.blocks import (
+    AXES,
+    COUPLING,
+    EDGES,
+    ENERGY,
+    FORCES,
+    GEOMETRY,
+    GRADIENT,
+    LAME_ROW,
+    LANES,
+    MODES,
+    PENALTY_ROW,
+    POISSON_ROW,
+    PRESSURE,
+    ROWS,
+    SCALED_SHEAR,
+    SHEAR_ROW,
+    STRESS,
+    VOLUME,
+    YOUNG_ROW,
+    load3,
+    load9,
+    store3,
+    store9,
+)
+from gdfe_ros.solver.elements.corners import gather, scatter
+from gdfe_ros.solver.elements.hourglass import hourglass
+from gdfe_ros.solver.elements.stress_rows import stress_rows
 
-EDGES = np.array(
+CORNER_EDGES = np.array(
     [
         [[0, 1], [0, 3], [0, 4]],
         [[0, 1], [1, 2], [1, 5]],
@@ -96,7 +122,7 @@ def least_corners(x, shape, elements, out):
 def least_ratio(x, cell, r):
     """Return the least of the volume ratios at the vertices ``cell`` (8,) with ``r`` (8,) [1/m^3]; NaN if one is NaN.
 
-    The sums are written out: a loop over `EDGES` takes twice as long.
+    The sums are written out: a loop over `CORNER_EDGES` takes twice as long.
     """
     x0, x1, x2, x3 = corner(x, cell[0]), corner(x, cell[1]), corner(x, cell[2]), corner(x, cell[3])
     x4, x5, x6, x7 = corner(x, cell[4]), corner(x, cell[5]), corner(x, cell[6]), corner(x, cell[7])
@@ -142,13 +168,13 @@ def add_walls(x, watched, shape, material, table, force, energy):
 @inlined
 def edge_at(corners, c, axis):
     """Return the edge vector (3,) [m] at corner ``c`` along xi, eta or zeta (``axis`` 0, 1 or 2)."""
-    return edge(corner(corners, EDGES[c, axis, 0]), corner(corners, EDGES[c, axis, 1]))
+    return edge(corner(corners, CORNER_EDGES[c, axis, 0]), corner(corners, CORNER_EDGES[c, axis, 1]))
 
 
 @inlined
 def add_edge(slopes, c, axis, share, derivative):
     """Add ``share`` times the derivative with respect to an edge to the derivatives at the edge's two corners."""
-    first, last = EDGES[c, axis, 0], EDGES[c, axis, 1]
+    first, last = CORNER_EDGES[c, axis, 0], CORNER_EDGES[c, axis, 1]
     for i in range(3):
         slopes[last, i] += share * derivative[i]
         slopes[first, i] -= share * derivative[i]
@@ -212,3 +238,64 @@ def element_room(corners, ratios):
         share = 3.0 * ratios[c] * (first * second + second * third + third * first)
         room = min(room, min(min(first, second), min(third, (ratio - THRESHOLD) / share)))
     return 0.5 * room
+
+
+@inlined
+def load_parameters(b, elements, material, pressure, scale, table):
+    """Copy the parameters of the lanes' materials into their rows."""
+    for lane in range(LANES):
+        e = elements[lane]
+        k = material[e]
+        b[PRESSURE * LANES + lane] = pressure[e]
+        b[SHEAR_ROW * LANES + lane] = table.parameters[k, SHEAR]
+        b[LAME_ROW * LANES + lane] = table.parameters[k, LAME]
+        b[PENALTY_ROW * LANES + lane] = table.parameters[k, PENALTY]
+        b[YOUNG_ROW * LANES + lane] = scale[e] * table.parameters[k, YOUNG]
+        b[SCALED_SHEAR * LANES + lane] = scale[e] * table.parameters[k, SHEAR]
+        b[POISSON_ROW * LANES + lane] = table.parameters[k, POISSON]
+
+
+@inlined
+def hourglass_rows(b):
+    """Write a block's hourglass forces [N]. Turn its rows of stress P and energy density into V P [N m] and energy [J].
+
+    Both include the hourglass part.
+    """
+    for lane in range(LANES):
+        volume = b[(GEOMETRY + VOLUME) * LANES + lane]
+        q = (
+            load3(b, MODES, lane),
+            load3(b, MODES + 3, lane),
+            load3(b, MODES + 6, lane),
+            load3(b, MODES + 9, lane),
+        )
+        energy, h, s = hourglass(
+            load9(b, GRADIENT, lane),
+            q,
+            load9(b, GEOMETRY + AXES, lane),
+            load3(b, GEOMETRY + EDGES, lane),
+            b[(GEOMETRY + COUPLING) * LANES + lane],
+            volume * b[YOUNG_ROW * LANES + lane],
+            volume * b[SCALED_SHEAR * LANES + lane],
+            b[POISSON_ROW * LANES + lane],
+        )
+        p = load9(b, STRESS, lane)
+        store9(b, STRESS, lane, corotated(p, p, 0.0, volume, 1.0, s))
+        for mode in range(4):
+            store3(b, FORCES + 3 * mode, lane, h[mode])
+        b[ENERGY * LANES + lane] = volume * b[ENERGY * LANES + lane] + energy
+
+
+@internal
+def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
+    """Write corner forces (m, 8, 3) [N] and energies (m,) [J] of the blocks from ``first`` up to ``last``."""
+    b = np.empty(ROWS * LANES)
+    for block in range(first, last):
+        elements = blocks.element[block]
+        gather(b, x, shape, blocks, block)
+        load_parameters(b, elements, material, pressure, scale, table)
+        stress_rows(b, blocks.law[block], elements, material, table)
+        hourglass_rows(b)
+        scatter(b, force, shape, blocks, block)
+        for lane in range(blocks.used[block]):
+            energy[elements[lane]] = b[ENERGY * LANES + lane]

@@ -35,13 +35,13 @@ from gdfe_ros.materials.tensor import (
     times,
 )
 from gdfe_ros.mesh.triples import cross, dot
-from gdfe_ros.solver.elements.blocks import LANES
-from gdfe_ros.solver.elements.lanes import (
+from gdfe_ros.solver.elements.blocks import (
     COORDINATES,
     ENERGY,
     FORCES,
     GRADIENT,
     LAME_ROW,
+    LANES,
     PENALTY_ROW,
     PRESSURE,
     SHEAR_ROW,

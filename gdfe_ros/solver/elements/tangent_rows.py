@@ -14,10 +14,9 @@ import numpy as np
 from numpy import uint64
 
 from gdfe_ros.compiled import inlined, kernel, vector_internal
-from gdfe_ros.solver.elements.blocks import LANES
+from gdfe_ros.solver.elements.blocks import GRADIENT, LANES, MODES, ROWS, STRESS
 from gdfe_ros.solver.elements.corners import gather
-from gdfe_ros.solver.elements.hex_response import hourglass_rows, load_parameters
-from gdfe_ros.solver.elements.lanes import GRADIENT, MODES, ROWS, STRESS
+from gdfe_ros.solver.elements.hexahedra import hourglass_rows, load_parameters
 from gdfe_ros.solver.elements.stress_rows import stress_rows
 
 SPACING = 1e-5

@@ -13,32 +13,30 @@ from gdfe_ros.materials.stress import logarithmic_volume, volumetric
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.mesh.tetrahedra import POINTS
-from gdfe_ros.solver.elements.blocks import LANES
-from gdfe_ros.solver.elements.lanes import (
+from gdfe_ros.solver.elements.blocks import (
     ENERGY,
+    GEOMETRY_OF_TET,
     GRADIENT,
+    GRADIENTS,
+    INVERSE,
     LAME_ROW,
+    LANES,
+    NODES,
     PENALTY_ROW,
     PRESSURE,
     SHEAR_ROW,
+    SLOPE,
+    STORED_ENERGY,
     STRESS,
+    TET_GEOMETRY_ROWS,
+    TOTAL,
+    WEIGHT,
     load3,
     load9,
     store3,
     store9,
 )
 from gdfe_ros.solver.elements.stress_rows import stress_rows
-from gdfe_ros.solver.elements.tet_blocks import (
-    GEOMETRY_OF_TET,
-    GRADIENTS,
-    INVERSE,
-    NODES,
-    SLOPE,
-    STORED_ENERGY,
-    TET_GEOMETRY_ROWS,
-    TOTAL,
-    WEIGHT,
-)
 
 L = tuple(tuple(float(value) for value in point) for point in POINTS)
 """Barycentric coordinates of the integration points, as constants of the kernels."""

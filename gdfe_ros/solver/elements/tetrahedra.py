@@ -12,9 +12,8 @@ from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.mesh.triples import cross, dot
 from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, wall
-from gdfe_ros.solver.elements.blocks import LANES
+from gdfe_ros.solver.elements.blocks import LANES, NODES, STORED_ENERGY, TET_ROWS, TOTAL
 from gdfe_ros.solver.elements.tangent_rows import SPACING
-from gdfe_ros.solver.elements.tet_blocks import NODES, STORED_ENERGY, TET_ROWS, TOTAL
 from gdfe_ros.solver.elements.tet_rows import L, load_geometry, load_nodes, load_shares, respond
 
 CORNER_NODES = np.array(

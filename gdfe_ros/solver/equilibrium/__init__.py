@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Equilibrium solver of the policy ``energy``: prediction, minimisation, multiplier updates, stability."""
+"""Equilibria of both policies: prediction, minimisation, multiplier updates, stability; the paper's own solver."""

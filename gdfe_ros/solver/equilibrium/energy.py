@@ -16,24 +16,63 @@ from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.impulses import Impulses
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.minimiser import Minimiser, Observer, Task
-from gdfe_ros.solver.elements.pressures import at_rest
 from gdfe_ros.solver.equilibrium.predictor import Predictor
-from gdfe_ros.solver.equilibrium.rest import take_rest
 from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.equilibrium.stability import Stability
+from gdfe_ros.solver.forces.actuation import Actuation
+from gdfe_ros.solver.forces.pressures import at_rest
+from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
+from gdfe_ros.solver.matrix.coupling import SINGULAR
 from gdfe_ros.solver.matrix.factor import Factorisation
-from gdfe_ros.solver.reactions import vertex_forces
+from gdfe_ros.solver.minimise.level import TangentLevel
+from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer, Task
+from gdfe_ros.solver.outcome import Outcome, tell
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State, Summary
-from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
 
-RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
+INVERSE_ITERATIONS = 6
+"""Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
+
+
+def take_rest(model: Model, whole: ActiveSet, matrix: ConstantMatrix, rest: State) -> None:
+    """Give the minimiser the tangent of the undeformed body, unless the body is a mechanism.
+
+    The first multiple of the constant matrix that is added to an indefinite tangent becomes the softness of the body:
+    the least eigenvalue of its tangent relative to the constant matrix.
+
+    Args:
+        model: the body, its terms and its minimiser.
+        whole: the active set of the whole body.
+        matrix: the constant matrix.
+        rest: the undeformed state.
+    """
+    count, minimiser = len(whole.unknowns.free), model.minimiser
+    if count == 0:
+        return
+    task, work = Solve.at(model, rest).evaluate(whole, threads=None), whole.workspace
+    tangent = minimiser.level.take(task.problem, work.u, work.x)
+    if tangent.shift > 0.0:
+        return
+    load = np.random.default_rng(0).standard_normal(3 * whole.unknowns.rows)
+    load[whole.unknowns.fixed] = 0.0
+    for _ in range(INVERSE_ITERATIONS):
+        found = np.empty_like(load)
+        minimiser.level.solve(load, found)
+        least = float(found @ load) / float(found @ _weighed(matrix, found, count))
+        load = _weighed(matrix, found / np.abs(found).max(), count)
+    if least >= SINGULAR:  # else the handles let the body turn or move as a whole
+        minimiser.level.first_shift, minimiser.rest = least, tangent
+        minimiser.level.keep(tangent)
+
+
+def _weighed(matrix: ConstantMatrix, field: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return the constant matrix times a field (3 r,) of the unknowns; rows of handles are zero."""
+    rows = field.reshape(-1, 3)
+    return np.concatenate([matrix.multiply(rows[:count]).ravel(), np.zeros(3 * (len(rows) - count))])
 
 
 class EquilibriumSolver:
@@ -166,7 +205,7 @@ class EquilibriumSolver:
         base = self.handles.base(problem.poses, start.poses, start.base)
         prediction = self._predictor.predict(start, base, start.change_to(problem.commands))
         solve = Solve(self._model, problem, start, base, prediction)
-        return self._judged(solve, self.descend(solve))
+        return self._judge(solve, self.descend(solve))
 
     def accept(self, solution: Solution, previous: State) -> State:
         """Return the complete state of ``solution``, which follows the state ``previous``."""
@@ -193,7 +232,7 @@ class EquilibriumSolver:
         solve.go_on_from(found.state)
         return solve.evaluate(self._whole, threads=self._whole.threads(self._threads))
 
-    def _judged(self, solve: Solve, found: Solution) -> Solution:
+    def _judge(self, solve: Solve, found: Solution) -> Solution:
         """Return a solution with its stability, and with a new tangent if that lowers the cost of the next solves."""
         if not found.converged:
             return found
@@ -202,7 +241,7 @@ class EquilibriumSolver:
                 self.minimiser.renew(self.task_at(solve, found))
                 found = changed(found, state=found.state.with_(tangent=self.minimiser.tangent))
             return found
-        return self._stability.judged(self, solve, found)
+        return self._stability.judge(self, solve, found)
 
     def descend(self, solve: Solve, *, spent: int = 0) -> Solution:
         """Return the solution of minimisations and multiplier updates from the present positions of ``solve``.
@@ -212,11 +251,13 @@ class EquilibriumSolver:
         active, limit = self._whole, solve.problem.limit - spent
         solve.descend(active, threads=active.threads(self._threads), limit=limit)
         if self.minimiser.ran_away(active):
-            summary = changed(solve.start.summary, converged=False, error_estimate=np.inf, message=RAN_AWAY)
+            summary = changed(
+                solve.start.summary, converged=False, error_estimate=np.inf, message=tell(Outcome.RUNAWAY)
+            )
             return Solution(
                 state=solve.start.with_(summary=summary),
                 iterations=solve.iterations,
-                diverged=True,
+                ended=Outcome.RUNAWAY,
                 began=solve.start.positions,
             )
         return solve.solution(active, self._stored, self._least)

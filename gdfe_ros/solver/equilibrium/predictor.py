@@ -18,10 +18,6 @@ from gdfe_ros.solver.state import Motion, State
 
 LARGEST_RATIO = 2.0
 """Largest multiple of the last step that is extrapolated."""
-STILL = 1e-12
-"""Handle displacement, divided by the body's size, that counts as rounding and is not extended to the free vertices."""
-FAR = 1e-2
-"""Extrapolated displacements below this multiple of the body's size fold no element."""
 SMOOTH = 0.5
 """The last motion is extrapolated if the present motion differs from a multiple of it by at most this fraction."""
 
@@ -51,6 +47,13 @@ class Predictor:
         matrix: the constant matrix, which spreads motions of handles over the body.
     """
 
+    STILL = 1e-12
+    """Handle displacement, divided by the body's size, that counts as rounding and is not extended to the free
+    vertices.
+    """
+    FAR = 1e-2
+    """Extrapolated displacements below this multiple of the body's size fold no element."""
+
     def __init__(self, body: Body, handles: HandleMotions, matrix: ConstantMatrix) -> None:
         self._free, self._matrix = body.unknowns.free, matrix
         self._held, self._handles, self._size = body.unknowns.prescribed, handles, body.size
@@ -72,7 +75,7 @@ class Predictor:
 
     def _is_far(self, state: State, ratio: float) -> bool:
         """Return whether the extrapolated motion is so long that it may fold elements."""
-        return ratio * float(np.abs(state.motion.move).max()) > FAR * self._size
+        return ratio * float(np.abs(state.motion.move).max()) > self.FAR * self._size
 
     def _predicted(self, state: State, base: NDArray[np.float64], ratio: float) -> Prediction:
         """Return the start with the last motion extrapolated by ``ratio``."""
@@ -87,7 +90,7 @@ class Predictor:
             target = self._handles.placed(base, slides, turns)[held]
             rest = np.where(self._turning[:, None], target - start[held], rest)
         start[held] += rest
-        if np.abs(rest).max(initial=0.0) > STILL * self._size:
+        if np.abs(rest).max(initial=0.0) > self.STILL * self._size:
             start[self._free] += self._matrix.extend(rest)
         return Prediction(start, slides, turns, ratio)
 

@@ -11,43 +11,22 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.minimiser import Minimiser, Task
 from gdfe_ros.solver.descent.pairs import history, load_history
 from gdfe_ros.solver.descent.search import ROUNDING
-from gdfe_ros.solver.descent.workspace import End, Problem
+from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.barrier import flattened
-from gdfe_ros.solver.elements.fields import store_energies
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
-from gdfe_ros.solver.elements.pressures import Pressures
-from gdfe_ros.solver.elements.watch import Watch
+from gdfe_ros.solver.elements.response import Watch
 from gdfe_ros.solver.equilibrium.predictor import Prediction
+from gdfe_ros.solver.forces.actuation import Actuation
+from gdfe_ros.solver.forces.fields import store_energies
+from gdfe_ros.solver.forces.pressures import Pressures
+from gdfe_ros.solver.forces.reactions import handle_reactions
 from gdfe_ros.solver.handle_motions import HandleMotions
-from gdfe_ros.solver.reactions import handle_reactions
+from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
+from gdfe_ros.solver.outcome import Outcome, join, tell
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
-from gdfe_ros.solver.terms.actuation import Actuation
-
-FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
-"""If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
-LINEAR = 1e-4
-"""Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, a step with the tangent does
-not measure the distance: the bending stiffness of a sheet or of a hanging bar changes within a thickness.
-"""
-FAINT = 0.3
-"""If the error of a constraint, or the change of an hourglass scale, exceeds this multiple of the tolerance, a
-minimisation has to show that the positions are still within the tolerance. (With a single cell across, the whole
-bending stiffness follows the scale.)
-"""
-LAGGING_VOLUME, LAGGING_SCALE = 10.0, 100.0
-"""Allowed errors of volumes, and allowed changes of hourglass scales in the last update, in motion and divided by the
-tolerance. The updates of the next step reduce these errors.
-"""
-SLOW = 10
-"""If this number of updates of exact minimisations does not settle the constraints, the minimisations become finer."""
-MOST_UPDATES = 200
-"""Limit of the updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need most."""
-UNSETTLED = "the faces that touch each other do not settle"
-TOO_STRONG = "a load or an actuator is so strong that the rounding of its energy hides the energy of the body"
 
 
 class DescentSchedule:
@@ -60,6 +39,9 @@ class DescentSchedule:
     Attributes:
         present: tolerance of the present minimisation.
     """
+
+    FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
+    """If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
 
     def __init__(self, tolerance: float, *, first: float) -> None:
         self._tolerance, self._finest, self._aim, self.present = tolerance, tolerance, first, first
@@ -76,11 +58,11 @@ class DescentSchedule:
 
     def refine(self) -> None:
         """Decrease the tolerance of the solve: multipliers still change, but by too little for another iteration."""
-        self._finest *= TIGHTEN
+        self._finest *= self.TIGHTEN
 
     def tighten(self) -> None:
         """Decrease the tolerance for the next minimisation, at most to that of the solve."""
-        self.present = max(self._finest, TIGHTEN * self.present)
+        self.present = max(self._finest, self.TIGHTEN * self.present)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +101,27 @@ class Solve:
         iterations: number of iterations of the last call of `descend`.
     """
 
+    LINEAR = 1e-4
+    """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, a step with the tangent
+    does not measure the distance: the bending stiffness of a sheet or of a hanging bar changes within a thickness.
+    """
+    FAINT = 0.3
+    """If the error of a constraint, or the change of an hourglass scale, exceeds this multiple of the tolerance, a
+    minimisation has to show that the positions are still within the tolerance. (With a single cell across, the whole
+    bending stiffness follows the scale.)
+    """
+    LAGGING_VOLUME, LAGGING_SCALE = 10.0, 100.0
+    """Allowed errors of volumes, and allowed changes of hourglass scales in the last update, in motion and divided by
+    the tolerance. The updates of the next step reduce these errors.
+    """
+    SLOW = 10
+    """If this number of updates of exact minimisations does not settle the constraints, the minimisations become finer.
+    """
+    MOST_UPDATES = 200
+    """Limit of the updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need
+    most.
+    """
+
     def __init__(
         self,
         model: Model,
@@ -141,7 +144,7 @@ class Solve:
     @property
     def aim(self) -> float:
         """Tolerance of the last minimisation."""
-        return self.problem.tolerance if self._moving else min(self.problem.tolerance, LINEAR)
+        return self.problem.tolerance if self._moving else min(self.problem.tolerance, self.LINEAR)
 
     @property
     def interrupted(self) -> bool:
@@ -219,16 +222,13 @@ class Solve:
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
         self._schedule = self._scheduled(updates=updates)
         self._settled, self._exact, self.iterations, self._cut = not updates, 0, 0, False
-        for _ in range(MOST_UPDATES):
+        for _ in range(self.MOST_UPDATES):
             aim, left = self._schedule.aim(confirms=self._settled and updates), limit - self.iterations
             went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=self._settled and updates)
-            self.iterations, self._cut = self.iterations + went.iterations, went.cut
-            failed = went.cut or self._failed(active)
-            if failed or not updates:
+            self.iterations, self._cut = self.iterations + went, active.ended is Outcome.CUT
+            if self._failed(active) or not updates:
                 break
-            if self._balanced(active, still=went.iterations == 0):
-                break
-            if self._actuation.wanders:
+            if self._balanced(active, still=went == 0) or self._actuation.wanders:
                 break
             self._schedule.tighten()
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
@@ -238,16 +238,16 @@ class Solve:
     def _scheduled(self, *, updates: bool) -> DescentSchedule:
         """Return the tolerances of the minimisations; those of an unfinished solve go on where it ended."""
         tolerance, resumed = self.aim, self._resumed
-        first = max(FIRST_TOLERANCE, tolerance) if updates and self.anew else tolerance
+        first = max(DescentSchedule.FIRST_TOLERANCE, tolerance) if updates and self.anew else tolerance
         if resumed is not None:
             first = max(resumed.tolerance, tolerance)
         return DescentSchedule(tolerance, first=first)
 
     def _failed(self, active: ActiveSet) -> bool:
-        """Return whether the last minimisation ran away or was given up, so that updates are useless."""
-        if active.ended in (End.STALLED, End.EXHAUSTED):
+        """Return whether the last minimisation was cut, ran away or was given up, so that updates are useless."""
+        if active.ended in (Outcome.STALLED, Outcome.EXHAUSTED):
             return bool(active.status["blocked"])
-        return active.ended in (End.RUNAWAY, End.GIVEN_UP)
+        return active.ended in (Outcome.RUNAWAY, Outcome.GIVEN_UP, Outcome.CUT)
 
     def _balanced(self, active: ActiveSet, *, still: bool) -> bool:
         """Update pressures, multipliers and scales, unless the last update stands; return whether the solve ends.
@@ -258,14 +258,14 @@ class Solve:
         if still and self._settled:  # the last update has not moved the equilibrium
             return True
         # Even if no further descent is possible, new pressures and scales may make one possible.
-        last = self._schedule.exact or active.ended is not End.NEAR
+        last = self._schedule.exact or active.ended is not Outcome.NEAR
         error, change = self._update(active, still=still)
-        kept = 1.0 if self._moving or self._actuation.contacts else FAINT
+        kept = 1.0 if self._moving or self._actuation.contacts else self.FAINT
         self._settled = last and error <= kept
         self._exact += last
-        if last and not self._settled and (still or self._exact % SLOW == 0):
+        if last and not self._settled and (still or self._exact % self.SLOW == 0):
             self._schedule.refine()  # the positions are not accurate enough for the constraints
-        faint = max(error, change) <= FAINT and not self._actuation.contacts
+        faint = max(error, change) <= self.FAINT and not self._actuation.contacts
         return self._settled and (still or faint or self._moving)
 
     def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
@@ -280,11 +280,10 @@ class Solve:
         self.measure(active, stored, least)
         positions = work.x.copy()
         slides, turns = active.rigid_motion()
-        converged, estimate, message = self._verdict(active)
-        if flaw := self._actuation.flaw(positions):
-            converged, message = False, f"{flaw}; {message}".rstrip("; ")
-        if not (converged and least.min() > 0.0):
-            converged, message = False, "; ".join(text for text in (message, flattened(least)) if text)
+        outcome, estimate = self._judge(active)
+        flaw, message = self._actuation.flaw(positions), self._explain(outcome, estimate, active)
+        converged = outcome is Outcome.NEAR and not flaw and bool(least.min() > 0.0)
+        message = join(flaw, message, "" if converged else flattened(least))
         outside = work.outside if self._actuation.terms else None
         others = self._actuation.contacts, self._actuation.grips
         summary = Summary(
@@ -323,8 +322,7 @@ class Solve:
                 summary=summary,
             ),
             iterations=self.iterations,
-            cut=self._cut and not converged,
-            exhausted=active.ended is End.EXHAUSTED and not converged,
+            ended=Outcome.NEAR if converged else Outcome.CUT if self._cut else active.ended,
             entered=bool(flaw),
             began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,
@@ -341,13 +339,13 @@ class Solve:
         tolerance = self.problem.keeping or self.problem.tolerance
         if len(active.carried):
             wrong = self.pressures.update(x, active.carried, self._operators.shape, still=still)
-            errors.append(wrong / (self.problem.volumes or tolerance * (LAGGING_VOLUME if self._moving else 1.0)))
+            errors.append(wrong / (self.problem.volumes or tolerance * (self.LAGGING_VOLUME if self._moving else 1.0)))
         if self._actuation.updates:
             errors.append(self._actuation.update(x) / tolerance)
         if self._softens(active):
             change = self._update_scales(active) / tolerance
         if self._moving:
-            errors.append(change / LAGGING_SCALE)
+            errors.append(change / self.LAGGING_SCALE)
         return float(np.max(errors)), change
 
     def _update_scales(self, active: ActiveSet) -> float:
@@ -361,35 +359,36 @@ class Solve:
         """Return whether hourglass scales follow the strain."""
         return self._softening and len(active.softening) > 0
 
-    def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
-        """Return whether the solution is an equilibrium, the error estimate, and a message about the defect."""
-        if ROUNDING * float(active.status["outside"]) > self._body.strain_energy_scale:
-            return False, np.inf, TOO_STRONG
+    def _judge(self, active: ActiveSet) -> tuple[Outcome, float]:
+        """Return how the solve ended, `Outcome.NEAR` at an equilibrium, and the error estimate."""
         tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active)
-        impulses = self._minimiser.impulses
-        if impulses is not None and impulses.left > tolerance * self._body.size and not self._cut:
-            return False, estimate, f"contact forces have not settled at {impulses.told()}"
-        if estimate <= tolerance and self._settled and not self._cut:
-            return True, estimate, ""
-        if self._cut:
-            late = past(self.problem.deadline)
-            reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
-            far = float(active.status["step"]) / self._body.size
-            text = f"{reason}: the distance to equilibrium is not known yet; the last step was {far:.3g} of the size"
-            return False, np.inf, f"{text}; the next step goes on from here"
-        if estimate <= tolerance:
-            text = "pressures, grips, commanded lengths or volumes, or hourglass scales have not settled"
-            most = f"in up to {MOST_UPDATES} updates, although the positions hardly move any more"
-            return False, estimate, f"{text} {most}"
-        if active.ended is End.GIVEN_UP and impulses is not None and not impulses.settled:
-            far = float(active.status["step"]) / self._body.size
-            return False, estimate, f"{UNSETTLED}: the last step was {far:.3g} of the size"
-        if not np.isfinite(estimate):
-            text = "the distance to equilibrium is not known: the body is at the edge of its stability"
-            return False, estimate, f"{text}; smaller steps, or other commands, lead past it"
-        reason = "no further descent is possible at the precision of the energy"
-        message = f"{reason}: about {estimate:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
-        return False, estimate, message
+        impulses, drowned = self._minimiser.impulses, ROUNDING * float(active.status["outside"])
+        left, settled = (impulses.left, impulses.settled) if impulses else (0.0, True)
+        cases = (
+            (drowned > self._body.strain_energy_scale, Outcome.TOO_STRONG),
+            (self._cut, Outcome.CUT),
+            (left > tolerance * self._body.size, Outcome.PUSHED),
+            (estimate <= tolerance and self._settled, Outcome.NEAR),
+            (estimate <= tolerance, Outcome.UNSETTLED),
+            (active.ended is Outcome.GIVEN_UP and not settled, Outcome.TOUCHING),
+            (not np.isfinite(estimate), Outcome.AT_EDGE),
+            (True, Outcome.EXHAUSTED),
+        )
+        outcome = next(each for holds, each in cases if holds)
+        return outcome, np.inf if outcome in (Outcome.TOO_STRONG, Outcome.CUT) else estimate
+
+    def _explain(self, outcome: Outcome, estimate: float, active: ActiveSet) -> str:
+        """Return a message about the defect of a solve that ended with ``outcome``."""
+        late, problem = self._cut and past(self.problem.deadline), self.problem
+        return tell(
+            outcome,
+            estimate=estimate,
+            tolerance=problem.tolerance,
+            reason=problem.deadline.reason if late else f"stopped after {problem.limit} iterations",
+            far=float(active.status["step"]) / self._body.size,
+            updates=self.MOST_UPDATES,
+            where=self._minimiser.impulses.told() if outcome is Outcome.PUSHED else "",
+        )
 
     def _unfinished(self, active: ActiveSet) -> Unfinished:
         done = self._resumed.iterations if self._resumed else 0

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,42 +20,14 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.loop import UNPROVEN
-from gdfe_ros.solver.descent.minimiser import LEAST_AGE, SHARE, Minimiser, Task
-from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.descent.search import ROUNDING
-from gdfe_ros.solver.distance import largest, largest_distance
 from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.minimise.curvature import FLAT, Lowest, TangentProducts, lowest
+from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
+from gdfe_ros.solver.outcome import Outcome, join, tell
 from gdfe_ros.solver.solution import Solution
-from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
 from gdfe_ros.solver.value import changed
-
-GROWTH, LONG = 2.0, 1e-2
-"""A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex moves by
-more than this multiple of the body's size in one solve.
-"""
-DEAR, SURE = 40, 0.3
-"""If a factor costs more than the first number of solutions, the Lanczos method with the kept tangent M proves a
-minimum. Its proof counts if the least eigenvalue of M^-1 K exceeds the second number.
-"""
-NEAR = 3
-"""A proof still holds after this number of further iterations, if the equilibrium was nearer than the minimisation's
-target: in a nearly flat valley, tiny motions change the curvature."""
-LEVEL = 1e-7
-"""The energy is level along a direction if its fall over a displacement of the body's size, divided by the sum of the
-magnitudes of its parts, is below this: turns of a body that is held in one vertex.
-"""
-ROUNDS = 24
-"""Largest number of proofs in one solve. Each saddle takes one; a long, nearly flat valley of the energy takes many."""
-VAIN = 4
-"""Number of rounds that may end at more energy than an earlier one: the minimisations leave different remains."""
-FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
-"""First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers are
-the largest numbers of doublings of this length and of its divisions by four."""
-UNSTABLE = (
-    "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
-)
-
-NEUTRAL = "a motion of the body hardly changes its energy, and the body still follows it; remedy: hold this motion"
+from gdfe_ros.solver.vectors import largest, largest_distance
 
 
 class Downhill(NamedTuple):
@@ -70,6 +42,22 @@ class Downhill(NamedTuple):
     positions: NDArray[np.float64]
 
 
+class Proof(NamedTuple):
+    """What the factor of a tangent shows.
+
+    Attributes:
+        stable: whether the equilibrium is a minimum; None if that is unknown.
+        direction: (3 r,) direction along which the energy may fall: the softest one, or the step M^-1 g [m].
+        distance: estimated distance to the equilibrium, divided by the body's size.
+        definite: whether the tangent could be factored as it is; otherwise the distance is that by a changed tangent.
+    """
+
+    stable: bool | None
+    direction: NDArray[np.float64]
+    distance: float
+    definite: bool
+
+
 @dataclass
 class Progress:
     """What the proofs of one solve have gained so far.
@@ -77,19 +65,21 @@ class Progress:
     Attributes:
         energy: least energy at a proof [J].
         in_vain: number of proofs at more energy than that.
-        farthest: longest Newton step since the energy last fell, divided by the body's size.
+        farthest: longest distance since the energy last fell, divided by the body's size.
     """
 
     energy: float = np.inf
     in_vain: int = 0
     farthest: float = 0.0
+    VAIN: ClassVar[int] = 4
+    """Largest number of proofs in vain: minimisations leave different remains of energy."""
 
-    def goes_on(self, energy: float, distance: float) -> bool:
-        """Take a proof at an ``energy`` [J] with a Newton step of the length ``distance``; return whether to go on."""
+    def goes_on(self, energy: float, proof: Proof) -> bool:
+        """Take a proof at an ``energy`` [J]; return whether to go on."""
         falls = energy < self.energy
         self.energy, self.in_vain = min(energy, self.energy), self.in_vain + (not falls)
-        self.farthest = distance if falls else max(distance, self.farthest)
-        return self.in_vain <= VAIN
+        self.farthest = proof.distance if falls else max(proof.distance, self.farthest)
+        return self.in_vain <= self.VAIN
 
 
 class Descents(Protocol):
@@ -120,6 +110,31 @@ class Stability:
             its stability is not known.
     """
 
+    GROWTH, LONG = 2.0, 1e-2
+    """A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex
+    moves by more than this multiple of the body's size in one solve.
+    """
+    DEAR, SURE = 40, 0.3
+    """If a factor costs more than the first number of solutions, the Lanczos method with the kept tangent M proves a
+    minimum. Its proof counts if the least eigenvalue of M^-1 K exceeds the second number.
+    """
+    NEAR = 3
+    """A proof still holds after this number of further iterations, if the equilibrium was nearer than the
+    minimisation's target: in a nearly flat valley, tiny motions change the curvature.
+    """
+    LEVEL = 1e-7
+    """The energy is level along a direction if its fall over a displacement of the body's size, divided by the sum of
+    the magnitudes of its parts, is below this: turns of a body that is held in one vertex.
+    """
+    ROUNDS = 24
+    """Largest number of proofs in one solve. Each saddle takes one; a long, nearly flat valley of the energy takes
+    many.
+    """
+    FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
+    """First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers
+    are the largest numbers of doublings of this length and of its divisions by four.
+    """
+
     def __init__(
         self, body: Body, minimiser: Minimiser, *, exact: bool, smooth: bool, conservative: bool = True
     ) -> None:
@@ -134,67 +149,77 @@ class Stability:
         self._noise = np.random.default_rng(0).standard_normal(3 * body.unknowns.rows)
         self._noise[body.unknowns.fixed] = 0.0
 
-    def judged(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
+    def judge(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
         """Return a converged solution with its stability, which is proved anew only where that is due.
 
         A saddle is left for a point of lower energy beside it.
         """
         if self._is_due(solve, found):
-            proved = self._proved(descents, solve, found)
-            return proved if self._conservative else _told(proved, stable=None)
-        return _told(found, stable=solve.start.summary.stable, proved=solve.start.proved)
+            proved = self._prove(descents, solve, found)
+            return proved if self._conservative else _tell(proved, stable=None)
+        return _tell(found, stable=solve.start.summary.stable, proved=solve.start.proved)
 
     def _is_due(self, solve: Solve, found: Solution) -> bool:
         """Return whether to prove a solution: after a cold, long, divided or resumed solve, or with an old tangent."""
         start, energy = solve.start, found.state.summary.energy
-        if start.proved is None or energy > GROWTH * start.proved or solve.interrupted:
+        if start.proved is None or energy > self.GROWTH * start.proved or solve.interrupted:
             return True
-        costly = found.iterations > max(LEAST_AGE, self._minimiser.level.price)
+        costly = found.iterations > max(Minimiser.LEAST_AGE, self._minimiser.level.price)
         overdue = self._minimiser.is_overdue(found.state.tangent)
-        return costly or overdue or largest_distance(found.positions, start.positions) > LONG * self._size
+        return costly or overdue or largest_distance(found.positions, start.positions) > self.LONG * self._size
 
-    def _proved(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
+    def _prove(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
+        """Return a solution with its stability, after leaving saddles and following nearly flat valleys."""
+        task = descents.task_at(solve, found)
+        if known := self._prove_with_kept(task, solve, found):
+            return known
         progress = Progress()
-        for count in range(ROUNDS):
-            task = descents.task_at(solve, found)
-            if count == 0 and (known := self._proved_with_kept(task, solve, found)):
-                return known
-            definite = self._minimiser.renew(task)
-            found = _with(found, tangent=self._minimiser.tangent)
-            stable, direction = self._verdict(task, definite=definite)
-            late = past(solve.problem.deadline) or found.iterations >= solve.problem.limit
-            distance, step = self._minimiser.newton_step(task)
-            near = distance <= SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
-            if late or (near and definite):
-                return _told(_at(found, distance), stable=stable)
-            if not progress.goes_on(float(task.active.status["energy"]), distance):
+        for count in range(self.ROUNDS):
+            task = descents.task_at(solve, found) if count else task
+            proof = self._factor(task)
+            found, late = _with(found, tangent=self._minimiser.tangent), past(solve.problem.deadline)
+            near = proof.distance <= Minimiser.SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
+            if late or found.iterations >= solve.problem.limit or (near and proof.definite):
+                return _tell(_at(found, proof.distance), stable=proof.stable)
+            if not progress.goes_on(float(task.active.status["energy"]), proof):
                 break
             solve.go_on_from(found.state)
-            if not definite or count:  # beside a saddle, or in a nearly flat valley
-                moved = self._leave(descents, solve, found, task, step if direction is None else direction)
-                if near and not moved:
-                    return _told(_at(found, distance), stable=stable)
+            leaves = count or not proof.definite  # in a nearly flat valley, or beside a saddle
+            if leaves and not self._leave(descents, solve, found, task, proof.direction) and near:
+                return _tell(_at(found, proof.distance), stable=proof.stable)
             again = descents.descend(solve, spent=found.iterations)
-            more, spent = again.iterations, found.iterations + again.iterations
+            total = found.iterations + again.iterations
             if not (again.converged and again.min_det > 0.0):
-                return _told(changed(found, iterations=spent), stable=stable)
-            found = changed(again, iterations=spent, began=found.began)
-            if stable and more <= NEAR and distance <= SHARE * solve.aim:
-                return _told(found, stable=True)
-        measured = definite or self._minimiser.tangent is None  # not by a tangent that had to be changed
-        if measured and progress.farthest <= solve.problem.tolerance:  # as near as the updates of multipliers allow
-            return _told(_at(found, distance), stable=stable)
-        summary = changed(found.state.summary, converged=False, error_estimate=distance, message=NEUTRAL)
-        return changed(_with(found, summary=summary), exhausted=True)
+                return _tell(changed(found, iterations=total), stable=proof.stable)
+            found = changed(again, iterations=total, began=found.began)
+            sure = proof.stable and proof.distance <= Minimiser.SHARE * solve.aim
+            if sure and again.iterations <= self.NEAR:
+                return _tell(found, stable=True)
+        return self._conclude(found, proof, progress, solve.problem.tolerance)
 
-    def _proved_with_kept(self, task: Task, solve: Solve, found: Solution) -> Solution | None:
+    def _conclude(self, found: Solution, proof: Proof, progress: Progress, tolerance: float) -> Solution:
+        """Return a solution that is as near as its multipliers' updates allow, or whose energy is nearly flat."""
+        measured = proof.definite or self._minimiser.tangent is None  # not by a tangent that had to be changed
+        if measured and progress.farthest <= tolerance:
+            return _tell(_at(found, proof.distance), stable=proof.stable)
+        defect = {"converged": False, "error_estimate": proof.distance, "message": tell(Outcome.NEUTRAL)}
+        return changed(_with(found, summary=changed(found.state.summary, **defect)), ended=Outcome.NEUTRAL)
+
+    def _factor(self, task: Task) -> Proof:
+        """Factor the tangent at the unknowns of ``task``; return what it shows."""
+        definite = self._minimiser.renew(task)
+        stable, direction = self._examine(task, definite=definite)
+        distance, step = self._minimiser.newton_step(task)
+        return Proof(stable, step if direction is None else direction, distance, definite)
+
+    def _prove_with_kept(self, task: Task, solve: Solve, found: Solution) -> Solution | None:
         """Return a solution that the kept tangent proves to be a near minimum; None if it does not."""
         least = self._least_curvature(task)
-        if not least > SURE:
+        if not least > self.SURE:
             return None
         distance, _ = self._minimiser.newton_step(task)
-        near = distance <= SHARE * least * solve.aim
-        return _told(_at(found, distance / least), stable=True) if near else None
+        near = distance <= Minimiser.SHARE * least * solve.aim
+        return _tell(_at(found, distance / least), stable=True) if near else None
 
     def _leave(
         self, descents: Descents, solve: Solve, found: Solution, task: Task, direction: NDArray[np.float64]
@@ -211,13 +236,13 @@ class Stability:
     def _least_curvature(self, task: Task) -> float:
         """Return the least eigenvalue of M^-1 K, 0 if it is unknown, or if K is factored instead."""
         minimiser = self._minimiser
-        if minimiser.tangent is None or minimiser.level.price <= DEAR:
+        if minimiser.tangent is None or minimiser.level.price <= self.DEAR:
             return 0.0
         minimiser.level.turn(task.active.workspace.x)
         seen = self.look(task)
         return seen.value if seen.known else 0.0
 
-    def _verdict(self, task: Task, *, definite: bool) -> tuple[bool | None, NDArray[np.float64] | None]:
+    def _examine(self, task: Task, *, definite: bool) -> tuple[bool | None, NDArray[np.float64] | None]:
         """Return whether the energy has positive curvature in every direction, None if that is unknown.
 
         The second result is None, or the softest direction (3 r,) if its curvature is not positive.
@@ -246,7 +271,7 @@ class Stability:
         """Return whether the energy is level along a direction (3 r,), as far as differences of forces show it."""
         curvature, status = self.curvature(task, direction), task.active.status
         scale = float(status["absolute"] + status["outside"] + status["grain"])
-        return curvature > -FLAT or curvature * (self._size / largest(direction)) ** 2 > -LEVEL * scale
+        return curvature > -FLAT or curvature * (self._size / largest(direction)) ** 2 > -self.LEVEL * scale
 
     def curvature(self, task: Task, direction: NDArray[np.float64]) -> float:
         """Return the curvature of the energy along a direction (3 r,) that `look` found."""
@@ -265,15 +290,13 @@ class Stability:
         The first length is divided by four until the energy falls. It is then doubled while the energy falls further.
         Along a straight line, a bent column that may turn about its axis would soon be stretched.
         """
-        work = task.active.workspace
+        work, status = task.active.workspace, task.active.status
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
         longest = largest(direction)
-        unit, length, best, found = sign / longest * direction, min(FIRST * self._size, longest), np.inf, None
-        status = task.active.status
-        start = float(status["energy"])
-        least = start - float(status["grain"] + ROUNDING * (status["absolute"] + status["outside"]))
+        unit, length, best, found = sign / longest * direction, min(self.FIRST * self._size, longest), np.inf, None
+        least = float(status["energy"] - status["grain"] - ROUNDING * (status["absolute"] + status["outside"]))
         self._product.begin(task)
-        for _ in range(SHORTENINGS + DOUBLINGS):
+        for _ in range(self.SHORTENINGS + self.DOUBLINGS):
             with task.turn:
                 step = self._minimiser.follow_arc(task, length * unit)
                 energy = self._product.energy(step)
@@ -297,13 +320,13 @@ def _at(found: Solution, distance: float) -> Solution:
     return _with(found, summary=changed(found.state.summary, error_estimate=distance))
 
 
-def _told(found: Solution, *, stable: bool | None, proved: float | None = None) -> Solution:
+def _tell(found: Solution, *, stable: bool | None, proved: float | None = None) -> Solution:
     """Return a solution with its stability, and a message if it is unstable.
 
     ``proved`` is the strain energy [J] of the last proof; None stands for that of this solution.
     """
     if not found.converged:
         return found
-    message = found.message if stable is not False else f"{UNSTABLE}; {found.message}".rstrip("; ")
+    message = join("" if stable is not False else tell(Outcome.UNSTABLE), found.message)
     summary = changed(found.state.summary, stable=stable, message=message)
     return _with(found, summary=summary, proved=summary.energy if proved is None else proved)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The unknowns of a body, and its constant matrix, the initial Hessian of every minimisation."""
+"""The unknowns of a body, its constant matrix, and the factor of its tangent, which turns with the body."""

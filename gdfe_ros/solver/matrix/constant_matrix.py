@@ -9,14 +9,11 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
-from gdfe_ros.solver.cell_type import cell_type_of
+from gdfe_ros.solver.elements.cell_type import cell_type_of
 from gdfe_ros.solver.matrix.coupling import close_coupling, couple
 from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
 from gdfe_ros.solver.matrix.inverse import apply_free
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, Unknowns, gather_rigid_rows, handle_centres
-
-ROLLING = 0.5
-"""Stiffness of the spring at a vertex on rollers over the vertex' diagonal entry. No equilibrium depends on it."""
 
 
 def assemble(
@@ -71,6 +68,9 @@ class ConstantMatrix:
         assembled: the matrix of all vertices (n, n).
     """
 
+    ROLLING = 0.5
+    """Stiffness of the spring at a vertex on rollers over the vertex' diagonal entry. No equilibrium depends on it."""
+
     def __init__(
         self,
         matrix: sparse.csc_matrix,
@@ -85,7 +85,9 @@ class ConstantMatrix:
         block = rows[:, free].tocsc()
         if len(unknowns.fixed):  # without it, rollers alone would hold nothing
             rolling = np.unique(unknowns.fixed // 3)
-            block = block + sparse.csc_matrix((ROLLING * block.diagonal()[rolling], (rolling, rolling)), block.shape)
+            block = block + sparse.csc_matrix(
+                (self.ROLLING * block.diagonal()[rolling], (rolling, rolling)), block.shape
+            )
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
         self._factor = factor_of(block, rest[free], library or usual_kind(len(free)))
         self.kind = self._factor.kind

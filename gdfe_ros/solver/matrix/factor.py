@@ -26,14 +26,6 @@ from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
 
 DENSE_UP_TO = 200
 """Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
-SOUND = 1e-3
-"""A factor is stored in 16 bits if the relative correction of a solution is at most this. The factor serves as
-preconditioner, and to estimate the distance to the equilibrium.
-"""
-REFINED = 3
-"""Number of corrections of a solution with a factor of 16 bits; each reduces the error to at most the fraction
-`SOUND`.
-"""
 COARSE_FROM = 4_000_000
 """A factor with at least this number of entries is stored as 16-bit integers."""
 CODES = np.iinfo(np.int16).max
@@ -147,6 +139,15 @@ class Factor:
             rounding, it is the inverse of the matrix plus a small multiple of its diagonal.
     """
 
+    SOUND = 1e-3
+    """A factor is stored in 16 bits if the relative correction of a solution is at most this. The factor serves as
+    preconditioner, and to estimate the distance to the equilibrium.
+    """
+    REFINED = 3
+    """Number of corrections of a solution with a factor of 16 bits; each reduces the error to at most the fraction
+    `SOUND`.
+    """
+
     def __init__(self, matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> None:
         self.kind, self.inverse, self._matrix = kind, Inverse.of(), matrix
         if matrix.shape[0] == 0:
@@ -165,7 +166,7 @@ class Factor:
         `REFINED` times.
         """
         apply_free(self.inverse, right.reshape(-1), out.reshape(-1), None)
-        for _ in range(REFINED if exact and len(self.inverse.coarse) else 0):
+        for _ in range(self.REFINED if exact and len(self.inverse.coarse) else 0):
             out += self._correction(right, out)
 
     def _sound(self) -> bool:
@@ -175,7 +176,7 @@ class Factor:
         right = np.random.default_rng(0).standard_normal((self._matrix.shape[0], 3))
         out = np.empty_like(right)
         apply_free(self.inverse, right.reshape(-1), out.reshape(-1), None)
-        return bool(np.linalg.norm(self._correction(right, out)) <= SOUND * np.linalg.norm(out))
+        return bool(np.linalg.norm(self._correction(right, out)) <= self.SOUND * np.linalg.norm(out))
 
     def _correction(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the correction (f, 3) of a solution ``out`` (f, 3)."""

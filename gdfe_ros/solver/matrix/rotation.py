@@ -1,16 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rotation vectors, compiled: Rodrigues' formula and the left Jacobian of the exponential map of SO(3).
+"""Compiled rotations: of rotation vectors, and of a body's vertices since its tangent was taken.
 
 For a rotation vector theta of length t, with the cross-product matrix [theta], exp([theta]) = I + a [theta] +
 b [theta]^2 and J_l(theta) = I + b [theta] + c [theta]^2. Here a = sin t / t, b = (1 - cos t) / t^2 and
 c = (t - sin t) / t^3. Then d exp([theta]) v = -[exp([theta]) v] J_l(theta) d theta (Chirikjian 2012).
+
+Bending turns the stiff directions of a slender body into its soft ones. After a few degrees of rotation, a kept tangent
+K0 is therefore far too soft. With the rotation R of each vertex, R K0 R^T follows such a motion, like the local
+rotation fit of the elements in the paper.
 """
 
 from __future__ import annotations
 
 import math
 
-from gdfe_ros.compiled import inlined
+import numpy as np
+
+from gdfe_ros.compiled import inlined, internal, kernel
+from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
+from gdfe_ros.solver.elements.cell_kernels import mean_gradient
+from gdfe_ros.solver.vectors import clear_part
 
 SMALL = 1e-4
 """Up to this angle [rad], two terms of the coefficients' series are exact to double precision."""
@@ -59,3 +68,81 @@ def left_jacobian_transposed(turn, moment):
     k0, k1, k2 = y * m2 - z * m1, z * m0 - x * m2, x * m1 - y * m0
     l0, l1, l2 = y * k2 - z * k1, z * k0 - x * k2, x * k1 - y * k0
     return m0 - b * k0 + c * l0, m1 - b * k1 + c * l1, m2 - b * k2 + c * l2
+
+
+UNIQUE = 0.05
+"""A vertex counts as not rotated if the measure of its rotation's uniqueness is below this (see
+`rotation_from_stretch_sum`). Without deformation the measure is 8 / 27^(1/2).
+"""
+LEAST_TURN = 3e-3
+"""If no vertex is rotated by more than this angle [rad], all vertices count as not rotated. If stiffnesses differ by
+ten decades, small differences between the rotations make the tangent worse.
+"""
+
+
+@kernel
+def vertex_rotations(x, before, shape, rows, held, sums, out):
+    """Write the rotations (f, 9) of free vertices from ``before`` to ``x`` (n, 3) [m].
+
+    ``rows`` are `Unknowns.free` and `Unknowns.fixed`. Vertices on rollers count as not rotated: a rotation would mix
+    the axes along which rollers hold them with the others.
+
+    Each is the rotation of the mean of the deformation gradients of the elements at the vertex, taken from ``before``.
+    A body that no handle holds (``held`` is False) has one rotation for all vertices. Otherwise R K0 R^T would not
+    conserve its momentum. ``sums`` (n, 9) is scratch.
+    """
+    free, fixed = rows
+    add_gradients(x, before, shape, sums)
+    if not held:
+        share_sum(sums)
+    most = 0.0
+    for i in range(len(free)):
+        m = sums[free[i]]
+        r, margin, _ = rotation((m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]))
+        for k in range(9):
+            out[i, k] = r[k] if margin > UNIQUE else (1.0 if k % 4 == 0 else 0.0)
+        most = max(most, 3.0 - out[i, 0] - out[i, 4] - out[i, 8])
+    if most < LEAST_TURN * LEAST_TURN:
+        for i in range(len(free)):
+            for k in range(9):
+                out[i, k] = 1.0 if k % 4 == 0 else 0.0
+    for i in range(len(fixed)):
+        for k in range(9):
+            out[fixed[i] // 3, k] = 1.0 if k % 4 == 0 else 0.0
+
+
+@internal
+def add_gradients(x, before, shape, sums):
+    """Write to ``sums`` (n, 9), for each vertex, the sum of the gradients from ``before`` to ``x`` of its elements."""
+    for i in range(len(sums)):
+        clear_part(sums[i], 0, 9)
+    for e in range(len(shape.cells)):
+        f0 = mean_gradient(before, shape, e)
+        f, c = mean_gradient(x, shape, e), cofactor(f0)
+        j = determinant(f0, c)
+        if not j > 0.0:
+            continue
+        # F F0^-1 = F cof(F0)^T / J0
+        p, q, s = times(c, (f[0], f[1], f[2])), times(c, (f[3], f[4], f[5])), times(c, (f[6], f[7], f[8]))
+        for corner in range(shape.cells.shape[1]):
+            total = sums[shape.cells[e, corner]]
+            for i in range(3):
+                total[i] += p[i] / j
+                total[3 + i] += q[i] / j
+                total[6 + i] += s[i] / j
+
+
+@internal
+def share_sum(sums):
+    """Replace the rows of ``sums`` (n, 9) by their sum."""
+    for i in range(9):
+        total = 0.0
+        for k in range(len(sums)):
+            total += sums[k, i]
+        for k in range(len(sums)):
+            sums[k, i] = total
+
+
+def unrotated(count: int) -> np.ndarray:
+    """Return the rotations (f, 9) of ``count`` vertices that have not rotated: identities."""
+    return np.tile(np.eye(3).ravel(), (count, 1))

@@ -7,8 +7,6 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
-SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
-"""Bounds of the internal step [s]."""
 THICKEST = 1e8
 """Largest viscosity [Pa s]. With a larger viscosity, the rounding of strains causes larger forces than the elastic
 forces of soft bodies.
@@ -56,6 +54,9 @@ class Dynamics:
         ValueError: a value is out of range.
     """
 
+    SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
+    """Bounds of the internal step [s]."""
+
     scheme: Scheme = Scheme.GENERALISED_ALPHA
     rho_inf: float = 0.8
     step: float = 0.005
@@ -67,8 +68,8 @@ class Dynamics:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scheme", Scheme(self.scheme))
-        if not SHORTEST_STEP <= self.step <= LONGEST_STEP:
-            raise ValueError(f"step must lie in {SHORTEST_STEP:g} .. {LONGEST_STEP:g} s, got {self.step!r}")
+        if not self.SHORTEST_STEP <= self.step <= self.LONGEST_STEP:
+            raise ValueError(f"step must lie in {self.SHORTEST_STEP:g} .. {self.LONGEST_STEP:g} s, got {self.step!r}")
         if not 0.0 <= self.rho_inf <= 1.0:
             raise ValueError(f"rho_inf must lie in 0 .. 1, got {self.rho_inf!r}")
         if self.scheme is not Scheme.GENERALISED_ALPHA and self.rho_inf != Dynamics.rho_inf:

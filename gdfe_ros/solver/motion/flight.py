@@ -8,19 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.account import Failure
 from gdfe_ros.solver.solution import Solution
-from gdfe_ros.solver.state import State
+from gdfe_ros.solver.state import Failure, State
 from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.way import on_path
+from gdfe_ros.solver.stepping.path import on_path
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 HALVINGS = 4
 """How often a failing internal step may be halved."""
-WHOLE = 2**HALVINGS
-"""Number of units of an internal step that is not halved."""
-DEEPEST_FOLD = -0.5
-"""An undriven motion continues if every corner's volume ratio is above this; fold barriers then open the folds."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,6 +33,11 @@ class Flight:
         iterations, attempts: numbers of iterations and of attempted internal steps so far.
         flaw: message of the first failure; empty for none.
     """
+
+    WHOLE = 2**HALVINGS
+    """Number of units of an internal step that is not halved."""
+    DEEPEST_FOLD = -0.5
+    """An undriven motion continues if every corner's volume ratio is above this; fold barriers then open the folds."""
 
     state: State
     began: State
@@ -57,7 +57,7 @@ class Flight:
     ) -> Flight:
         """Return the flight that divides ``duration`` [s] into equal internal steps of at most ``longest`` [s]."""
         count = max(1, math.ceil(duration / longest - NEGLIGIBLE))
-        return cls(state=state, began=state, poses=poses, commands=commands, duration=duration, total=WHOLE * count)
+        return cls(state=state, began=state, poses=poses, commands=commands, duration=duration, total=cls.WHOLE * count)
 
     def repeats(self, failure: Failure) -> bool:
         """Return whether this step would only repeat ``failure``; a driven body may succeed with another duration."""
@@ -80,7 +80,7 @@ class Flight:
     @property
     def longest(self) -> float:
         """Length [s] of an internal step that is not halved."""
-        return self.duration / (self.total / WHOLE)
+        return self.duration / (self.total / self.WHOLE)
 
     @property
     def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
@@ -104,7 +104,7 @@ class Flight:
         It continues if no shorter step is left, no command drives the body, and corners are folded only slightly. Fold
         barriers then open these corners in the following steps.
         """
-        return not (self.can_halve or self.driven or solution.diverged) and solution.min_det > DEEPEST_FOLD
+        return not (self.can_halve or self.driven or solution.diverged) and solution.min_det > self.DEEPEST_FOLD
 
     def tried(self, solution: Solution) -> Flight:
         """Return the flight with the iterations of an attempted internal step added."""
@@ -117,7 +117,7 @@ class Flight:
     def went(self, state: State) -> Flight:
         """Return the flight after an internal step to ``state``; after two halves, twice the length is tried again."""
         done = self.done + self.size
-        size = min(WHOLE, self.size * 2) if done % (2 * self.size) == 0 else self.size
+        size = min(self.WHOLE, self.size * 2) if done % (2 * self.size) == 0 else self.size
         return changed(self, state=state, done=done, size=size, flaw=self.flaw or self._flaw(state))
 
     def march(self, skipped: dict[str, int]) -> March:

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inertia as a term: E = k/2 |x - x_hat|_M^2. At the minimum of the sum of all terms, momentum is balanced."""
+"""Mass and inertia of a body, and inertia as a term: E = k/2 |x - x_hat|_M^2.
+
+At the minimum of the sum of all terms, momentum is balanced. The mass matrix is consistent with the displacements of
+the cells, and the same for x, y and z.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +15,115 @@ from numpy import uint64
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gdfe_ros.actuators.load import AttachedMass, gauss_points
 from gdfe_ros.compiled import kernel
+from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.matrix.constant_matrix import scattered
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
-from gdfe_ros.solver.motion.rigid_part import rigid_part
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.sparse_lu import LuFactor
+
+
+def mass_matrix(
+    rest: NDArray[np.float64],
+    cells: NDArray[np.int32],
+    density: NDArray[np.float64],
+    attached: Sequence[AttachedMass] = (),
+    *,
+    filling: Filling | None = None,
+) -> sparse.csr_matrix:
+    """Return the mass matrix M_ab = sum_e rho_e int N_a N_b dV (n, n) [kg], plus m N_a N_b of each attached mass m.
+
+    With a lumped matrix, the polar moment of a section two cells across would be 1.5 times too large.
+
+    Args:
+        rest: (n, 3) rest vertices [m].
+        cells: (m, c) vertices of the cells.
+        density: (m,) densities of the cells [kg/m^3].
+        attached: masses on material points.
+        filling: filled fraction of cut cells.
+    """
+    blocks = np.zeros((len(cells), cells.shape[1], cells.shape[1]))
+    for volume, shape in gauss_points(rest, cells, filling):
+        blocks += (density * volume)[:, None, None] * (shape[:, :, None] * shape[:, None, :])
+    matrix = scattered(blocks, cells, len(rest)).tocsr()
+    for item in attached:
+        weights = item.points.weights
+        blocks = item.part * weights[:, :, None] * weights[:, None, :]
+        matrix += scattered(blocks, item.points.corners, len(rest)).tocsr()
+    return matrix
+
+
+class FreeMass:
+    """Mass matrix of the free vertices and the rigid bodies; factored on first use.
+
+    Args:
+        body: the discretised body.
+        mass: (n, n) its mass matrix [kg].
+    """
+
+    def __init__(self, body: Body, mass: sparse.csr_matrix) -> None:
+        rigid = [each.vertices for each in body.rigid_bodies]
+        free, self._mass = np.concatenate([body.unknowns.free, *rigid]), mass
+        moves = np.ones((len(free), 3), dtype=bool)
+        moves.reshape(-1)[body.unknowns.fixed] = False
+        self._free = [free[along] for along in moves.T]
+        self._factors: list[LuFactor] = []
+
+    def accelerated(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices."""
+        if not self._factors:
+            alike = all(len(free) == len(self._free[0]) for free in self._free)  # no rollers, or alike in x, y and z
+            axes = self._free[:1] if alike and all(map(np.array_equal, self._free, self._free[1:])) else self._free
+            self._factors = [LuFactor(self._mass[free][:, free].tocsc()) for free in axes]
+        acceleration = np.zeros_like(forces)
+        for axis, free in enumerate(self._free):
+            acceleration[free, axis] = self._factors[axis % len(self._factors)].solve(forces[free, axis])
+        return acceleration
+
+
+def rigid_part(positions: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rigid field u + w x r closest to ``vectors`` (..., 4, 3) on vertices of equal mass.
+
+    ``positions`` (..., 4, 3) [m] are those of the vertices. For velocities, the field has the same momentum and angular
+    momentum. For forces divided by the mass of a vertex, it is the acceleration of the rigid body.
+    """
+    out = np.empty(vectors.shape)
+    rigid_fields(positions.reshape(-1, 4, 3), vectors.reshape(-1, 4, 3), out.reshape(-1, 4, 3))
+    return out
+
+
+@kernel
+def rigid_fields(positions, vectors, out):
+    """Write the fields of `rigid_part` for bodies (b, 4, 3) to ``out``; w is found by Cramer's rule."""
+    arms = np.empty((4, 3))
+    for body in range(len(positions)):
+        x, v = positions[body], vectors[body]
+        m0, m1, m2, s00, s11, s22, s01, s02, s12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for a in range(4):
+            for i in range(3):
+                arms[a, i] = x[a, i] - 0.25 * (x[0, i] + x[1, i] + x[2, i] + x[3, i])
+            r0, r1, r2 = arms[a, 0], arms[a, 1], arms[a, 2]
+            m0 += r1 * v[a, 2] - r2 * v[a, 1]
+            m1 += r2 * v[a, 0] - r0 * v[a, 2]
+            m2 += r0 * v[a, 1] - r1 * v[a, 0]
+            s00, s11, s22 = s00 + r1 * r1 + r2 * r2, s11 + r0 * r0 + r2 * r2, s22 + r0 * r0 + r1 * r1
+            s01, s02, s12 = s01 - r0 * r1, s02 - r0 * r2, s12 - r1 * r2
+        c00, c01, c02 = s11 * s22 - s12 * s12, s02 * s12 - s01 * s22, s01 * s12 - s02 * s11
+        c11, c12, c22 = s00 * s22 - s02 * s02, s01 * s02 - s00 * s12, s00 * s11 - s01 * s01
+        det = s00 * c00 + s01 * c01 + s02 * c02
+        w0 = (c00 * m0 + c01 * m1 + c02 * m2) / det
+        w1 = (c01 * m0 + c11 * m1 + c12 * m2) / det
+        w2 = (c02 * m0 + c12 * m1 + c22 * m2) / det
+        for a in range(4):
+            r0, r1, r2 = arms[a, 0], arms[a, 1], arms[a, 2]
+            out[body, a, 0] = 0.25 * (v[0, 0] + v[1, 0] + v[2, 0] + v[3, 0]) + w1 * r2 - w2 * r1
+            out[body, a, 1] = 0.25 * (v[0, 1] + v[1, 1] + v[2, 1] + v[3, 1]) + w2 * r0 - w0 * r2
+            out[body, a, 2] = 0.25 * (v[0, 2] + v[1, 2] + v[2, 2] + v[3, 2]) + w0 * r1 - w1 * r0
+
 
 NAME = "(inertia)"
 """Name of the term; no actuator or load of a scene can have it."""

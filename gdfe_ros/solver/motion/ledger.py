@@ -8,23 +8,12 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.solver.account import Bound, Ledger
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.inertia import kinematics_of
-from gdfe_ros.solver.state import Array, State
+from gdfe_ros.solver.state import Array, Bound, Ledger, State
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
-
-ABOVE_START = 0.01
-"""Allowed excess over the initial energy, as fraction of the largest energy so far. The energy of a spinning body
-oscillates by this fraction with sixty steps per turn.
-"""
-ABOVE_LEAST, ABOVE_LEAST_BDF2 = 0.03, 0.25
-"""Allowed excess over the least energy so far, as fraction of the largest energy so far; the second for `bdf2`. In
-resolved motions the energy oscillates by a hundredth, because hourglass stiffness depends on strains. With `bdf2` the
-energy drops too far when the body is stopped, and rises again.
-"""
 
 
 class Accounts:
@@ -134,9 +123,22 @@ class Ceiling:
         accounts: the energy accounts of the body.
     """
 
+    ABOVE_START = 0.01
+    """Allowed excess over the initial energy, as fraction of the largest energy so far. The energy of a spinning body
+    oscillates by this fraction with sixty steps per turn.
+    """
+    ABOVE_LEAST, ABOVE_LEAST_BDF2 = 0.03, 0.25
+    """Allowed excess over the least energy so far, as fraction of the largest energy so far; the second for `bdf2`. In
+    resolved motions the energy oscillates by a hundredth, because hourglass stiffness depends on strains. With `bdf2`
+    the energy drops too far when the body is stopped, and rises again.
+    """
+
     def __init__(self, body: Body, scheme: Scheme, tolerance: float, accounts: Accounts) -> None:
         self._noise = 0.5 * tolerance**2 * body.strain_energy_scale
-        self._above_least, self._accounts = ABOVE_LEAST_BDF2 if scheme is Scheme.BDF2 else ABOVE_LEAST, accounts
+        self._above_least, self._accounts = (
+            self.ABOVE_LEAST_BDF2 if scheme is Scheme.BDF2 else self.ABOVE_LEAST,
+            accounts,
+        )
 
     def checked(self, now: State) -> tuple[Ledger, float]:
         """Return the ledger of the state ``now`` after a step, and the energy [J] above the ceiling, at least 0."""
@@ -147,7 +149,7 @@ class Ceiling:
         if bound is None:
             return changed(now.ledger, bound=Bound(start=balance, least=balance, most=stirred)), 0.0
         most = max(bound.most, stirred)
-        ceiling = min(bound.start + ABOVE_START * most, bound.least + self._above_least * most)
+        ceiling = min(bound.start + self.ABOVE_START * most, bound.least + self._above_least * most)
         ceiling += self._noise + NEGLIGIBLE * sum(abs(energy) for energy in energies.values())
         after = changed(bound, least=min(bound.least, balance), most=most)
         return changed(now.ledger, bound=after), max(0.0, balance - ceiling)

@@ -14,10 +14,10 @@ from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_now
+from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.state import Saved, State
-from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
 
 UNTOLD = "rigid bodies were moved to other places, and no step has been made since"

@@ -13,15 +13,13 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.distance import largest
+from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.flight import Flight
-from gdfe_ros.solver.motion.inertia import kinematics_of, saved_of
-from gdfe_ros.solver.motion.integrator import Integrator
-from gdfe_ros.solver.motion.internal_step import InternalStep, Trial, failed, unfolded
+from gdfe_ros.solver.motion.inertia import FreeMass, kinematics_of, saved_of
+from gdfe_ros.solver.motion.integrator import Integrator, InternalStep, Trial, failed, unfolded
 from gdfe_ros.solver.motion.ledger import Accounts, Ceiling, told
-from gdfe_ros.solver.motion.mass import FreeMass
 from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free, vertices_of
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.settings import Skip, SolverSettings
@@ -29,20 +27,9 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.placing import placed, require_own
-from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.solver.value import changed
-
-CALM = 0.5
-"""A body counts as at rest if no vertex, at its present velocity or acceleration, moves farther than the tolerance
-within this time [s].
-"""
-RELAXED = 3.0
-"""Lower bound of the time of `CALM`, divided by the longest relaxation time of the body."""
-SHORTEST = 1e-2
-"""Durations below this fraction of the longest internal step are only added up: differences over so short a time give
-only noise as acceleration.
-"""
+from gdfe_ros.solver.vectors import largest
 
 
 class MotionStepper:
@@ -58,6 +45,17 @@ class MotionStepper:
     Attributes:
         equilibrium: equilibrium solver of internal steps of the longest length.
         actuation: the external terms of these internal steps.
+    """
+
+    CALM = 0.5
+    """A body counts as at rest if no vertex, at its present velocity or acceleration, moves farther than the tolerance
+    within this time [s].
+    """
+    RELAXED = 3.0
+    """Lower bound of the time of `CALM`, divided by the longest relaxation time of the body."""
+    SHORTEST = 1e-2
+    """Durations below this fraction of the longest internal step are only added up: differences over so short a time
+    give only noise as acceleration.
     """
 
     def __init__(
@@ -76,7 +74,9 @@ class MotionStepper:
         self.actuation = self.equilibrium.actuation
         self._accounts = Accounts(body, mass, dynamics)
         self._ceiling = Ceiling(body, dynamics.scheme, settings.tolerance, self._accounts)
-        self._calm = max(CALM, RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min()))
+        self._calm = max(
+            self.CALM, self.RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min())
+        )
 
     @property
     def mass(self) -> sparse.csr_matrix:
@@ -125,7 +125,7 @@ class MotionStepper:
         internal step.
         """
         due = state.ledger.owed + duration
-        if due < SHORTEST * self._dynamics.step:
+        if due < self.SHORTEST * self._dynamics.step:
             return _noted(state.with_(ledger=changed(state.ledger, owed=due)), duration)
         began = self.started(state, commands)
         if observer is not None and began is not state:

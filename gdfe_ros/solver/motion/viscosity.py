@@ -38,10 +38,6 @@ from gdfe_ros.solver.terms.term import Term
 
 NAME = "(viscosity)"
 """Name of the term; no actuator or load of a scene can have it."""
-BEND = 0.25
-"""Hourglass stiffness of an element, divided by its modulus times the cube root of its volume. The value follows from
-the bending of a cube of incompressible material.
-"""
 
 
 class Viscosity(Term):
@@ -55,6 +51,11 @@ class Viscosity(Term):
         body: the discretised body.
         dynamics: the damping.
         h: length of a step [s].
+    """
+
+    BEND = 0.25
+    """Hourglass stiffness of an element, divided by its modulus times the cube root of its volume. The value follows
+    from the bending of a cube of incompressible material.
     """
 
     kernel = viscous_entry
@@ -77,7 +78,7 @@ class Viscosity(Term):
             numbers[:, 1 + GREEN :] = self._gradient.reshape(-1, 30)
         else:
             self._first, self._strain_count = 2, STRAINS
-            self._cells, self._bend = shape.cells, BEND * np.cbrt(shape.volume)
+            self._cells, self._bend = shape.cells, self.BEND * np.cbrt(shape.volume)
             numbers = np.zeros((len(self._volume), WIDTH))
             numbers[:, 1] = self._sum * self._bend
             numbers[:, 2 + STRAINS : 26 + STRAINS] = shape.gradient.reshape(-1, 24)

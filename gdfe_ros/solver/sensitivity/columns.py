@@ -13,13 +13,13 @@ from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
+from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.sensitivity.linearised import Linearised
 from gdfe_ros.solver.sensitivity.parameter import Parameter
 from gdfe_ros.solver.sensitivity.result import Outputs, Sensitivities
 from gdfe_ros.solver.sensitivity.side import Column, Pair, VariedInputs
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.tangent.level import TangentLevel
 
 
 class Tangents:

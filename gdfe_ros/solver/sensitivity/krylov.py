@@ -15,23 +15,10 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 from gdfe_ros.errors import GdfeError
 
-ENOUGH = 1e-5
-"""Relative residual that is accepted if the tolerance cannot be reached, because products are finite differences."""
-EXHAUSTED = 1e-13
-"""The image of a unit vector counts as not new if its part orthogonal to all stored images has a norm below this."""
 ROUNDING = 1e-6
 """Lower bound of the solution's norm in the relative residual, divided by the norm of M^-1 b."""
-STALLED = 0.99
-"""The iteration stalls if, after a direction, the norm of the residual is still more than this fraction of its norm
-before. The next direction is then the last image, as in Arnoldi's method, because the residual would give the same
-direction again.
-"""
 ELIMINATED = 12
 """Largest number of multipliers that are eliminated; each costs one solve with the factor per state."""
-MOST = 150
-"""Largest number of products for one right-hand side. If more directions than this are stored, they are deleted before
-the next right-hand side.
-"""
 
 Array = NDArray[np.float64]
 Map = Callable[[Array], Array]
@@ -50,6 +37,22 @@ class ConjugateResiduals:
             of the norms of M^-1 b and x.
     """
 
+    ENOUGH = 1e-5
+    """Relative residual that is accepted if the tolerance cannot be reached, because products are finite differences.
+    """
+    EXHAUSTED = 1e-13
+    """The image of a unit vector counts as not new if its part orthogonal to all stored images has a norm below this.
+    """
+    STALLED = 0.99
+    """The iteration stalls if, after a direction, the norm of the residual is still more than this fraction of its norm
+    before. The next direction is then the last image, as in Arnoldi's method, because the residual would give the same
+    direction again.
+    """
+    MOST = 150
+    """Largest number of products for one right-hand side. If more directions than this are stored, they are deleted
+    before the next right-hand side.
+    """
+
     def __init__(self, product: Map, precondition: Map, *, tolerance: float) -> None:
         self._product, self._precondition, self._tolerance = product, precondition, tolerance
         self._known: list[tuple[Array, Array]] = []
@@ -62,19 +65,19 @@ class ConjugateResiduals:
         """
         residual, answer = self._precondition(right), np.zeros_like(right)
         size, best, count = float(np.linalg.norm(residual)), np.inf, 0
-        if len(self._known) > MOST:
+        if len(self._known) > self.MOST:
             self._known.clear()
         for known in self._known:
             _reduce(residual, answer, *known)
         stalled, left = False, _left(residual, answer, size)
-        while left > self._tolerance and not (left < ENOUGH and left > 0.5 * best):
-            if count == MOST or not self._extend(self._known[-1][1] if stalled else residual):
+        while left > self._tolerance and not (left < self.ENOUGH and left > 0.5 * best):
+            if count == self.MOST or not self._extend(self._known[-1][1] if stalled else residual):
                 break
             best, before = min(best, left), float(np.linalg.norm(residual))
             _reduce(residual, answer, *self._known[-1])
-            stalled = float(np.linalg.norm(residual)) > STALLED * before
+            stalled = float(np.linalg.norm(residual)) > self.STALLED * before
             left, count = _left(residual, answer, size), count + 1
-        if not left < ENOUGH:
+        if not left < self.ENOUGH:
             raise GdfeError(
                 f"no derivative exists here, or none is known: the tangent is singular (residual {left:.2g} after "
                 f"{count} products); remedy: step away from the edge of stability"
@@ -91,7 +94,7 @@ class ConjugateResiduals:
                 image -= share * seen
                 direction -= share * known
         length = float(np.linalg.norm(image))
-        if not length > EXHAUSTED:
+        if not length > self.EXHAUSTED:
             return False
         self._known.append((direction / length, image / length))
         return True

@@ -22,28 +22,18 @@ from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.elements.pressures import with_bulk
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.forces.pressures import with_bulk
+from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, gather_rigid_rows, place
-from gdfe_ros.solver.reactions import vertex_forces
+from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.sensitivity.krylov import ELIMINATED, ConjugateResiduals, SchurComplement
-from gdfe_ros.solver.sensitivity.softening import add_products, slopes
-from gdfe_ros.solver.sensitivity.volumes import Volumes
+from gdfe_ros.solver.sensitivity.softening import Volumes, add_products, slopes
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.multiplier import Multipliers
 from gdfe_ros.solver.terms.term import terms_energy
-
-EXACT, STIFF = 1e-8, 1e-10
-"""Relative tolerances of the linear solve, without and with incompressible elements. Constraints make the forces stiff,
-so that small errors of positions are large errors of reactions.
-"""
-SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
-"""Displacements in finite differences, divided by the body's size: for terms without friction, for terms with friction,
-whose slip is tiny, and for rotations of handles.
-"""
 
 
 class StateDerivative(NamedTuple):
@@ -84,6 +74,15 @@ class Linearised:
         volumes: volume laws of the elements at the end.
     """
 
+    EXACT, STIFF = 1e-8, 1e-10
+    """Relative tolerances of the linear solve, without and with incompressible elements. Constraints make the forces
+    stiff, so that small errors of positions are large errors of reactions.
+    """
+    SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
+    """Displacements in finite differences, divided by the body's size: for terms without friction, for terms with
+    friction, whose slip is tiny, and for rotations of handles.
+    """
+
     def __init__(self, equilibrium: EquilibriumSolver, level: TangentLevel, start: State, end: State) -> None:
         self._level, self._start, self.end, self.handles = level, start, end, equilibrium.handles
         self.interrupted: Callable[[], bool] | None = None
@@ -99,7 +98,7 @@ class Linearised:
         self.multipliers, self._weights = self.joint.held(), self.joint.per_metre
         self.numbers = self.actuation.table.reals.copy()
         delicate = any(term.delicate for term in self.actuation.terms)
-        self.spacing = (NEARER if delicate else SPACING) * self.body.size
+        self.spacing = (self.NEARER if delicate else self.SPACING) * self.body.size
         self.table = with_bulk(self.body.table, end.elements.bulk)
         given = end.operators.shape, self.body.material, self.table, end.elements.pressures
         self.volumes, self.scale = Volumes(self.x, *given), end.elements.hourglass_scale
@@ -200,7 +199,7 @@ class Linearised:
         load[rows - len(turned) :] += turned
         right = np.concatenate([-load, change / self._weights])
         if self._system is None:
-            tolerance = STIFF if self.volumes.rigid else EXACT
+            tolerance = self.STIFF if self.volumes.rigid else self.EXACT
             self._system = ConjugateResiduals(self._multiplied, self._eliminated, tolerance=tolerance)
         found = self._system.solve(right)
         unknowns, multipliers = found[:rows], found[rows:] * self._weights
@@ -255,7 +254,7 @@ class Linearised:
     def _turned_stiffness(self) -> NDArray[np.float64]:
         """Return d(rigid rows' generalised forces)/d(rigid rows) (3 q, 3 q) at constant vertex forces."""
         first, count = 3 * len(self._unknowns.free), 3 * self._unknowns.rigid_rows
-        stiffness, step = np.zeros((count, count)), TURN * self.body.size
+        stiffness, step = np.zeros((count, count)), self.TURN * self.body.size
         for column in range(count if self._motion.size else 0):
             sides = []
             for sign in (step, -step):

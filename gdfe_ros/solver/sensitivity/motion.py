@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.solver.descent.products import SPACING
+from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.internal_step import InternalStep
+from gdfe_ros.solver.motion.integrator import InternalStep
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.sensitivity.columns import Tangents, own_side, pair_of
 from gdfe_ros.solver.sensitivity.parameter import Parameter, moved
@@ -24,8 +24,6 @@ from gdfe_ros.solver.terms.term import TermTable, terms_energy
 Kept = Mapping[str, Mapping[str, NDArray[np.float64]]]
 """Dict from term name to the term's stored state, itself a dict from name to array."""
 REPLACED = "no derivative: the state was replaced after `follow`, by restore, reset or set_positions; remedy: follow"
-MOST_LENGTHS = 4
-"""Largest number of time step lengths [s] for which tangents are cached."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,6 +52,9 @@ class Trail:
         state: state at the beginning; it depends on no parameter.
         tangents: cache of tangents that several trails have in common.
     """
+
+    MOST_LENGTHS = 4
+    """Largest number of time step lengths [s] for which tangents are cached."""
 
     def __init__(
         self,
@@ -90,7 +91,7 @@ class Trail:
         integrator, h = stage.integrator, stage.h
         equilibrium, body = integrator.equilibrium(h), self._stepper.body
         if id(equilibrium) not in self._tangents:
-            while len(self._tangents) >= MOST_LENGTHS:
+            while len(self._tangents) >= self.MOST_LENGTHS:
                 del self._tangents[next(iter(self._tangents))]
             self._tangents[id(equilibrium)] = Tangents(equilibrium)
         integrator.fit(stage.before, h)
@@ -124,7 +125,7 @@ class Trail:
         largest = max(np.abs(column.positions).max(initial=0.0), *ways)
         if not (largest > 0.0 or column.share):
             return None
-        step = SPACING * size / max(largest, 1e-300) if largest > 0.0 else parameter.step(own.commands)
+        step = TangentProducts.SPACING * size / max(largest, 1e-300) if largest > 0.0 else parameter.step(own.commands)
         sides = (replace(own, start=_beside(own.start, parameter, column, sign * step)) for sign in (1.0, -1.0))
         return Pair(*sides, own, step)
 

@@ -1,37 +1,104 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Named parameters of derivatives: commands, components of poses, and numbers of materials and damping."""
+"""Named parameters of derivatives: commands, poses, numbers of materials and damping; and scenes with other numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
+from scipy import sparse
 
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.actuators.actuator import Grip, Growth
-from gdfe_ros.actuators.load import Load
+from gdfe_ros.actuators.load import AttachedMass, Gravity, Load
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError
-from gdfe_ros.materials import Curve, CurveData, Material
-from gdfe_ros.materials.table import YOUNG
+from gdfe_ros.materials import Curve, CurveData, Material, cell_densities
+from gdfe_ros.materials.table import YOUNG, MaterialTable, pack
+from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.sensitivity.variant import MaterialVariant, Variant
+from gdfe_ros.solver.motion import inertia, viscosity
+from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.inertia import Inertia, mass_matrix
+from gdfe_ros.solver.motion.viscosity import Viscosity
+from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
+from gdfe_ros.solver.terms.term import Term
 
-NEAR = 1e-5
-"""Variation of a parameter in a finite difference, divided by its order of magnitude. Forces are smooth functions of
-the parameter, so that the relative error is about 1e-10.
-"""
-TOUCH = 1e-8
-"""Variation of a translation or of a commanded length, divided by the body's size, and of a rotation [rad]. It is so
-small that no contact opens or closes, and that no cable becomes slack.
-"""
-FAINT = 1e-8
-"""Order of magnitude of a tension, divided by Young's modulus times the squared body size, and of a pressure, divided
-by Young's modulus. It may be small, because forces are linear in tension and pressure.
-"""
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MaterialVariant:
+    """Data of a scene that depend on its materials and its damping.
+
+    Attributes:
+        materials: dict from name to material, in the scene's order.
+        loads: dead loads.
+        masses: attached masses.
+        filling: filled fraction of the cells.
+        dynamics: damping; None for equilibria.
+    """
+
+    materials: Mapping[str, Material]
+    loads: Sequence[Load]
+    masses: tuple[AttachedMass, ...]
+    filling: Filling | None
+    dynamics: Dynamics | None
+
+
+class Variant:
+    """A body with other materials or damping.
+
+    Args:
+        body: the body.
+        own: the body's own materials and damping.
+        model: the other materials and damping.
+
+    Attributes:
+        table: the packed materials of ``model``.
+        dynamics: dynamics of ``model``.
+    """
+
+    def __init__(self, body: Body, own: MaterialVariant, model: MaterialVariant) -> None:
+        materials = tuple(model.materials.values())
+        changed = materials != tuple(own.materials.values())
+        self.table: MaterialTable = body.cell_type.table(pack(materials)) if changed else body.table
+        self._body = replace(body, materials=materials, table=self.table)
+        self._own, self._model, self.dynamics = own, model, model.dynamics
+        self._heavier = [each.density for each in materials] != [each.density for each in own.materials.values()]
+
+    def terms(self, h: float | None = None, scheme: Dynamics | None = None) -> dict[str, Term]:
+        """Return a dict from name to term for the terms that differ from those of the body.
+
+        In motion, ``h`` [s] is the step length, and ``scheme`` has the time integration scheme in use. Both are None
+        for equilibria.
+        """
+        terms = dict(self._loads)
+        if h is None:
+            return terms
+        dynamics = replace(self.dynamics, scheme=scheme.scheme, rho_inf=scheme.rho_inf)
+        terms[inertia.NAME] = Inertia(self._body, self.mass, dynamics, h)
+        if dynamics.damps:
+            terms[viscosity.NAME] = Viscosity(self._body, dynamics, h)
+        return terms
+
+    @cached_property
+    def _loads(self) -> dict[str, Term]:
+        """Dict from name to gravity term if densities differ; otherwise empty."""
+        if not self._heavier:
+            return {}
+        density = cell_densities(self._model.materials, self._body.material)
+        loads = [replace(load, density=density) for load in self._model.loads if isinstance(load, Gravity)]
+        return {load.name: DeadLoadTerm(load, self._body) for load in loads}
+
+    @cached_property
+    def mass(self) -> sparse.csr_matrix:
+        """The mass matrix (n, n) [kg]."""
+        density, model = cell_densities(self._model.materials, self._body.material), self._model
+        return mass_matrix(self._body.rest, self._body.cells, density, model.masses, filling=model.filling)
+
+
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 """Components of a pose: translation [m] and rotation vector [rad]."""
 
@@ -51,6 +118,15 @@ class Parameter:
         model: function that returns the body for another value; None for poses and commands.
     """
 
+    NEAR = 1e-5
+    """Variation of a parameter in a finite difference, divided by its order of magnitude. Forces are smooth functions
+    of the parameter, so that the relative error is about 1e-10.
+    """
+    TOUCH = 1e-8
+    """Variation of a translation or of a commanded length, divided by the body's size, and of a rotation [rad]. It is
+    so small that no contact opens or closes, and that no cable becomes slack.
+    """
+
     name: str
     unit: str
     scale: float
@@ -62,7 +138,7 @@ class Parameter:
 
     def step(self, commands: Mapping[str, float]) -> float:
         """Return the variation of the parameter for finite differences, in its unit, at the given commands."""
-        near = TOUCH if self.unit in ("m", "rad") else NEAR
+        near = self.TOUCH if self.unit in ("m", "rad") else self.NEAR
         return near * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
 
     def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
@@ -89,6 +165,11 @@ class Parameters:
         body: the discretised body.
         model: materials and damping of the body.
         actuators, loads, handles: actuators, loads and handles of the scene.
+    """
+
+    FAINT = 1e-8
+    """Order of magnitude of a tension, divided by Young's modulus times the squared body size, and of a pressure,
+    divided by Young's modulus. It may be small, because forces are linear in tension and pressure.
     """
 
     def __init__(
@@ -216,8 +297,8 @@ class Parameters:
         if isinstance(actuator, Grip | Growth):
             return 1.0
         return {
-            Mode.TENSION: FAINT * young * size**2,
-            Mode.PRESSURE: FAINT * young,
+            Mode.TENSION: self.FAINT * young * size**2,
+            Mode.PRESSURE: self.FAINT * young,
             Mode.VOLUME: 1e-2 * size**3,
         }.get(actuator.mode, size)
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import MaterialTable
-from gdfe_ros.solver.descent.products import SPACING
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
+from gdfe_ros.solver.forces.reactions import handle_reactions
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
-from gdfe_ros.solver.reactions import handle_reactions
+from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.sensitivity.linearised import Linearised
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
@@ -121,7 +121,7 @@ class Column:
                 found.append(made(side, solve.x))
             parts.append(difference(*found, 2.0 * pair.step))
         largest = max(np.abs(change.positions).max(initial=0.0), solve.joint.metres(change.multipliers), 1e-300)
-        step, found, own = SPACING * solve.body.size / largest, [], self._pairs[0].middle
+        step, found, own = TangentProducts.SPACING * solve.body.size / largest, [], self._pairs[0].middle
         for sign in (step, -step):
             x = solve.x + sign * change.positions
             self._varied(own, x)

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.vectors import largest_distance
 
 PROVEN = 0.01
 """The energy balance shows a jump if the released energy minus the uncertainty of the work, divided by the largest of

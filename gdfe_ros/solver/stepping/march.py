@@ -5,13 +5,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.vectors import largest_distance
 
-SAME = 1e-6
-"""Two energies count as equal if their relative difference is at most this."""
 NEAR = 100.0
 """Two equilibria count as the same if their distance, divided by the tolerance, is at most this."""
 
@@ -32,6 +30,9 @@ class March:
         restarts: 1 if the undeformed body, or dropped contacts, led to the state instead of the load path; otherwise 0.
         simulated: time [s] by which a moving body advanced; None without dynamics.
     """
+
+    SAME = 1e-6
+    """Two energies count as equal if their relative difference is at most this."""
 
     state: State
     iterations: int
@@ -88,7 +89,7 @@ class March:
             return self.sound
         if not self.sound:
             return other.inverted and not self.inverted
-        return self.differs(other, reach) and gain >= -SAME * other.state.summary.energy
+        return self.differs(other, reach) and gain >= -self.SAME * other.state.summary.energy
 
     def counting(self, first: March, second: March) -> March:
         """Return this outcome with the iterations and increments of two outcomes, of which it is one."""

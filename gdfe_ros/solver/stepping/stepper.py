@@ -12,26 +12,17 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
-from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
+from gdfe_ros.solver.equilibrium.relative import RelativeEquilibrium
+from gdfe_ros.solver.forces.actuation import Actuation, past_limit
+from gdfe_ros.solver.outcome import REMEDY_OF_FOLDS, Outcome, join, tell
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.attempt import FOLDS, Attempt
 from gdfe_ros.solver.stepping.balance import jumped
 from gdfe_ros.solver.stepping.march import NEAR, March, crumpled
+from gdfe_ros.solver.stepping.path import Attempt, Goal, LoadPath, Verdict, planned_increments
 from gdfe_ros.solver.stepping.placing import placed, require_own
-from gdfe_ros.solver.stepping.way import AttemptOutcome, Goal, Way, planned_increments
-from gdfe_ros.solver.terms.actuation import Actuation, past_limit
 from gdfe_ros.solver.value import changed
-
-SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling; smaller steps do not change that"
-FINER = 1e-2
-"""Factor of the tolerance for a body with freely rotating handles. At the full tolerance, unbalanced forces are large
-compared with the handles' moments.
-"""
-LET_GO = "contact with {} was dropped without following the load path, on which {}"
-FARTHER_FOLDS = "on the way to the command elements are pressed flat, and would fold or turn inside out"
-UNFOLD = "remedy: return to commands at which the elements were sound, or reset; finer cells fold later"
 
 
 class Stepper:
@@ -44,6 +35,11 @@ class Stepper:
 
     Attributes:
         equilibrium: the equilibrium solver.
+    """
+
+    FINER = 1e-2
+    """Factor of the tolerance for a body with freely rotating handles. At the full tolerance, unbalanced forces are
+    large compared with the handles' moments.
     """
 
     def __init__(self, body: Body, settings: SolverSettings, actuation: Actuation | None = None) -> None:
@@ -93,7 +89,7 @@ class Stepper:
             tolerance: tolerance; None stands for the tolerance of the settings.
             deadline: once it has passed, the step ends with the state that it has reached.
         """
-        tolerance = tolerance or self._settings.tolerance * (FINER if self.equilibrium.handles.turn else 1.0)
+        tolerance = tolerance or self._settings.tolerance * (self.FINER if self.equilibrium.handles.turn else 1.0)
         goal = Goal(poses=dict(targets), commands=dict(commands), tolerance=tolerance, deadline=deadline)
         if unreachable := self._unreachable(state, goal):
             return March.refused(state, unreachable)
@@ -101,7 +97,7 @@ class Stepper:
         if (suspect or (march.inverted and self._displaced(state))) and not past(deadline):
             march, suspect, tried = self._better_from_rest(march, goal), False, True
         if march.inverted:
-            march = changed(march, converged=False, message=f"{march.message}; {UNFOLD}".lstrip("; "))
+            march = changed(march, converged=False, message=join(march.message, REMEDY_OF_FOLDS))
         return march.marked(suspect=suspect, tried=tried and not march.sound)
 
     def _rescued(self, march: March, goal: Goal, state: State) -> March:
@@ -166,39 +162,39 @@ class Stepper:
     def _march(self, state: State, goal: Goal) -> March:
         """Return the outcome of the load path from ``state`` to a goal; increments are halved after failed attempts."""
         planned = planned_increments(goal.poses, state.poses, self.body.size)
-        way, begin = Way.between(state, goal, planned, self._settings.max_iterations), state
+        path, begin = LoadPath.between(state, goal, planned, self._settings.max_iterations), state
         while True:
-            attempt = self._attempt(way, state)
+            attempt = self._attempt(path, state)
             verdict = attempt.verdict
-            way = attempt.way.after(verdict)
-            if verdict is AttemptOutcome.WITHDRAW:
-                return self._end(_withdrawn(state, attempt), way)
-            if verdict in (AttemptOutcome.ACCEPT, AttemptOutcome.STOP):
+            path = attempt.path.after(verdict)
+            if verdict is Verdict.WITHDRAW:
+                return self._end(_withdrawn(state, attempt), path)
+            if verdict in (Verdict.ACCEPT, Verdict.STOP):
                 state = self._accepted(state, attempt, begin)
-            if verdict is AttemptOutcome.STOP:
-                return changed(self._end(state, way), snapped=attempt.snapped)
+            if verdict is Verdict.STOP:
+                return changed(self._end(state, path), snapped=attempt.snapped)
 
-    def _attempt(self, way: Way, state: State) -> Attempt:
+    def _attempt(self, path: LoadPath, state: State) -> Attempt:
         """Solve the next increment of a load path; return the attempt."""
-        (poses, commands), deadline, patience = way.aim, way.goal.deadline, self.equilibrium.patience
-        limit = way.left if way.shortest else min(way.left, patience)
+        (poses, commands), deadline, patience = path.aim, path.goal.deadline, self.equilibrium.patience
+        limit = path.left if path.shortest else min(path.left, patience)
         problem = Increment(
             poses=poses,
             commands=commands,
-            tolerance=way.goal.tolerance,
+            tolerance=path.goal.tolerance,
             limit=limit,
             deadline=deadline,
-            begins=way.done,
-            divisible=not way.shortest,
+            begins=path.done,
+            divisible=not path.shortest,
         )
         solution = self.equilibrium.solve(problem, state)
-        spent = way.iterations + solution.iterations >= way.budget or past(deadline)
-        jumps = way.moves and jumped(state, solution, self.equilibrium.handles, self.body.size)
-        way, before = way.tried(solution, jumps=jumps), state.unfinished.iterations if state.unfinished else 0
-        patient = before + way.iterations < patience
+        spent = path.iterations + solution.iterations >= path.budget or past(deadline)
+        jumps = path.moves and jumped(state, solution, self.equilibrium.handles, self.body.size)
+        path, before = path.tried(solution, jumps=jumps), state.unfinished.iterations if state.unfinished else 0
+        patient = before + path.iterations < patience
         unstable = "" if solution.cut and patient else self._unstable_chamber(state, solution, commands)
         return Attempt(
-            way=changed(way, unstable=unstable or way.unstable),
+            path=changed(path, unstable=unstable or path.unstable),
             began=state,
             solution=solution,
             jumps=jumps,
@@ -225,32 +221,32 @@ class Stepper:
         accepted = self.equilibrium.accept(attempt.solution, state)
         before = [each for each in (state, begin, begin.anchor) if each and each.unfinished is None and each.sound]
         before.sort(key=crumpled)
-        crumples = attempt.verdict is AttemptOutcome.STOP and attempt.way.next < 1.0 and crumpled(accepted)
+        crumples = attempt.verdict is Verdict.STOP and attempt.path.next < 1.0 and crumpled(accepted)
         fails = accepted.unfinished is not None or crumples
         anchor = state.anchor or next(iter(before), None) if fails else None
         changes = {"sound": attempt.sound, "anchor": anchor}
         if attempt.snapped:
-            remedy = past_limit(self.actuation.actuators, attempt.began.commands, attempt.way.aim[1])
-            message = "; ".join(text for text in (SNAPPED, remedy, accepted.summary.message) if text)
+            remedy = past_limit(self.actuation.actuators, attempt.began.commands, attempt.path.aim[1])
+            message = join(tell(Outcome.SNAPPED), remedy, accepted.summary.message)
             changes["summary"] = changed(accepted.summary, converged=False, message=message)
         return accepted.with_(**changes)
 
-    def _end(self, state: State, way: Way) -> March:
-        reached, summary = way.done == 1.0, state.summary
+    def _end(self, state: State, path: LoadPath) -> March:
+        reached, summary = path.done == 1.0, state.summary
         if not reached and summary.converged:
-            deadline = way.goal.deadline
-            ended = deadline.reason if past(deadline) else f"{way.iterations} iterations are spent"
-            text = f"{ended} at {way.done:.3g} of the way to the command; the next step goes on from there"
+            deadline = path.goal.deadline
+            ended = deadline.reason if past(deadline) else f"{path.iterations} iterations are spent"
+            text = tell(Outcome.STOPPED, reason=ended, done=path.done)
             summary = changed(summary, converged=False, message=text)
             state = state.with_(summary=summary)
-        if way.folded and not (summary.converged and reached) and FOLDS not in summary.message:
-            text = "; ".join(part for part in (summary.message, FARTHER_FOLDS) if part)
+        if path.folded and not (summary.converged and reached) and tell(Outcome.FOLDED) not in summary.message:
+            text = join(summary.message, tell(Outcome.PRESSED))
             summary = changed(summary, converged=False, message=text)
             state = state.with_(summary=summary)
         return March(
             state=state,
-            iterations=way.iterations,
-            increments=way.attempts,
+            iterations=path.iterations,
+            increments=path.attempts,
             reached=reached,
             converged=summary.converged and reached,
             message=summary.message,
@@ -272,7 +268,7 @@ class Stepper:
             free = found.sound and not any(found.state.terms[name]["press"].any() for name in names)
             march = (found if free else march).counting(march, found)
             if free:
-                return changed(march, message=LET_GO.format(", ".join(names), flaw), restarts=1)
+                return changed(march, message=tell(Outcome.LET_GO, names=", ".join(names), flaw=flaw), restarts=1)
         return march
 
     def _untouched(self, begin: State, last: State, names: Sequence[str], goal: Goal) -> State:
@@ -289,7 +285,7 @@ class Stepper:
         gain = self._energy(march.state) - self._energy(again.state)
         if not again.is_better(march, NEAR * goal.tolerance * self.body.size, gain=gain):
             return march.counting(march, again)
-        message = f"restarted from rest: the first load path ended in {march.flaw}; {again.message}".rstrip("; ")
+        message = join(tell(Outcome.RESTARTED, flaw=march.flaw), again.message)
         return changed(again.counting(march, again), message=message, restarts=1)
 
     def _energy(self, state: State) -> float:

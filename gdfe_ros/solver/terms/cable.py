@@ -23,25 +23,15 @@ from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
-from gdfe_ros.solver.terms.springs import Springs
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.value import NEGLIGIBLE
 
 EFFORT, TARGET, STIFFNESS, EYELET, EXCESS, CARRIERS, WEIGHTS = range(7)
 """Offsets in ``reals`` of T [N], l [m], k [N/m], e [m], c [m], the number of vertices that carry each point, and the
 weights of these vertices; the places of points in the world [m] follow them."""
-ROUND = 3e-4
-"""The length e, divided by the mean length of a cable's segments at rest. With e = 0, the line search would cut every
-Newton step onto the kink.
-"""
-
-FAINT, NEARLY = 1e-12, 3e-6
-"""FAINT: negligible tension, divided by Young's modulus times the squared body size. NEARLY: negligible lengthening,
-divided by the body's size. In finite differences, a cable that is about to become taut gets a tension from both
-amounts, so that it counts as taut.
-"""
 
 
 @inlined
@@ -131,6 +121,16 @@ class CableTerm(Term):
         neutral_command: the command without effect on the undeformed body, in the unit of its mode.
     """
 
+    ROUND = 3e-4
+    """The length e, divided by the mean length of a cable's segments at rest. With e = 0, the line search would cut
+    every Newton step onto the kink.
+    """
+    FAINT, NEARLY = 1e-12, 3e-6
+    """FAINT: negligible tension, divided by Young's modulus times the squared body size. NEARLY: negligible
+    lengthening, divided by the body's size. In finite differences, a cable that is about to become taut gets a tension
+    from both amounts, so that it counts as taut.
+    """
+
     kernel, exact = _entry, True
 
     def __init__(self, cable: Cable, body: Body) -> None:
@@ -144,7 +144,7 @@ class CableTerm(Term):
         super().__init__(cable.name, numbers, cable.points.corners.ravel().astype(np.int32))
         self._carrying = np.unique(self.integers)[None]
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
-        self.reals[EYELET] = ROUND * self._rest_length / max(1, len(cable.points.corners) - 1)
+        self.reals[EYELET] = self.ROUND * self._rest_length / max(1, len(cable.points.corners) - 1)
         self.reals[EXCESS] = cable_length(body.rest, self.reals, self.integers) - self._rest_length
         self.neutral_command = self._rest_length if cable.mode is Mode.LENGTH else 0.0
         self._body, self._command, self._lifted = body, self.neutral_command, 0.0
@@ -233,8 +233,8 @@ class CableTerm(Term):
         """Restore the tension at the end of a solve; a cable at the limit of becoming taut counts as taut."""
         self.begin(commands, saved, positions, 0.0)
         numbers, size = self.reals, self._body.size
-        least = FAINT * float(self._body.table.parameters[:, YOUNG].min()) * size**2
-        least += NEARLY * numbers[STIFFNESS] * size
+        least = self.FAINT * float(self._body.table.parameters[:, YOUNG].min()) * size**2
+        least += self.NEARLY * numbers[STIFFNESS] * size
         if self.actuator.mode is not Mode.TENSION and not self._elastic:
             numbers[EFFORT] = found["effort"][0]
         length = cable_length(positions, numbers, self.integers)

@@ -17,19 +17,15 @@ from gdfe_ros.actuators.actuator import ActuatorState, Chamber
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
-from gdfe_ros.solver.terms.springs import Springs
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import FACES, PRODUCTS, face_forces, pack_faces, volume_curvature
 
 EFFORT, TARGET, STIFFNESS, LIMIT = range(4)
 """Offsets in ``reals`` of p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] above which the chamber counts as unstable.
 """
-LARGEST_INFLATION = 8.0
-"""A chamber of given pressure counts as unstable if its volume grows by more than this factor in one solve."""
-RUNNING_AWAY = 3.0 / 16.0
-"""A chamber counts as unstable in a failed solve that ends above this fraction of the volume limit."""
 
 
 @kernel
@@ -101,6 +97,11 @@ class ChamberTerm(Term):
         neutral_command: the command without effect on the undeformed body, in the unit of its mode.
         updates: whether a multiplier keeps the volume.
     """
+
+    LARGEST_INFLATION = 8.0
+    """A chamber of given pressure counts as unstable if its volume grows by more than this factor in one solve."""
+    RUNNING_AWAY = 3.0 / 16.0
+    """A chamber counts as unstable in a failed solve that ends above this fraction of the volume limit."""
 
     kernel = _entry
 
@@ -215,12 +216,12 @@ class ChamberTerm(Term):
 
     def _limit(self, volume: float) -> float:
         """Return the volume [m^3] beyond which the chamber counts as unstable in a solve from ``volume`` [m^3]."""
-        return LARGEST_INFLATION * max(abs(volume), self._rest_volume, self.actuator.least)
+        return self.LARGEST_INFLATION * max(abs(volume), self._rest_volume, self.actuator.least)
 
     def ran_away(self, positions: NDArray[np.float64], since: NDArray[np.float64]) -> bool:
         """Return whether a chamber of given pressure inflated beyond `RUNNING_AWAY` from ``since`` to ``positions``."""
         pressed = math.isfinite(self.reals[LIMIT])
-        return pressed and not self._volume(positions) <= RUNNING_AWAY * self._limit(self._volume(since))
+        return pressed and not self._volume(positions) <= self.RUNNING_AWAY * self._limit(self._volume(since))
 
     def state(self, positions: NDArray[np.float64]) -> ActuatorState:
         """Return command, volume and pressure."""

@@ -20,8 +20,6 @@ from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 NODES, POINTS, SLACK, HEAD = range(4)
 """Offsets in ``integers``: nodes of a face, points of a face, whether compressed fibres are slack; then the nodes of
 all faces. In ``reals``, each point has its k A [N m] and then the factors of the nodes [1/m]."""
-ONSET = -1e-6
-"""A slack fibre whose strain is above this counts as taut in the tangent, which only speeds up the minimisation."""
 
 
 @inlined
@@ -70,6 +68,9 @@ class FibreTerm(Term):
         body: the body that carries it.
     """
 
+    ONSET = -1e-6
+    """A slack fibre whose strain is above this counts as taut in the tangent, which only speeds up the minimisation."""
+
     kernel = _entry
 
     def __init__(self, layer: FibreLayer, body: Body) -> None:
@@ -98,7 +99,7 @@ class FibreTerm(Term):
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tangent k A (d d^T + max(e, 0) I) of taut fibres, (f, 3 c, 3 c) [N/m]."""
         vectors, strains = self._strained(positions)
-        taut = self._springs * (self._layer.compression | (strains > ONSET))
+        taut = self._springs * (self._layer.compression | (strains > self.ONSET))
         inner = vectors[..., :, None] * vectors[..., None, :] + np.maximum(strains, 0.0)[..., None, None] * np.eye(3)
         spread = np.einsum("fp,fpa,fpij,fpb->faibj", taut, self._factors, inner, self._factors, optimize=True)
         return spread.reshape(len(spread), 3 * self._factors.shape[2], -1)

@@ -30,10 +30,6 @@ from gdfe_ros.solver.value import NEGLIGIBLE
 PRESSURE, VOLUME, APEX, EDGE = 0, 1, 2, 5
 """Offsets in ``reals`` of p [Pa], a volume [m^3] that is subtracted to keep energies small, the cones' common point
 (3,) [m], and the vectors b (k, 3) [m^2] of the nodes on open edges."""
-FINE = 1e-2
-"""Allowed displacement by the last change of the forces p b, divided by the tolerance."""
-GROWTH = 1e3
-"""The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
 
 
 @kernel
@@ -65,6 +61,11 @@ class PressureTerm(Term):
         load: the pressure of the scene.
         body: the body on whose faces it acts.
     """
+
+    FINE = 1e-2
+    """Allowed displacement by the last change of the forces p b, divided by the tolerance."""
+    GROWTH = 1e3
+    """The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
 
     kernel = _entry
 
@@ -137,7 +138,7 @@ class PressureTerm(Term):
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Set the pressure, and the forces at open edges as they are at ``positions``."""
-        numbers, self._anderson, self._changes = self.reals, Anderson(GROWTH), []
+        numbers, self._anderson, self._changes = self.reals, Anderson(self.GROWTH), []
         numbers[PRESSURE] = commands[self.name] * self._load.pressure
         self._held[...] = self._beside(positions)
         numbers[VOLUME] = self._volume(positions)
@@ -154,7 +155,7 @@ class PressureTerm(Term):
         change = (self._beside(positions) - self._held).ravel()
         self._held[...] = self._anderson.next(self._held.ravel(), change).reshape(-1, 3)
         moved = abs(self.reals[PRESSURE]) * np.linalg.norm(change.reshape(-1, 3), axis=1).sum()
-        self._changes.append(float(moved) * self._softness / FINE)
+        self._changes.append(float(moved) * self._softness / self.FINE)
         return self._changes[-1]
 
     @property

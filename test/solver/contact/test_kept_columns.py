@@ -11,7 +11,7 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
-from gdfe_ros.solver.tangent.substitution import Kept, solve_unturned
+from gdfe_ros.solver.matrix.substitution import Kept, solve_unturned
 
 SCENE = """
 name: strip

@@ -7,7 +7,7 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.distance import largest_distance
+from gdfe_ros.solver.vectors import largest_distance
 
 POKED = """
 name: poked

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.equilibrium.solve import Solve
-from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.minimise.level import TangentLevel
 
 STRIP = """
 name: strip

@@ -15,7 +15,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import LINE, NEARLY_FOLDED, THRESHOLD, wall
 from gdfe_ros.solver.elements.cell_kernels import add_walls
 from gdfe_ros.solver.elements.measures import corner_ratios
-from gdfe_ros.solver.elements.watch import Watch, look
+from gdfe_ros.solver.elements.response import Watch, look
 
 
 @kernel

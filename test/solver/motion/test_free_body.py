@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_matrix
 
 from gdfe_ros import Simulation
-from gdfe_ros.solver.motion.mass import mass_matrix
+from gdfe_ros.solver.motion.inertia import mass_matrix
 
 MASS = 1000.0 * 0.1 * 0.02 * 0.02
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_matrix, identity, kron
 from scipy.sparse.linalg import eigsh
 
-from gdfe_ros.solver.motion.mass import mass_matrix
+from gdfe_ros.solver.motion.inertia import mass_matrix
 
 LENGTH, SIDE, YOUNG, POISSON, DENSITY = 0.5, 0.01, 1e6, 0.3, 1000.0
 TORSION = 0.14057702 * 6.0

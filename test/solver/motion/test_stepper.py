@@ -12,7 +12,7 @@ from gdfe_ros import Command, Pose
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh.trilinear import CORNERS
-from gdfe_ros.solver.motion.mass import mass_matrix
+from gdfe_ros.solver.motion.inertia import mass_matrix
 
 HELD = {"base": {"where": {"face": "x-"}, "fixed": True}}
 WEIGHT = {"weight": {"gravity": [0, 0, -9.81]}}

@@ -12,7 +12,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import load_scene, scene_from_text
-from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.minimise.level import TangentLevel
 
 NEAR = 1e-4
 """Allowed relative difference between a derivative and a central difference."""

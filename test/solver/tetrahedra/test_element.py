@@ -15,11 +15,11 @@ from gdfe_ros.materials import Material
 from gdfe_ros.mesh import TetMesh, bar
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.fields import corner_forces, element_fields, strain_energies, volume_pressures
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
+from gdfe_ros.solver.forces.fields import corner_forces, element_fields, strain_energies, volume_pressures
+from gdfe_ros.solver.minimise.level import add_wall_tangents
 from gdfe_ros.solver.solution import Increment
-from gdfe_ros.solver.tangent.element_stiffness import add_wall_tangents
 
 MakeBody = Callable[..., Body]
 GRADIENT = np.array([[1.2, 0.3, -0.1], [0.1, 0.9, 0.2], [-0.2, 0.1, 1.05]])

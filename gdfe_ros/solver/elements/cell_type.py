@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cell types, each with the functions that it implements. `elements.cell_kernels` has the functions of the kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.materials.table import MaterialTable, with_local_share
+from gdfe_ros.mesh.faces import Faces, boundary_faces
+from gdfe_ros.mesh.operators import ShapeOperators, grown_operators, shape_operators
+from gdfe_ros.mesh.tet_faces import tet_boundary
+from gdfe_ros.mesh.tet_operators import TetOperators, gradients, grown_tet_operators, tet_operators
+from gdfe_ros.mesh.tetrahedra import EDGES, PARTS
+from gdfe_ros.solver.elements import tangent_rows, tetrahedra
+from gdfe_ros.solver.elements.blocks import block_geometry, make_blocks, make_tet_blocks, tet_geometry
+
+
+class CellType(NamedTuple):
+    """A type of cells: hexahedra or tetrahedra.
+
+    Attributes:
+        noun: plural name of the cells.
+        corners: number of nodes c.
+        operators: function that returns the constant operators, from vertices (n, 3) [m], cells (m, c) and the filling
+            of cut cells.
+        blocks: function that returns elements in the layout of the kernels, from operators, material indices (m,),
+            material table and element indices (k,).
+        table: function that returns the material table for the kernels of this type, from the packed material table.
+        grown: function that returns the operators of grown rest shapes, from operators, cells (k,) and their growths
+            (k, 3, 3).
+        geometry: function that returns the geometry of ``blocks`` for other operators, from operators and blocks.
+        matrix_blocks: function that returns the blocks (m, c, c) [N/m] of the constant matrix, from operators, weights
+            (m,) [Pa] and hourglass stiffnesses (m,) [N/m].
+        tangents: compiled function that writes d(node force)/d(node position) (m, 3 c, 3 c) [N/m].
+        softens: whether the hourglass stiffness depends on the strain.
+        boundary: function that returns the outer faces of cells (m, c).
+        edges: pairs of nodes of a cell that are neighbours on an edge.
+        simple: (k, 8) nodes of the hexahedra that fill a cell; those of a tetrahedron have coincident corners.
+    """
+
+    noun: str
+    corners: int
+    operators: Callable
+    blocks: Callable
+    table: Callable[[MaterialTable], MaterialTable]
+    grown: Callable
+    geometry: Callable[..., NDArray[np.float64]]
+    matrix_blocks: Callable[..., NDArray[np.float64]]
+    tangents: Callable
+    softens: bool
+    boundary: Callable[[NDArray[np.int32]], Faces]
+    edges: tuple[tuple[int, int], ...]
+    simple: NDArray[np.int32]
+
+
+def _hex_matrix(
+    shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the elements' blocks of the constant matrix, w V g g^T + c sum_k gamma_k gamma_k^T, (m, 8, 8) [N/m].
+
+    w is the ``weight`` (m,) [Pa], V the volume [m^3], g the gradient operators [1/m], c the ``hourglass`` stiffness
+    (m,) [N/m], and gamma_k are the hourglass vectors.
+    """
+    blocks = np.einsum("e,eai,ebi->eab", weight * shape.volume, shape.gradient, shape.gradient)
+    blocks += np.einsum("e,eka,ekb->eab", hourglass, shape.hourglass, shape.hourglass)
+    return blocks
+
+
+def _tet_matrix(
+    shape: TetOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the elements' blocks of the constant matrix, w int g g^T dV; tetrahedra have no hourglass stiffness."""
+    local = gradients(shape.inverse)
+    return np.einsum("eg,egai,egbi->eab", weight[:, None] * shape.weight, local, local, optimize=True)
+
+
+HEXAHEDRA = CellType(
+    "hexahedra",
+    8,
+    shape_operators,
+    make_blocks,
+    lambda table: table,
+    grown_operators,
+    lambda shape, blocks: block_geometry(shape, blocks.element),
+    _hex_matrix,
+    tangent_rows.element_tangents,
+    True,
+    boundary_faces,
+    ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+    np.arange(8, dtype=np.int32)[None],
+)
+TETRAHEDRA = CellType(
+    "tetrahedra",
+    10,
+    lambda vertices, cells, filling=None: tet_operators(vertices, cells),
+    make_tet_blocks,
+    with_local_share,
+    grown_tet_operators,
+    tet_geometry,
+    _tet_matrix,
+    tetrahedra.element_tangents,
+    False,
+    tet_boundary,
+    tuple((corner, middle) for middle, ends in enumerate(EDGES, start=4) for corner in ends),
+    PARTS[:, [0, 1, 2, 2, 3, 3, 3, 3]],
+)
+_BY_CORNERS = {kind.corners: kind for kind in (HEXAHEDRA, TETRAHEDRA)}
+
+
+def cell_type_of(shape: ShapeOperators | TetOperators) -> CellType:
+    """Return the cell type of element operators, by the number of nodes c of their ``cells`` (m, c)."""
+    return _BY_CORNERS[shape.cells.shape[1]]
+
+
+def cell_type_with(corners: int) -> CellType:
+    """Return the cell type whose cells have ``corners`` nodes."""
+    return _BY_CORNERS[corners]

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The external terms of a body, and their commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth, Mode
+from gdfe_ros.actuators.load import Load, PressureLoad
+from gdfe_ros.constraints import Pose
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.pairs import contacts_of
+from gdfe_ros.solver.elements.blocks import Operators
+from gdfe_ros.solver.forces.grip import GripTerm
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.state import Balance, Saved, State
+from gdfe_ros.solver.terms.cable import CableTerm
+from gdfe_ros.solver.terms.chamber import ChamberTerm
+from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
+from gdfe_ros.solver.terms.growth import Growths
+from gdfe_ros.solver.terms.pressure import PressureTerm
+from gdfe_ros.solver.terms.term import Term, TermTable
+from gdfe_ros.solver.value import NEGLIGIBLE
+
+LOAD_FACTOR = 1.0
+"""Default command of a load."""
+
+
+class Actuation:
+    """The terms of a body other than its elements.
+
+    Args:
+        body: the discretised body.
+        actuators: cables, chambers, growths and grips.
+        loads: dead loads and follower pressures; the command of each is its factor.
+        terms: further terms.
+
+    Attributes:
+        terms: all terms, loads first.
+        table: all terms in the layout of the kernels.
+        strung: cables between fixed points. Their length cannot be smaller than the distance between these points.
+        growths: the growths, which change the elements' rest shape.
+        grips: the grips.
+        neutral: dict from actuator or load name to the command without effect.
+        loaded: names of the loads.
+        contacts: contact terms of the obstacles, and the self-contact term.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        actuators: Sequence[Actuator] = (),
+        loads: Sequence[Load] = (),
+        terms: Sequence[Term] = (),
+    ) -> None:
+        self._body, self.actuators = body, tuple(actuators)
+        self._loads = [(PressureTerm if isinstance(load, PressureLoad) else DeadLoadTerm)(load, body) for load in loads]
+        self._cables = [CableTerm(item, body) for item in self.actuators if isinstance(item, Cable)]
+        self.strung = [cable for cable in self._cables if cable.strung]
+        self._chambers = [ChamberTerm(item, body) for item in self.actuators if isinstance(item, Chamber)]
+        self.grips = [GripTerm(item, body) for item in self.actuators if isinstance(item, Grip)]
+        self.contacts = contacts_of(body)
+        self._more = tuple(terms)
+        self.terms: tuple[Term, ...] = (
+            *self._loads,
+            *self._cables,
+            *self._chambers,
+            *self.grips,
+            *self.contacts,
+            *self._more,
+        )
+        self.table = TermTable.pack(self.terms)
+        self.growths = Growths(body, self.actuators)
+        self._driven = {term.name: term for term in (*self._cables, *self._chambers, *self.grips)}
+        self.loaded = tuple(item.name for item in self._loads)
+        self.neutral = {item.name: 0.0 for item in (*self.actuators, *self._loads)}
+        self.neutral.update({name: term.neutral_command for name, term in self._driven.items()})
+
+    @property
+    def drives(self) -> bool:
+        """Whether anything other than handles and contact acts on the body."""
+        return len(self.terms) > len(self.contacts) or bool(self.growths)
+
+    @property
+    def updates(self) -> bool:
+        """Whether a multiplier is updated between minimisations."""
+        return any(term.updates for term in self.terms)
+
+    def fit(self, matrix: ConstantMatrix) -> None:
+        """Choose the penalties of commanded lengths and volumes."""
+        for term in self.terms:
+            term.fit(matrix)
+
+    def at_rest(self) -> dict[str, Saved]:
+        """Return the initial stored states of all terms."""
+        return {term.name: term.neutral() for term in self.terms}
+
+    def begin(
+        self,
+        commands: Mapping[str, float],
+        saved: Mapping[str, Saved],
+        positions: NDArray[np.float64],
+        poses: Mapping[str, Pose] | None = None,
+        last: State | None = None,
+        *,
+        ratio: float = 0.0,
+    ) -> None:
+        """Prepare all terms for a solve with the arguments of `Term.begin`; ``saved`` is a dict from term name.
+
+        If ``poses`` of handles and obstacles are given, they and the previous state ``last`` are first passed to
+        `Term.aim`.
+        """
+        for term in self.terms:
+            if poses is not None:
+                term.aim(poses, last)
+            if self.grips and isinstance(term, Contact):  # grips come before contacts
+                term.leave_out([pair for grip in self.grips for pair in grip.pairs])
+            term.begin(commands, saved[term.name], positions, ratio)
+
+    def update(self, positions: NDArray[np.float64]) -> float:
+        """Update the multipliers; return the largest error of a constraint, divided by the body's size."""
+        misses = [term.update(positions) for term in self.terms if term.updates]
+        return max(misses, default=0.0) / self._body.size
+
+    def flaw(self, positions: NDArray[np.float64]) -> str:
+        """Return a message if ``positions`` (n, 3) [m] of a solve are not acceptable; empty if they are."""
+        return "; ".join(text for term in self.contacts if (text := term.flaw(positions)))
+
+    @property
+    def wanders(self) -> bool:
+        """Whether updates of a term do not settle, so that the increment should be shorter."""
+        return any(term.wanders for term in self.terms)
+
+    def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
+        """Return a dict from term name to the state to store after a solve that ended at ``positions`` (n, 3) [m]."""
+        return {term.name: term.finish(saved[term.name], positions) for term in self.terms}
+
+    def unstable(
+        self,
+        positions: NDArray[np.float64],
+        since: NDArray[np.float64],
+        commands: Mapping[str, float],
+        before: Mapping[str, float] | None = None,
+    ) -> str:
+        """Return the name of the chamber that inflated without bound since an equilibrium; empty if none did.
+
+        ``since`` (n, 3) [m] are the positions of the equilibrium, ``positions`` (n, 3) [m] those after the failed
+        solve. If the energy has no lower bound, volumes have no meaning. The caller then gives the commands ``before``
+        the solve, and a chamber counts as unstable if its commanded pressure has risen.
+        """
+        for term in self._chambers:
+            pressed = term.actuator.mode is Mode.PRESSURE
+            if before is not None and pressed and commands[term.name] > before[term.name]:
+                return term.name
+            if term.ran_away(positions, since):
+                return term.name
+        return ""
+
+    def unreachable(self, base: NDArray[np.float64], commands: Mapping[str, float]) -> str:
+        """Return a message if a cable is commanded shorter than the distance between its handles; empty if not.
+
+        ``base`` (n, 3) [m] has the commanded positions of the handles.
+        """
+        for term in self.strung:
+            least, wanted = term.shortest(base), term.wanted(commands[term.name])
+            if wanted < least * (1.0 - NEGLIGIBLE):
+                return (
+                    f"cable {term.name!r} is commanded to a length of {wanted:.6g} m, but the handles that it runs "
+                    f"between are {least:.6g} m apart; remedy: command at least that, or bring the handles nearer"
+                )
+        return ""
+
+    def holding(self, state: State) -> list[str]:
+        """Return the names of the grips that hold something in ``state``."""
+        return [grip.name for grip in self.grips if grip.holds(state.terms[grip.name])]
+
+    def out_of_reach(self, state: State, commands: Mapping[str, float]) -> dict[str, str]:
+        """Return a dict from each grip that takes hold at ``commands`` of something too far away to a message."""
+        found = {}
+        for grip in self.grips:
+            takes = commands[grip.name] > 0.0 and state.commands[grip.name] == 0.0
+            if takes and (distance := grip.distance(state)) > grip.actuator.reach:
+                item = grip.actuator
+                held = f"body {item.held!r}" if item.held else "what it holds"
+                found[grip.name] = (
+                    f"grip {grip.name!r} cannot take hold: {held} is {distance:.3g} m from {item.holder!r}; allowed: "
+                    f"up to its `reach`, {item.reach:g} m; remedy: bring them nearer first, or another reach"
+                )
+        return found
+
+    def states(
+        self, positions: NDArray[np.float64], commands: Mapping[str, float], operators: Operators
+    ) -> dict[str, ActuatorState]:
+        """Return a dict from actuator name to its state; ``positions`` (n, 3) [m] are the end of the last solve."""
+        return {
+            item.name: self.growths.state(item, commands, operators)
+            if isinstance(item, Growth)
+            else self._driven[item.name].state(positions)
+            for item in self.actuators
+        }
+
+    def reports(self, positions: NDArray[np.float64]) -> dict[str, dict[str, float]]:
+        """Return a dict from the name of a user-defined term to its report."""
+        return {term.name: report for term in self._more if (report := term.report(positions))}
+
+    def balance(self, positions: NDArray[np.float64], commands: Mapping[str, float]) -> Balance:
+        """Return the terms' potential [J] at ``positions`` (n, 3) [m], and its derivative with respect to each command.
+
+        The potential is zero while the body is undeformed. A length or volume that a multiplier keeps has no potential.
+        The derivative with respect to such a command is the multiplier. For a length, it is minus the multiplier.
+        """
+        found = {
+            term.name: term.potential(positions, commands[term.name])
+            for term in (*self._loads, *self._cables, *self._chambers, *self.grips)
+        }
+        more = sum(term.energy(positions) for term in self._more)
+        return Balance(
+            potential=more + sum(potential for potential, _ in found.values()),
+            slopes={name: slope for name, (_, slope) in found.items()},
+        )
+
+
+def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]) -> str:
+    """Return the message that a chamber lost its stability between two pressures."""
+    return (
+        f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: its pressure "
+        "falls with its volume there; remedy: command its volume instead of its pressure, or stiffen its walls"
+    )
+
+
+def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], commands: Mapping[str, float]) -> str:
+    """Return the remedy for a jump: command lengths and volumes, not tensions and pressures; empty if none changed."""
+    other = {Mode.TENSION: Mode.LENGTH, Mode.PRESSURE: Mode.VOLUME}
+    found = [
+        f"`command: {other[each.mode].value}` for {each.name!r}"
+        for each in actuators
+        if each.mode in other and commands.get(each.name) != last.get(each.name)
+    ]
+    return f"remedy: {', '.join(found)}, which holds shapes that a force or a pressure cannot" if found else ""

@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Grips as terms: points that keep their places on a handle, an obstacle or a rigid body, while they are held.
+
+A held point x_i keeps the place q_i = sum_a w_ia x_a + c_i. On a rigid body, the place is a weighted mean of the body's
+four vertices x_a, and c_i = 0. On a handle or an obstacle, the weights are zero, and c_i moves with the commanded pose.
+With the gaps d_i = x_i - q_i, the energy is sum_i l_i . d_i + s/2 |d_i|^2: the augmented Lagrangian of d_i = 0 with the
+multipliers l_i [N] and the penalty s [N/m].
+
+A command that rises from 0 takes hold: the places are those at the beginning of the step. A falling command lets go:
+the penalty is gone, and the last forces l_i fall in proportion to the command. At 0 nothing is left of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.actuators.actuator import ActuatorState, Grip
+from gdfe_ros.compiled import kernel
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.overlap import Placed
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.state import Saved, State
+from gdfe_ros.solver.terms.multiplier import wander
+from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+
+ACTS, STIFFNESS, HEAD = range(3)
+"""Offsets in ``reals`` of 1 for a grip with forces (0 without), of s [N/m], and of the rows of the points."""
+WEIGHTS, PLACE, PULL, ROW = 0, 4, 7, 10
+"""Offsets in a point's row of the weights w_a (4,), the place c (3,) [m] and the multiplier l (3,) [N]; its length."""
+POINT = 5
+"""Number of vertices of a point: its own, and the four that carry its place."""
+
+
+class Hold(IntEnum):
+    """State of a grip: nothing is held, it holds, or its forces fall."""
+
+    OFF, HOLDS, FADES = range(3)
+
+
+@kernel
+def grip_energy(x, reals, integers, force, size):
+    """Return the energy [J] of a grip and add its gradient; `term_kernel` needs this signature."""
+    energy, stiffness = 0.0, reals[STIFFNESS]
+    if reals[ACTS] == 0.0:
+        return energy
+    for i in range(len(integers) // POINT):
+        row, own = HEAD + ROW * i, integers[POINT * i]
+        for axis in range(3):
+            gap = x[own, axis] - reals[row + PLACE + axis]
+            for a in range(4):
+                gap -= reals[row + WEIGHTS + a] * x[integers[POINT * i + 1 + a], axis]
+            held = reals[row + PULL + axis]
+            pull = held + stiffness * gap
+            energy += gap * (held + 0.5 * stiffness * gap)
+            size[0] += abs(gap * pull)
+            force[own, axis] += pull
+            for a in range(4):
+                force[integers[POINT * i + 1 + a], axis] -= reals[row + WEIGHTS + a] * pull
+    return energy
+
+
+@term_kernel
+def _entry(x, n, reals, k, integers, i, force, size):
+    return grip_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+class GripTerm(Term):
+    """A grip with its command, 0 or 1; between them while a load path or the internal steps of a motion pass.
+
+    Args:
+        grip: grip of the scene.
+        body: the body that it holds, or on which it acts.
+
+    Attributes:
+        actuator: the grip.
+        neutral_command: 0, nothing is held.
+    """
+
+    STIFF = 1e3
+    """Penalty s of a grip, divided by the largest stiffness of a held vertex. Kept tangents contain it, so that it may
+    be large: each update reduces the error of the forces to about this fraction.
+    """
+    FINE = 1e-3
+    """Allowed displacement by the last change of the forces, divided by the tolerance: in an internal step of a motion,
+    a displacement within the tolerance would be a force of the order of the weight.
+    """
+
+    kernel, exact, neutral_command = _entry, True, 0.0
+
+    def __init__(self, grip: Grip, body: Body) -> None:
+        handles = {handle.name: handle for handle in body.handles}
+        self.actuator, self._body = grip, body
+        self._holder, self._held = handles[grip.holder], handles.get(grip.held)
+        self._points = grip.vertices if self._held is None else self._held.vertices
+        carriers = np.repeat(self._points[:, None], 4, axis=1)
+        if self._carried:
+            carriers[:] = self._holder.vertices
+        super().__init__(
+            grip.name,
+            np.zeros(HEAD + ROW * len(self._points)),
+            np.concatenate([self._points[:, None], carriers], axis=1).ravel().astype(np.int32),
+        )
+        self._hold, self._command, self._penalty = Hold.OFF, 0.0, 0.0
+        self._poses, self._last = {grip.holder: Pose()}, None
+        self._kept, self._updated, self._errors = self.neutral(), None, []
+
+    @property
+    def _carried(self) -> bool:
+        """Whether four vertices carry the places: the holder is a rigid body."""
+        return isinstance(self._holder, RigidBody)
+
+    @property
+    def _rows(self) -> NDArray[np.float64]:
+        """The rows of the points (k, 10), a view."""
+        return self.reals[HEAD:].reshape(-1, ROW)
+
+    @property
+    def updates(self) -> bool:
+        """Whether multipliers keep points in their places."""
+        return self._hold is Hold.HOLDS
+
+    @property
+    def pairs(self) -> list[tuple[str, NDArray[np.int32]]]:
+        """Names of things, each with the vertices that keep their places on it; empty if nothing is held."""
+        if not self.updates:
+            return []
+        found = [(self.actuator.holder, self._points)]
+        return [*found, (self.actuator.held, self._holder.vertices)] if self._carried else found
+
+    @property
+    def stage(self) -> int:
+        """1 while the penalty acts, else 0."""
+        return int(self.updates)
+
+    def fit(self, matrix: ConstantMatrix) -> None:
+        """Set the penalty in proportion to the largest stiffness of a held vertex."""
+        self._penalty = self.STIFF * float(matrix.assembled.diagonal()[self._points].max())
+
+    def couplings(self) -> NDArray[np.int32]:
+        """Return each held vertex, with the four vertices of a rigid body that holds it: (k, 1) or (k, 5)."""
+        vertices = self.integers.reshape(-1, POINT)
+        return vertices if self._carried else vertices[:, :1]
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the constant tangents s [1, -w]^T [1, -w] of the points (k, 3 c, 3 c) [N/m]."""
+        signed = np.ones((len(self._points), self.couplings().shape[1]))
+        signed[:, 1:] = -self._rows[:, WEIGHTS:PLACE][:, : signed.shape[1] - 1]
+        blocks = self.reals[STIFFNESS] * signed[:, :, None, None, None] * signed[:, None, None, :, None]
+        return (blocks * np.eye(3)[:, None, :]).reshape(len(signed), 3 * signed.shape[1], -1)
+
+    def neutral(self) -> Saved:
+        """Return the stored state of a grip that holds nothing."""
+        none = np.zeros((len(self._points), 3))
+        start = {"hold": np.zeros(1), "command": np.zeros(1), "weights": np.zeros((len(none), 4))}
+        return {**start, "places": none, "pull": none, "before": none}
+
+    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+        """Store the pose of the holder, and the state in which a grip takes hold."""
+        self._poses, self._last = poses, last
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Take hold, go on holding, or let go, as the command has changed since the state ``saved``."""
+        before, self._command = float(saved["command"][0]), commands[self.name]
+        self._hold, kept = Hold(int(saved["hold"][0])), dict(saved)
+        if self._command > before and self._hold is not Hold.HOLDS:
+            self._hold = Hold.HOLDS
+            kept.update(self.neutral(), **self._taken(self._last))
+        elif self._command < before and self._hold is not Hold.OFF:
+            self._hold = Hold.FADES if self._command > 0.0 else Hold.OFF
+            kept["pull"] = saved["pull"] * (self._command / before)
+        pull = kept["pull"]
+        if self._hold is Hold.HOLDS:
+            pull = pull + ratio * (pull - kept["before"])
+        elif self._hold is Hold.OFF:
+            kept = self.neutral()
+            pull = kept["pull"]
+        self._kept, self._updated, self._errors, rows = kept, None, [], self._rows
+        self.reals[ACTS] = self._hold is not Hold.OFF
+        self.reals[STIFFNESS] = self._penalty if self._hold is Hold.HOLDS else 0.0
+        rows[:, WEIGHTS:PLACE], rows[:, PULL:] = kept["weights"], pull
+        rows[:, PLACE:PULL] = self._places(kept["places"])
+
+    def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Set other poses or another stored state after `resume`; a grip does not depend on its command itself."""
+        self.begin({**commands, self.name: self._command}, saved, positions, 0.0)
+
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
+        """Restore the forces at the end of a solve."""
+        self.begin(commands, saved, positions, 0.0)
+        self._rows[:, PULL:] = found["pull"]
+
+    def _taken(self, last: State) -> Saved:
+        """Return weights and places of the points, where the state ``last`` has them."""
+        points = last.positions[self._points]
+        if self._carried:
+            origin, axes = self._holder.found(last.positions)
+            return {"weights": 0.25 + ((points - origin) @ axes) @ self._holder.signs.T}
+        pose, centre = last.poses[self._holder.name], self._holder.centre(self._body.rest)
+        back = Rotation.from_rotvec(pose.rotation).inv().apply(points - centre - pose.translation)
+        return {"places": back + centre}
+
+    def _places(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return places (k, 3) [m] at the holder's rest pose as they are at its present pose."""
+        if self._carried or self._hold is Hold.OFF:
+            return np.zeros_like(places)
+        return self._poses[self._holder.name].apply(places, self._holder.centre(self._body.rest))
+
+    def _gaps(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the gaps d (k, 3) [m] of the points from their places."""
+        vertices, rows = self.integers.reshape(-1, POINT), self._rows
+        carried = np.einsum("ka,kai->ki", rows[:, WEIGHTS:PLACE], positions[vertices[:, 1:]])
+        return positions[vertices[:, 0]] - carried - rows[:, PLACE:PULL]
+
+    def _pulls(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return l + s d (k, 3) [N]: minus the forces on the points."""
+        pull = self._rows[:, PULL:].copy()
+        return pull + self.reals[STIFFNESS] * self._gaps(positions) if self.updates else pull
+
+    def _acting(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return minus the forces (k, 3) [N] on the points in the last minimisation, which ended at ``positions``."""
+        done = self._updated is not None and np.array_equal(self._updated, positions[self._points])
+        return self._rows[:, PULL:].copy() if done else self._pulls(positions)
+
+    def update(self, positions: NDArray[np.float64]) -> float:
+        """Update the forces that keep the points in their places; return their change as a displacement [m]."""
+        self._rows[:, PULL:] = self._pulls(positions)
+        self._updated = positions[self._points]
+        self._errors.append(self.STIFF / self.FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
+        return self._errors[-1]
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the points cannot keep their places, as when two grips pull one body apart."""
+        return wander(self._errors, self._body.size)
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Return the state to store: command, places and forces."""
+        found = {"hold": np.array([float(self._hold)]), "command": np.array([self._command])}
+        forces = {"pull": self._acting(positions), "before": saved["pull"]}
+        return {"weights": self._kept["weights"], "places": self._kept["places"], **found, **forces}
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """The forces (3 k,) [N] that keep the points in their places; empty if nothing is held."""
+        return self._rows[:, PULL:].ravel() if self.updates else np.zeros(0)
+
+    @property
+    def per_metre(self) -> NDArray[np.float64]:
+        """The penalty [N/m] of each force (3 k,); empty if nothing is held."""
+        return np.full(self.multipliers.shape, self.reals[STIFFNESS])
+
+    def hold(self, multipliers: NDArray[np.float64]) -> None:
+        """Set the forces (3 k,) [N]."""
+        if self.updates:
+            self._rows[:, PULL:] = multipliers.reshape(-1, 3)
+
+    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the forces (3 k,) [N] after an update."""
+        return self._pulls(positions).ravel() if self.updates else np.zeros(0)
+
+    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+        """Return the potential [J] of falling forces, and its derivative with respect to the command; else zeros."""
+        if self._hold is not Hold.FADES:
+            return 0.0, 0.0
+        found = float(np.vdot(self._rows[:, PULL:], self._gaps(positions)))
+        return found, found / command if command else 0.0
+
+    def state(self, positions: NDArray[np.float64]) -> ActuatorState:
+        """Return the command, 1 or 0 for whether it holds, and the size [N] of the whole force."""
+        force = float(np.linalg.norm(self._acting(positions).sum(axis=0)))
+        return ActuatorState(self.actuator.mode, self._command, float(self.updates), force)
+
+    @property
+    def presses(self) -> bool:
+        """Whether forces act on a handle or an obstacle; those on a rigid body act on its vertices already."""
+        return bool(self.reals[ACTS]) and not self._carried
+
+    def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return force [N] and moment [N m] (6,) by which a handle or an obstacle acts on the points.
+
+        The moment is about the point that `handle_reactions` uses.
+        """
+        if isinstance(self._holder, Obstacle):
+            centre = self._holder.frame(self._poses[self._holder.name])[0]
+        else:
+            centre = positions[self._holder.vertices].mean(axis=0)
+        forces = -self._acting(positions)
+        moments = np.cross(positions[self._points] - centre, forces)
+        return np.concatenate([forces.sum(axis=0), moments.sum(axis=0)])
+
+    def holds(self, saved: Saved) -> bool:
+        """Return whether the grip holds something, or its forces still fall, in the stored state."""
+        return bool(saved["hold"][0])
+
+    def distance(self, state: State) -> float:
+        """Return the distance [m] of what the grip holds from the handle, obstacle or rigid body that it is held to."""
+        holder, held, x = self._holder, self._held, state.positions
+        if isinstance(holder, Obstacle):
+            there = _placed(holder, state)
+            if held is None:
+                return max(0.0, float(there.seen_from(x[self._points])[0].min()))
+            here, form = _placed(held, state), held.form
+            corners = there.seen_from(here.world(form.corners))[0].min() - form.rounding
+            return max(0.0, min(float(corners), float(there.seen_from(here.world(form.skin))[0].min())))
+        if held is None:
+            return float(cKDTree(x[holder.vertices]).query(x[self._points])[0].min())
+        return max(0.0, float(_placed(held, state).seen_from(x[holder.vertices])[0].min()))
+
+
+def _placed(thing: Obstacle, state: State) -> Placed:
+    """Return an obstacle or a rigid body at its pose in ``state``."""
+    rigid = isinstance(thing, RigidBody)
+    return Placed(thing, *(thing.found(state.positions) if rigid else thing.frame(state.poses[thing.name])))

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pressures as multipliers of the elements' volumes, by the augmented Lagrangian method."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, MaterialTable
+from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.solver.anderson import Anderson
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.measures import update_pressures
+from gdfe_ros.solver.state import ElementState
+
+
+class Pressures:
+    """The pressures of one solve, positive in tension, and their updates between minimisations.
+
+    Args:
+        body: the discretised body.
+        state: the elements' stored state.
+        elements: (k,) elements whose pressures are extrapolated.
+        ratio: at the start, this multiple of the last step's change of pressure is added.
+
+    Attributes:
+        values: (m,) p_e [Pa].
+        table: the body's materials, with the present penalty bulk moduli.
+    """
+
+    STILL_UPDATES, PLAIN_UPDATES = 3, 20
+    """Updates are accelerated after `STILL_UPDATES` successive updates before which the minimisation made no iteration,
+    or after `PLAIN_UPDATES` updates in all.
+    """
+    LOCAL_SLACK = 10.0
+    """Allowed volume error of a single element, divided by the allowed mean error. Both errors move positions by the
+    same amount.
+    """
+    SWINGING = 0.3
+    """An update counts as an oscillation if it reverses more than this fraction of the last one."""
+    MOST_SWINGS = 2
+    """The penalty bulk modulus is raised after this number of successive oscillations."""
+    STIFFENING, MOST_STIFFENING = 3.0, 30.0
+    """Oscillating pressures raise the penalty bulk modulus by the first factor; the second limits the total factor."""
+
+    def __init__(self, body: Body, state: ElementState, ratio: float) -> None:
+        self._body = body
+        self.values = state.pressures.copy()
+        if ratio != 0.0 and state.pressures is not state.pressures_before:
+            self.values += ratio * (state.pressures - state.pressures_before)
+        self.table = with_bulk(body.table, state.bulk)
+        self.begin()
+
+    def begin(self) -> None:
+        """Clear the history of updates; the pressures stay."""
+        self._change: NDArray[np.float64] | None = None
+        self._swings, self._still, self._updates = 0, 0, 0
+        self._anderson = Anderson()
+
+    def update(
+        self, x: NDArray[np.float64], elements: NDArray[np.int32], shape: ShapeOperators, *, still: bool
+    ) -> float:
+        """Update the pressures of ``elements``; return the mean volume error, or a tenth of the largest if larger.
+
+        In confined bodies plain updates converge slowly, and Anderson acceleration is used. Beyond a buckling load the
+        body is softer than the penalty bulk modulus, and the updates would oscillate without end. The modulus is then
+        raised, and stays raised in later solves.
+        """
+        before = self.values.copy()
+        worst, mean = update_pressures(x, elements, shape, self._body.material, self.table, self.values)
+        change, last = self.values - before, self._change
+        self._change = change
+        swings = last is not None and np.vdot(last, change) < -self.SWINGING * np.vdot(last, last)
+        self._swings = self._swings + 1 if swings else 0
+        if self._swings == self.MOST_SWINGS:
+            self._stiffen()
+        self._still, self._updates = self._still + 1 if still else 0, self._updates + 1
+        if self._still > self.STILL_UPDATES or self._updates > self.PLAIN_UPDATES:
+            self.values[...] = self._anderson.next(before, change)
+        return max(mean, worst / self.LOCAL_SLACK)
+
+    @property
+    def bulk(self) -> NDArray[np.float64]:
+        """Penalty bulk modulus (k,) [Pa] of each material, for elements with pressures."""
+        return self.table.parameters[:, PENALTY].copy()
+
+    def _stiffen(self) -> None:
+        parameters, most = self.table.parameters, self.MOST_STIFFENING * self._body.table.parameters[:, PENALTY]
+        raised = np.minimum(self.STIFFENING * parameters[:, PENALTY], np.minimum(most, parameters[:, BULK]))
+        parameters[:, PENALTY] = np.where(parameters[:, CARRIED] == 1.0, raised, parameters[:, PENALTY])
+        self._swings = 0
+
+
+def with_bulk(table: MaterialTable, bulk: NDArray[np.float64]) -> MaterialTable:
+    """Return a copy of the materials with other penalty bulk moduli (k,) [Pa]."""
+    parameters = table.parameters.copy()
+    parameters[:, PENALTY] = bulk
+    return table._replace(parameters=parameters)
+
+
+def at_rest(body: Body) -> ElementState:
+    """Return the stored state of undeformed elements."""
+    none = np.zeros(len(body.material))
+    return ElementState(
+        pressures=none,
+        pressures_before=none,
+        bulk=body.table.parameters[:, PENALTY].copy(),
+        hourglass_scale=np.ones_like(none),
+        hourglass_scale_before=np.ones_like(none),
+    )

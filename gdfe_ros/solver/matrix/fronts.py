@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled sparse Cholesky factors A = U^T U of symmetric matrices of one pattern: multifrontal (Liu 1992).
+
+Each supernode assembles its entries of the matrix and its children's update matrices in a dense front. It eliminates
+its own vertices there, and passes the remaining update matrix to its parent. Six columns (two vertices) are eliminated
+at a time, always in the same order. A matrix thus has the same factor, bit by bit, with any number of threads. Inner
+loops count in unsigned numbers: a possibly negative index would cost a test in each iteration and prevent SIMD.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy import uint64
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
+from gdfe_ros.solver.matrix.elimination import eliminated
+from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order
+from gdfe_ros.solver.matrix.rotation import unrotated
+from gdfe_ros.solver.matrix.substitution import PANEL, Kept, Plan, solve_columns, solve_unturned
+from gdfe_ros.solver.vectors import clear_part, copy_part
+
+TILE = 256
+"""Number of columns of a row that are updated at a time; six rows of this length fit into the fastest cache."""
+
+
+@internal
+def gather(blocks, parts, begin, end, front, width):
+    """Write the blocks from ``begin`` up to ``end`` of ``blocks`` (k, 3, 3) into a supernode's front (width, width)."""
+    for k in range(begin, end):
+        block, at = blocks[parts[k, 0]], parts[k, 1] * width + parts[k, 2]
+        for i in range(3):
+            for j in range(3):
+                front[at + i * width + j] = block[i, j]
+
+
+@vector_internal
+def extend(update, start, stride, places, ends, front, width):
+    """Add a child's update matrix, upper triangle, to the vertices ``places`` (p,) of the front.
+
+    The first row of the update matrix begins at ``start``, and each further one ``stride`` entries later. Consecutive
+    places are added as one piece of a row; ``ends`` is scratch for the index at which each vertex' piece ends.
+    """
+    count = len(places)
+    for a in range(count - 1, -1, -1):
+        ends[a] = ends[a + 1] if a + 1 < count and places[a + 1] == places[a] + 1 else a + 1
+    for a in range(count):
+        first = a
+        while first < count:
+            for i in range(3):
+                begin = 3 * first + (i if first == a else 0)
+                length, to = 3 * ends[first] - begin, begin + 3 * (places[first] - first)
+                at, line = start + (3 * a + i) * stride + begin, (3 * places[a] + i) * width + to
+                row, sums = update[at : at + length], front[line : line + length]
+                for j in range(uint64(length)):
+                    sums[j] += row[j]
+            first = ends[first]
+
+
+@vector_internal
+def eliminate(front, width, own, panel):
+    """Eliminate the first ``own`` columns of a front, upper triangle; return whether they are positive definite.
+
+    Each row of the factor contains the inverse of its diagonal entry in place of this entry.
+    """
+    for first in range(0, own, PANEL):
+        last = min(first + PANEL, own)
+        for k in range(first, last):
+            row = front[k * width : (k + 1) * width]
+            for above in range(first, k):
+                other = front[above * width : (above + 1) * width]
+                weight = other[k]
+                for j in range(uint64(k), uint64(width)):
+                    row[j] -= weight * other[j]
+            if not row[k] > 0.0:
+                return False
+            scale = front.dtype.type(1.0) / np.sqrt(row[k])
+            for j in range(uint64(k + 1), uint64(width)):
+                row[j] *= scale
+            row[k] = scale
+        subtract(front, width, first, last, panel)
+    return True
+
+
+@inlined
+def column(front, at, width, full):
+    """Return the entry of the front at ``at`` and the five entries below it; the last three are 0 if not ``full``."""
+    a, b, c, none = front[at], front[at + width], front[at + 2 * width], front.dtype.type(0.0)
+    if not full:
+        return a, b, c, none, none, none
+    return a, b, c, front[at + 3 * width], front[at + 4 * width], front[at + 5 * width]
+
+
+@vector_internal
+def subtract(front, width, first, last, panel):
+    """Subtract the products of the factor's rows from ``first`` up to ``last`` from the rows below, tile by tile.
+
+    Two rows are updated at a time, because they share the loads of the factor's rows. Entries below the diagonal are
+    changed, too, and never used.
+    """
+    next_row, full = uint64(TILE), last - first == PANEL
+    for begin in range(last, width, TILE):
+        end = min(begin + TILE, width)
+        for k in range(PANEL):
+            if first + k < last:
+                copy_part(panel, k * TILE, front, (first + k) * width + begin, end - begin)
+            else:
+                clear_part(panel, k * TILE, end - begin)
+        for i in range(last, end, 2):
+            at, pair = first * width + i, i + 1 < end
+            a, b, c, d, e, f = column(front, at, width, full)
+            u, v, w, x, y, z = column(front, at + pair, width, full)
+            row = front[i * width + begin : i * width + end]
+            low = front[(i + 1) * width + begin : (i + 1) * width + end] if pair else panel[PANEL * TILE :]
+            for j in range(uint64(max(i, begin) - begin), uint64(end - begin)):
+                k, p = j + next_row, panel[j]
+                taken, lower = a * p, u * p
+                p = panel[k]
+                k += next_row
+                taken, lower = taken + b * p, lower + v * p
+                p = panel[k]
+                k += next_row
+                taken, lower = taken + c * p, lower + w * p
+                p = panel[k]
+                k += next_row
+                taken, lower = taken + d * p, lower + x * p
+                p = panel[k]
+                k += next_row
+                taken, lower = taken + e * p, lower + y * p
+                p = panel[k]
+                row[j] -= taken + f * p
+                low[j] -= lower + z * p
+
+
+@kernel
+def factor_fronts(blocks, parts, plan, fronts, panel, ends, stack, values):
+    """Write the factor's rows to ``values``; return whether the matrix is positive definite.
+
+    A supernode's update matrix stays in its front if its parent comes next, or else on the ``stack`` until its parent
+    uses it; children directly precede their parent.
+    """
+    top, before, wide, done = 0, fronts[0], 0, 0
+    for node in range(len(plan.first) - 1):
+        width, own = (
+            3 * (plan.row_start[node + 1] - plan.row_start[node]),
+            3 * (plan.first[node + 1] - plan.first[node]),
+        )
+        front = fronts[node % 2]
+        for i in range(width):
+            clear_part(front, i * width + i, width - i)
+        gather(blocks, parts, plan.part_start[node], plan.part_start[node + 1], front, width)
+        for k in range(plan.child_start[node + 1] - 1, plan.child_start[node] - 1, -1):
+            child = plan.children[k]
+            beyond = plan.row_start[child] + plan.first[child + 1] - plan.first[child]
+            places = plan.inside[beyond : plan.row_start[child + 1]]
+            if child == node - 1:
+                extend(before, done * wide + done, wide, places, ends, front, width)
+            else:
+                top -= 9 * len(places) ** 2
+                extend(stack, top, 3 * len(places), places, ends, front, width)
+        if not eliminate(front, width, own, panel):
+            return False
+        at, left = plan.value_start[node], width - own
+        copy_part(values, at, front, 0, own * width)
+        before, wide, done = front, width, own
+        if plan.parent[node] != node + 1:
+            for i in range(left):
+                copy_part(stack, top + i * left + i, front, (own + i) * width + own + i, left - i)
+            top += left * left
+    return True
+
+
+class Fronts:
+    """Factors matrices of one pattern in succession, and solves with the last factor.
+
+    Args:
+        graph: (f, f) symmetric pattern with an entry for each block (3, 3) of the matrices, in the order of the blocks.
+        points: (f, 3) positions of the vertices [m].
+        kind: precision in which the factor is kept; it is always computed in double precision.
+
+    Attributes:
+        price: cost of a factorisation, divided by the cost of a solution.
+        operations: number of multiplications of a factorisation.
+        memory: bytes of the factor and of the scratch arrays.
+        kept: the last factor.
+    """
+
+    def __init__(
+        self, graph: sparse.csr_matrix, points: NDArray[np.float64], *, kind: type[np.floating] = np.float32
+    ) -> None:
+        orders = narrow_order(graph, points), least_degree(graph)
+        found = min((eliminated(graph, order) for order in orders), key=lambda each: each.work)
+        widths, heights = found.widths, found.heights
+        self.price = round(3 * found.work / max(1, 8 * found.entries))
+        room = 3 * int(heights.max(initial=0))
+        inner = found.parent >= 0
+        children = np.argsort(found.parent, kind="stable")[np.sum(~inner) :]
+        taken, row, place, part_start = found.parts(graph)
+        self._parts = np.stack([taken, 3 * row, 3 * place], axis=1)
+        self._plan = Plan(
+            found.first,
+            found.row_start,
+            found.rows,
+            found.inside(),
+            children,
+            _starts(np.bincount(found.parent[inner], minlength=len(widths))),
+            found.parent,
+            part_start,
+            _starts(9 * widths * heights),
+        )
+        left = 9 * (heights - widths) ** 2
+        taken = np.bincount(found.parent[inner], weights=left[inner], minlength=len(widths)).astype(np.int64)
+        self._room, self._height = room, int(np.cumsum(left - taken).max(initial=0))
+        self.operations = 27 * int(found.work)
+        self._kind = np.dtype(kind)
+        self.memory = self._kind.itemsize * int(self._plan.value_start[-1]) + 8 * (2 * room**2 + self._height)
+        self._ends = np.empty(room, np.int64)
+        none, rows, order = np.zeros((0, 0)), 3 * len(found.order), found.order
+        bare = {"harmonic": np.zeros((rows, 0)), "schur": none, "springs": none, "reach": none, "inner": none}
+        turns = {"frames": unrotated(len(order)), "turned": np.empty(rows), "fixed": np.zeros(0, np.int64)}
+        values = np.empty(0, kind)
+        self.kept = Kept(self._plan, values, order, np.empty(rows), np.empty(room), **bare, **turns)
+        self._fronts = self._panel = self._stack = np.empty(0)
+
+    def _allocate(self) -> None:
+        """Allocate the factor and all scratch arrays."""
+        self._fronts, self._panel = np.empty((2, self._room**2)), np.empty((PANEL + 1) * TILE)
+        self._stack = np.empty(self._height)
+        self.kept = self.kept._replace(values=np.empty(self._plan.value_start[-1], self._kind))
+
+    def factor(self, blocks: NDArray[np.float64]) -> bool:
+        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. Otherwise it has no factor."""
+        if not len(self.kept.values):
+            self._allocate()
+        return factor_fronts(
+            blocks, self._parts, self._plan, self._fronts, self._panel, self._ends, self._stack, self.kept.values
+        )
+
+    def spare(self) -> None:
+        """Let the next factorisation not overwrite the last factor."""
+        self.kept = self.kept._replace(values=np.empty(0, self._kind), frames=self.kept.frames.copy())
+
+    def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the solution for a right-hand side (3 f,) or for k of them (3 f, k)."""
+        return unturned_solutions(self.kept, right)
+
+
+def unturned_solutions(kept: Kept, right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the solution for a right-hand side (3 f + q,), or for k of them (3 f + q, k), as in `solve_unturned`."""
+    if right.ndim > 1:
+        solution = np.empty(right.shape[::-1])
+        solve_columns(kept, np.ascontiguousarray(right.T), solution)
+        return solution.T
+    solution = np.empty_like(right)
+    solve_unturned(kept, right, solution)
+    return solution
+
+
+def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

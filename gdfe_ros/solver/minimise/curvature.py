@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Products with the present tangent, and its softest direction by the preconditioned Lanczos method.
+
+Products are finite differences of the gradient. K is the tangent, and M is a positive definite preconditioner that is
+given by its inverse. The least eigenvalue of M^-1 K has the sign of the least eigenvalue of K. The closer M is to K,
+the fewer products are needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh_tridiagonal
+
+from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.descent.search import advance
+from gdfe_ros.solver.descent.workspace import allocate, numbers
+from gdfe_ros.solver.minimise.minimiser import Task
+from gdfe_ros.solver.vectors import largest
+
+
+@kernel
+def multiply(problem, u, gradient, beside, direction, spacing, image):
+    """Write the product K d (3 r,) [N] of the tangent and ``direction`` to ``image``.
+
+    The product is a finite difference of two gradients: ``gradient`` at the unknowns ``u``, and a second one that is
+    evaluated in the workspace ``beside``. The largest displacement between the two points is ``spacing`` [m].
+    """
+    step, first = spacing / largest(direction), len(u) > 0
+    for n in range(len(u)):
+        beside.u[n] = u[n] + step * direction[n]
+    advance(problem, beside, first)
+    for n in range(len(u)):
+        image[n] = (beside.gradient[n] - gradient[n]) / step
+
+
+class TangentProducts:
+    """Multiplies the tangent K of all terms by directions, in a workspace of its own.
+
+    Args:
+        body: the discretised body.
+    """
+
+    SPACING = 1e-7
+    """Largest displacement in a finite difference, divided by the body's size. If a displacement of a tenth of the
+    body's size changes its stiffness by 100 %, the truncation error is a millionth of the product. The rounding error
+    is smaller.
+    """
+
+    def __init__(self, body: Body) -> None:
+        self._beside = allocate(body.unknowns.rows, body.rest, body.cells.shape, memory=0)
+        self._spacing = self.SPACING * body.size
+
+    def begin(self, task: Task) -> None:
+        """Set the unknowns of ``task`` as the point at which products use the tangent. The task is not modified."""
+        work = task.active.workspace
+        self._problem, self._u, self._gradient = task.problem, work.u.copy(), work.gradient.copy()
+        self._beside.x[...] = work.x
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Positions (n, 3) [m] of the last evaluation, overwritten by the next one."""
+        return self._beside.x
+
+    def energy(self, step: NDArray[np.float64]) -> float:
+        """Return the energy [J] of all terms at the unknowns plus ``step`` (3 r,)."""
+        self._beside.u[...] = self._u + step
+        advance(self._problem, self._beside, True)
+        return float(numbers(self._beside)["energy"])
+
+    def __call__(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the product K d (3 r,) [N] of the tangent and a ``direction`` d (3 r,)."""
+        image = np.empty_like(direction)
+        multiply(self._problem, self._u, self._gradient, self._beside, direction, self._spacing, image)
+        return image
+
+
+MOST_PRODUCTS = 80
+"""The least eigenvalue counts as unknown after this number of products."""
+LEAST_PRODUCTS = 12
+"""Least number of products before a Ritz value can count as converged."""
+LOOK_BACK, STEADY, FLAT = 4, 0.05, 1e-4
+"""The least Ritz value is computed after every `LOOK_BACK` products. It counts as converged if it changed over these by
+at most the fraction `STEADY`, or by at most `FLAT`. A value below `FLAT` counts as no curvature.
+"""
+
+NOISE = 1e-4
+"""The next Lanczos vector counts as noise if its M-norm, divided by the largest diagonal entry, is below this, because
+products are differences of gradients.
+"""
+
+Apply = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
+Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+class Lowest(NamedTuple):
+    """Result of the Lanczos method.
+
+    Attributes:
+        value: least Ritz value of M^-1 K.
+        direction: (3 r,) Ritz vector [m] of this value, with M-norm 1.
+        known: whether the value has converged to the least eigenvalue.
+        products: number of products with K.
+    """
+
+    value: float
+    direction: NDArray[np.float64]
+    known: bool
+    products: int
+
+
+def lowest(
+    product: Product,
+    precondition: Apply,
+    load: NDArray[np.float64],
+    *,
+    most: int = MOST_PRODUCTS,
+    steady: float = STEADY,
+) -> Lowest:
+    """Return the least Ritz value of M^-1 K and its vector.
+
+    Vectors are not reorthogonalised; the loss of orthogonality only repeats converged values.
+
+    Args:
+        product: multiplies the tangent K by a direction (3 r,).
+        precondition: writes M^-1 times its first argument to its second.
+        load: (3 r,) M times the start vector, which must contain every mode.
+        most: limit of products.
+        steady: relative change at which the value counts as converged; 0 to make ``most`` products.
+    """
+    vector, before = np.empty_like(load), np.zeros_like(load)
+    precondition(load, vector)
+    weight = float(load @ vector)
+    vectors = np.empty((most, len(load)), np.float32)  # pages never written use no memory
+    diagonal: list[float] = []
+    beside: list[float] = []
+    value, known, flat = np.inf, not weight > 0.0, FLAT if steady else 0.0
+    while weight > 0.0 and len(diagonal) < most:
+        scale = 1.0 / np.sqrt(weight)
+        vector, load = scale * vector, scale * load
+        vectors[len(diagonal)] = vector
+        image = product(vector)
+        diagonal.append(float(vector @ image))
+        if len(diagonal) % LOOK_BACK == 0:
+            last, value = value, _least(diagonal, beside)[0]
+            known = len(diagonal) >= LEAST_PRODUCTS and last - value <= max(steady * abs(value), flat)
+            if known:
+                break
+        load, before = image - diagonal[-1] * load - (beside[-1] if beside else 0.0) * before, load
+        precondition(load, vector)
+        weight = float(load @ vector)
+        known = not weight > (NOISE * float(np.abs(diagonal).max())) ** 2  # the vectors span the whole Krylov space
+        if known:
+            break
+        beside.append(np.sqrt(weight))
+    if not diagonal:
+        return Lowest(1.0, np.zeros_like(load), True, 0)
+    value, coefficients = _least(diagonal, beside[: len(diagonal) - 1])
+    return Lowest(value, coefficients @ vectors[: len(diagonal)], known, len(diagonal))
+
+
+def _least(diagonal: list[float], beside: list[float]) -> tuple[float, NDArray[np.float64]]:
+    """Return the least eigenvalue of a symmetric tridiagonal matrix, and its vector."""
+    values, vectors = eigh_tridiagonal(np.array(diagonal), np.array(beside), select="i", select_range=(0, 0))
+    return float(values[0]), vectors[:, 0]

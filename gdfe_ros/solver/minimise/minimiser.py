@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Minimisation of the potential: the compiled loop, deadlines, and the tangents that precondition it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.impulses import Impulses
+from gdfe_ros.solver.deadline import Deadline, past
+from gdfe_ros.solver.descent.active_set import ActiveSet
+from gdfe_ros.solver.descent.arc import follow_arc
+from gdfe_ros.solver.descent.loop import Metric, choose, descend, move, precondition, start
+from gdfe_ros.solver.descent.search import ROUNDING, advance
+from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
+from gdfe_ros.solver.matrix.springs import Tangent
+from gdfe_ros.solver.matrix.substitution import Kept
+from gdfe_ros.solver.minimise.level import TangentLevel
+from gdfe_ros.solver.outcome import Outcome
+from gdfe_ros.solver.vectors import largest, largest_shift
+
+_TEAM = threading.Lock()
+"""Lock for numba's threads. They serve one caller at a time; a second one could crash the process."""
+Observer = Callable[[float, float, bool], None]
+"""Function of the minimised energy [J], the size of its terms [J], and whether the minimisation just begins."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """The problem of a minimisation.
+
+    Attributes:
+        active: the unknowns, the elements and the workspace.
+        problem: the constant data.
+        deadline: once it has passed, the minimisation ends; None for no deadline.
+        gives_up: whether the minimisation ends at positions (n, 3) [m] at which the tangent is indefinite.
+    """
+
+    active: ActiveSet
+    problem: Problem
+    deadline: Deadline | None = None
+    gives_up: Callable[[NDArray[np.float64]], bool] | None = None
+
+    @property
+    def turn(self) -> AbstractContextManager[object]:
+        """The context manager for a call that may divide its work among threads: it holds the lock for threads."""
+        return nullcontext() if self.problem.threads is None else _TEAM
+
+    def evaluate(self) -> None:
+        """Evaluate all terms at the present unknowns."""
+        with self.turn:
+            advance(self.problem, self.active.workspace, True)
+
+
+class Minimiser:
+    """Minimises the potential of a body.
+
+    Args:
+        body: the discretised body.
+        weight: (m,) [Pa] weights of the elements in the constant matrix (see `assemble`).
+        level: the body's tangent preconditioner.
+        moving: whether inertia is among the terms.
+        impulses: finds the contact forces of each step; None without contact.
+
+    Attributes:
+        level: the argument.
+        observer: function that receives the energy of every iteration; None for no observer.
+        rest: the tangent of the undeformed body; None if it is too expensive, or if the body is a mechanism.
+        tangent: the tangent in use; None if the constant matrix is in use.
+    """
+
+    SHARE, MOVING, FREE = 0.2, 0.1, 0.02
+    """A minimisation ends if its distance to the equilibrium, divided by the tolerance, is at most this: in statics, in
+    motion, and in the motion of bodies that nothing holds. Only the accuracy of the solve conserves their momentum.
+    """
+    TRUST = 0.1
+    """Assumed least ratio of a step with the constant matrix to the distance to the equilibrium."""
+    FARTHEST = 3000.0
+    """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
+    LEAST_AGE, AGE = 24, 1.5
+    """A tangent is renewed within a solve after this number of iterations, or after this multiple of the number of
+    solutions that its factor costs, if that is larger. Otherwise a few far steps would renew it too often.
+    """
+    UNSOLVED = 200
+    """A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve."""
+
+    def __init__(
+        self,
+        body: Body,
+        weight: NDArray[np.float64],
+        level: TangentLevel,
+        *,
+        moving: bool,
+        impulses: Impulses | None = None,
+    ) -> None:
+        self._body, self.level, self.impulses = body, level, impulses
+        held = bool(body.handles) and not body.rigid_bodies
+        self._share = (self.MOVING if held else self.FREE) if moving else self.SHARE
+        self._grain = float(np.finfo(float).eps * np.vdot(weight, body.shape.volume))
+        rows, (count, corners) = 3 * body.unknowns.rows, body.cells.shape
+        scratch = np.zeros(rows), np.zeros(rows), body.rest.copy(), np.zeros((count, corners, 3))
+        self._given = weight, *scratch, np.empty((len(body.rest), 9))
+        self._none = Kept.none(rows)
+        self.observer: Observer | None = None
+        self.tangent: Tangent | None = None
+        self.rest: Tangent | None = None
+
+    def begin(self, active: ActiveSet, tangent: Tangent | None) -> None:
+        """Prepare a solve with the tangent of the last one; None stands for that of the undeformed body."""
+        status = active.status
+        status["reach"], status["grain"] = self.FARTHEST * self._body.size, self._grain
+        status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
+        self._spent = 0
+        if self.impulses is not None:
+            self.impulses.begin()
+        self.tangent = tangent or self.rest
+        if self.tangent is not None:
+            self.level.load(self.tangent)
+
+    def descend(self, task: Task, *, tolerance: float, limit: int, proven: bool = False) -> int:
+        """Minimise until the estimated distance to the equilibrium is small enough for the tolerance.
+
+        Return the number of iterations; ``task.active.ended`` is the reason for the end.
+
+        Args:
+            task: the problem.
+            tolerance: allowed distance, divided by the body's size.
+            limit: largest number of iterations.
+            proven: whether the last minimisation has reached the equilibrium, which multipliers may have moved since.
+        """
+        work, begins, done = task.active.workspace, True, 0
+        target = self._share * tolerance * self._body.size
+        self._follow_terms(task)
+        while True:
+            chunk = 1 if self.observer or task.deadline else limit
+            if begins and self.observer:
+                task.evaluate()
+                self._show(work, begins=True)
+            with task.turn:
+                most = self._age()
+                given = task.problem, work, self.metric(task.active), self._body.size, target, proven, most
+                least = max(0, min(chunk, limit - done))
+                used = (self._touching if self.impulses else descend)(*given, least, begins)
+            self._show(work, begins=False)
+            begins, done = False, done + used
+            self._spent += used
+            if task.active.ended is Outcome.WORN and self._renewed(task, fresh=not used):
+                continue
+            if task.active.ended is Outcome.NONE and (done >= limit or past(task.deadline)):
+                task.active.status["ended"] = Outcome.CUT
+            if task.active.ended is not Outcome.NONE:
+                return done
+
+    def _follow_terms(self, task: Task) -> None:
+        """Take a new tangent if a term has come to another stage; otherwise connect its springs as they are now."""
+        work = task.active.workspace
+        if self.level.outdated(self.tangent) and (self.tangent is not None or self.level.fits):
+            self._adopt(task, self.level.take(task.problem, work.u, work.x))
+        elif self.tangent is not None:
+            self.tangent = self.level.reconnected(self.tangent, work.x)
+
+    def _touching(
+        self,
+        problem: Problem,
+        work: Workspace,
+        metric: Metric,
+        size: float,
+        target: float,
+        proven: bool,
+        most: int,
+        limit: int,
+        begins: bool,
+    ) -> int:
+        """Do `descend` with contact: each step gets the contact forces with which it keeps the laws of contact."""
+        impulses, key = self.impulses, (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.ways)
+        if begins:
+            start(problem, work)
+        for iteration in range(limit):
+            impulses.follow(problem, work)
+            found = choose(problem, work, metric, size, most)
+            if found and impulses.approach(work):
+                found = impulses.answer(problem, work, metric, key, size, target)
+            self._show(work, begins=True)  # other forces have another energy
+            if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
+                return iteration
+            if not impulses.settles(work):
+                numbers(work)["ended"] = Outcome.GIVEN_UP
+                return iteration + 1
+        return limit
+
+    def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
+        """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""
+        precondition(self.metric(task.active), gradient, step, None)
+
+    def follow_arc(self, task: Task, step: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the step (3 r,) [m] to the end of the arc that begins with ``step``, shortened as in `arc`."""
+        work = task.active.workspace
+        work.direction[...] = step
+        follow_arc(task.problem, work, self.metric(task.active))
+        return work.direction + work.curve
+
+    def renew(self, task: Task) -> bool:
+        """Take the tangent at the present unknowns of ``task`` if it is positive definite; return whether it is.
+
+        Otherwise the tangent in use stays: a saddle's tangent, made definite, is a poor guide away from the saddle.
+        """
+        if self.tangent is None and not self.level.affordable:
+            return False
+        before, work = self.tangent, task.active.workspace
+        taken = self.level.take(task.problem, work.u, work.x, definite=True)
+        if taken is None:
+            if before is not None:
+                self.level.load(before)
+                self.level.turn(work.x)
+                self.tangent = replace(before, spent=0, solves=0, latest=0)
+            return False
+        self._adopt(task, taken)
+        return True
+
+    def _adopt(self, task: Task, tangent: Tangent) -> None:
+        status = task.active.status
+        self.tangent = tangent
+        status["count"], status["since"], status["turned"], status["before"] = 0, 0, np.inf, np.inf
+        status["ended"], self._spent = Outcome.NONE, 0
+
+    def newton_step(self, task: Task) -> tuple[float, NDArray[np.float64]]:
+        """Return the step M^-1 g (3 r,) [m], and its largest displacement divided by the body's size and by its trust.
+
+        With a fresh tangent M, the first result is the distance to the equilibrium.
+        """
+        step, trust = np.empty_like(task.active.workspace.u), 1.0 if self.tangent is not None else self.TRUST
+        self.precondition(task, task.active.workspace.gradient, step)
+        return float(largest(step)) / (trust * self._body.size), step
+
+    def error_estimate(self, active: ActiveSet) -> float:
+        """Return the estimated largest distance to the equilibrium, divided by the body's size."""
+        return float(active.status["distance"]) / self._body.size
+
+    def used_tangent(self) -> Tangent | None:
+        """Return the tangent for the next solve, with the cost of this solve added; None if there is none."""
+        if self.tangent is None:
+            return None
+        tangent, spent = self.tangent, self._spent
+        return replace(tangent, spent=tangent.spent + spent, solves=tangent.solves + 1, latest=spent)
+
+    def is_overdue(self, tangent: Tangent | None) -> bool:
+        """Return whether a new tangent lowers the mean cost of a solve."""
+        return tangent is not None and tangent.overdue(max(self.LEAST_AGE // 2, self.level.price))
+
+    def ran_away(self, active: ActiveSet) -> bool:
+        """Return whether the body runs away, because the energy has no lower bound."""
+        far = not largest_shift(active.workspace.x, self._body.rest) <= self.FARTHEST * self._body.size
+        return far or active.ended is Outcome.RUNAWAY
+
+    def metric(self, active: ActiveSet) -> Metric:
+        """Return the initial matrix for the kernels."""
+        held, tangent, coupling = bool(self._body.handles), self.tangent, active.matrix.coupling
+        if tangent is None:
+            return Metric(self._none, coupling, self._body.rest, held, self.TRUST, *self._given)
+        before = self._body.rest if tangent.positions is None else tangent.positions
+        return Metric(self.level.kept, coupling, before, held, 1.0, *self._given)
+
+    def _age(self) -> int:
+        """Return the number of iterations of a solve for which one matrix serves."""
+        if self.tangent is None:
+            return self.UNSOLVED if self.level.fits else 2**62
+        return max(self.LEAST_AGE, round(self.AGE * self.level.price))
+
+    def _renewed(self, task: Task, *, fresh: bool) -> bool:
+        """Renew the tangent within a solve; return whether that is possible and may help."""
+        if fresh and task.active.status["since"] == 0:
+            return False
+        if self.tangent is None and not self.level.fits:
+            return False
+        work = task.active.workspace
+        self._adopt(task, self.level.take(task.problem, work.u, work.x))
+        if self.tangent.shift > 0.0 and task.gives_up is not None and task.gives_up(work.x):
+            task.active.status["ended"] = Outcome.GIVEN_UP
+            return False
+        return True
+
+    def _show(self, work: Workspace, *, begins: bool) -> None:
+        if self.observer is not None:
+            status = numbers(work)
+            size = float(status["absolute"] + status["outside"]) + self._grain / ROUNDING
+            self.observer(float(status["energy"]), size, begins)

@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Load path of a step from the present commands to the target, its attempted increments, and the verdicts on them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.elements.barrier import THRESHOLD
+from gdfe_ros.solver.forces.actuation import inflated
+from gdfe_ros.solver.outcome import Outcome, join, tell
+from gdfe_ros.solver.solution import Solution
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.value import NEGLIGIBLE, changed
+
+LARGEST_TURN = math.radians(100.0)
+"""Largest rotation of a handle in one increment [rad]."""
+Place = tuple[Mapping[str, Pose], Mapping[str, float]]
+"""Dict from handle or obstacle to its pose, and dict from actuator or load to its command."""
+
+
+def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
+    """Return the number of increments. In each, a handle turns by at most `LARGEST_TURN` and moves by at most ``size``.
+
+    Args:
+        targets: pose of every handle.
+        poses: present poses of the handles.
+        size: size of the body [m].
+    """
+    most = 1.0
+    for name, target in targets.items():
+        if target == poses[name]:
+            continue
+        turn = math.dist(target.rotation, poses[name].rotation)
+        shift = math.dist(target.translation, poses[name].translation)
+        most = max(most, turn / LARGEST_TURN, shift / size)
+    return math.ceil(most)
+
+
+def on_path(began: Place, goal: Place, share: float) -> Place:
+    """Return the poses and commands at a ``share`` of the linear path; from 1 on they are those of ``goal``."""
+    if share >= 1.0:
+        return goal
+    poses = {name: began[0][name].blend(target, share) for name, target in goal[0].items()}
+    return poses, {name: value + share * (goal[1][name] - value) for name, value in began[1].items()}
+
+
+class Verdict(Enum):
+    """The consequence of an attempted increment."""
+
+    ACCEPT = "accept, and go on from there"
+    STOP = "accept, and go no farther"
+    HALVE = "try half of it"
+    LEAP = "take the jump that was avoided so far"
+    WITHDRAW = "go back to the last sound state"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Goal:
+    """Target of a step.
+
+    Attributes:
+        poses: pose of every handle, relative to its rest pose.
+        commands: command of every actuator and load.
+        tolerance: allowed distance to the equilibrium, divided by the body's size.
+        deadline: once it has passed, the step ends with the state that it has reached; None for no deadline.
+    """
+
+    poses: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    tolerance: float
+    deadline: Deadline | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadPath:
+    """A load path and the progress on it.
+
+    Attributes:
+        poses, commands: poses and commands at the beginning.
+        goal: target at the end.
+        budget: largest number of iterations on the load path.
+        length: fraction of the load path that the next attempt covers.
+        done: fraction of the load path that is completed.
+        iterations, attempts: numbers of iterations and of attempts so far.
+        jumped: whether the body has jumped to another equilibrium in an attempt.
+        folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
+        leap: length of the first attempt from the present state that jumped to a sound equilibrium; 0 for none.
+        leaping: whether this jump is accepted, because shorter attempts failed.
+        unstable: name of a chamber that lost its stability in an attempt; empty for none.
+    """
+
+    SHORTEST_SUBSTEP = 1.0 / 256.0
+    """An increment of at most this fraction of a load path is not halved again."""
+
+    poses: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    goal: Goal
+    budget: int
+    length: float
+    done: float = 0.0
+    iterations: int = 0
+    attempts: int = 0
+    jumped: bool = False
+    folded: bool = False
+    leap: float = 0.0
+    leaping: bool = False
+    unstable: str = ""
+
+    @classmethod
+    def between(cls, state: State, goal: Goal, increments: int, limit: int) -> LoadPath:
+        """Return the load path from a state to a goal; its budget is ``increments`` times ``limit`` iterations."""
+        budget, length = increments * limit, 1.0 / increments
+        return cls(poses=state.poses, commands=state.commands, goal=goal, budget=budget, length=length)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the poses or commands at the end differ from those at the beginning."""
+        return self.poses != self.goal.poses or self.commands != self.goal.commands
+
+    @property
+    def shortest(self) -> bool:
+        """Whether the increment is too short to be halved."""
+        return self.length <= self.SHORTEST_SUBSTEP or not self.moves
+
+    @property
+    def next(self) -> float:
+        """Position on the load path at which the next attempt ends, as a fraction of the load path."""
+        return 1.0 if self.done + self.length > 1.0 - NEGLIGIBLE else self.done + self.length
+
+    @property
+    def left(self) -> int:
+        """Number of remaining iterations, at least one."""
+        return max(1, self.budget - self.iterations)
+
+    @property
+    def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
+        """Poses and commands at the end of the next attempt."""
+        return on_path((self.poses, self.commands), (self.goal.poses, self.goal.commands), self.next)
+
+    def tried(self, solution: Solution, *, jumps: bool) -> LoadPath:
+        """Return the load path after an attempt: iterations are added, and a jump or folded elements are recorded."""
+        sound = solution.min_det > 0.0
+        return changed(
+            self,
+            iterations=self.iterations + solution.iterations,
+            attempts=self.attempts + 1,
+            jumped=self.jumped or jumps,
+            folded=self.folded or not sound or (solution.min_det < THRESHOLD and not solution.converged),
+            leap=self.leap or (self.length if jumps and sound and solution.converged else 0.0),
+        )
+
+    def after(self, verdict: Verdict) -> LoadPath:
+        """Return the load path with the progress and the next length that follow from a verdict."""
+        if verdict is Verdict.HALVE:
+            return changed(self, length=0.5 * self.length)
+        if verdict is Verdict.LEAP:
+            return changed(self, length=self.leap, leaping=True)
+        return self if verdict is Verdict.WITHDRAW else changed(self, done=self.next, leap=0.0, leaping=False)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Attempt:
+    """Result of an attempted increment, and the evidence for the verdict.
+
+    Attributes:
+        path: the load path after `LoadPath.tried`; ``path.done`` does not include this increment yet.
+        began: the state at the beginning of the increment.
+        solution: result of the solve.
+        jumps: whether the body jumped to another equilibrium.
+        unstable: name of the chamber that lost its stability; empty for none.
+        spent: whether no iterations or no time are left for another attempt.
+        patient: whether a folded shape is accepted if a limit or the deadline ended the solve. It is accepted as long
+            as the number of iterations for this command, including earlier unfinished steps, is below the solver's
+            ``patience``.
+    """
+
+    SHORTEST_STUCK = 1.0 / 4.0
+    """An increment whose solve got stuck is not halved again if it is at most this fraction of a load path."""
+    STUCK = 1e-4
+    """A solve without further descent is stuck if the estimated distance to the equilibrium, divided by the body's
+    size, exceeds this. An example is a kink of the energy. At a smaller distance, the rounding of the energy has ended
+    the solve.
+    """
+    SHORTEST_JUMP = 1.0 / 32.0
+    """A jump is accepted in an increment of at most this fraction of a load path; shorter increments would jump, too.
+    """
+
+    path: LoadPath
+    began: State
+    solution: Solution
+    jumps: bool
+    unstable: str
+    spent: bool
+    patient: bool
+
+    @property
+    def sound(self) -> bool:
+        """Whether no element is folded or inverted, and no surface penetrates another."""
+        return self.solution.min_det > 0.0 and not self.solution.entered
+
+    @property
+    def snapped(self) -> bool:
+        """Whether the body jumped to another equilibrium, or jumped without reaching an equilibrium."""
+        return self.jumps or (self.path.jumped and not self.solution.converged)
+
+    @property
+    def failed(self) -> bool:
+        """Whether the solve ended neither at a sound equilibrium nor as near to it as its precision allows."""
+        solution = self.solution
+        stuck = solution.error_estimate > self.STUCK and self.path.length > self.SHORTEST_STUCK
+        given_up = solution.exhausted and not stuck
+        return not (solution.converged or given_up) or not self.sound
+
+    @property
+    def folds(self) -> bool:
+        """Whether a body that was sound is not sound any more, and its solve was not just cut short."""
+        began = self.began
+        once_sound = began.sound or began.anchor is not None
+        passing = self.solution.cut and self.patient
+        return once_sound and not self.sound and not passing and (self.path.moves or began.anchor is not None)
+
+    @property
+    def divides(self) -> bool:
+        """Whether a shorter increment is tried, because this one failed, or to avoid a jump."""
+        path = self.path
+        avoidable = self.jumps and path.length > self.SHORTEST_JUMP and not path.leaping
+        return ((self.failed and not path.shortest) or avoidable) and not self.spent
+
+    @property
+    def unusable(self) -> bool:
+        """Whether there is no state from which the load path could go on."""
+        unstable = bool(self.unstable) or (self.spent and bool(self.path.unstable) and self.failed)
+        return self.solution.diverged or unstable or self.folds
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict: accept, stop, halve, leap or withdraw."""
+        path = self.path
+        if self.divides:
+            return Verdict.HALVE
+        if self.unusable:
+            return Verdict.LEAP if path.leap and not (path.leaping or self.spent) else Verdict.WITHDRAW
+        return Verdict.STOP if self.snapped or self.spent or path.next == 1.0 else Verdict.ACCEPT
+
+    @property
+    def reason_to_withdraw(self) -> str:
+        """The reason why the step returns to the last sound state."""
+        path, message = self.path, self.solution.message
+        if path.unstable:
+            return inflated(path.unstable, self.began.commands, path.aim[1])
+        if self.solution.diverged and not path.folded:
+            return message
+        enters = self.solution.entered and self.solution.min_det > 0.0
+        what = tell(Outcome.ENTERED if enters else Outcome.FOLDED)
+        return join(f"{what} beyond {path.done:.3g} of the way to the command", message)

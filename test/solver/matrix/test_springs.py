@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Springs in the stored tangent: commanded lengths and commanded volumes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Simulation, load_scene
+from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.matrix.springs import Springs
+from gdfe_ros.solver.minimise.curvature import TangentProducts
+from gdfe_ros.solver.minimise.level import TangentLevel
+from gdfe_ros.solver.terms.cable import TARGET
+
+STRIP = """
+name: strip
+mesh:
+  bar:
+    size: [0.1, 0.02, 0.02]
+    cells: [10, 4, 4]
+    cut: [{box: {x: [0.01, 0.09], y: [-0.005, 0.005], z: [-0.005, 0.005]}}]
+materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
+regions: [{material: m}]
+handles: {base: {where: {face: x-}, fixed: true}}
+actuators:
+  wire: {cable: {points: [[0, 0, 0.008], [0.05, 0, 0.008], [0.1, 0, 0.008]], command: shortening}}
+  air: {chamber: {near: [0.05, 0, 0], command: volume}}
+"""
+
+
+def pulled() -> Simulation:
+    """Return a strip whose cable is shorter and whose chamber is larger than at rest."""
+    simulation = Simulation(scene_from_text(STRIP))
+    assert simulation.step(Command(actuators={"wire": 5e-4, "air": 1.05 * simulation.commands["air"]})).converged
+    return simulation
+
+
+def test_states_with_springs_are_saved_to_the_bit() -> None:
+    """Such a strip, saved and loaded into another simulation, continues with the same bits."""
+    first, second = pulled(), Simulation(scene_from_text(STRIP))
+    load_state(second, save_state(first))
+    assert second.state.tangent.springs.count == 2
+    found = [each.step(Command(actuators={"wire": 6e-4})) for each in (first, second)]
+    assert found[0].iterations == found[1].iterations
+    assert np.array_equal(found[0].positions, found[1].positions)
+
+
+def test_a_patch_that_changes_takes_few_iterations() -> None:
+    """With closed notches, each step of a stronger pull takes few iterations."""
+    simulation, iterations = Simulation(load_scene("tendon_finger", overrides={"self_contact": {}})), {}
+    for tension in (3.0, 6.0, 9.0, 10.0, 11.0, 12.0, 13.0):
+        result = simulation.step(Command(actuators={"flexor": tension}))
+        assert result.converged, result.message
+        iterations[tension] = result.iterations
+    assert max(iterations[tension] for tension in (10.0, 11.0, 12.0, 13.0)) < 18, iterations
+
+
+@pytest.fixture
+def drawn() -> SimpleNamespace:
+    """Return the terms of such a strip, its tangent, and products with it."""
+    simulation = pulled()
+    equilibrium = simulation.stepper.equilibrium
+    task = Solve.at(equilibrium.model, simulation.state).evaluate(equilibrium.whole, threads=None)
+    level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, equilibrium.actuation.terms)
+    products, work = TangentProducts(equilibrium.body), task.active.workspace
+    products.begin(task)
+    tangent = level.take(task.problem, work.u, work.x)
+    return SimpleNamespace(terms=equilibrium.actuation.terms, level=level, tangent=tangent, x=work.x, products=products)
+
+
+def test_the_tangent_knows_commanded_lengths_and_volumes(drawn: SimpleNamespace) -> None:
+    """The tangent equals differences of the gradient; without the springs of cable and chamber it does not."""
+    matrix, apart = (
+        drawn.level.assembled(replace(drawn.tangent, **springs._asdict()))
+        for springs in (drawn.tangent.springs, Springs.none())
+    )
+    assert drawn.tangent.springs.count == 2
+    direction = np.random.default_rng(0).standard_normal(matrix.shape[0])
+    exact = drawn.products(direction)
+    error, without = (np.abs(each @ direction - exact).max() for each in (matrix, apart))
+    assert error < 0.02 * np.abs(exact).max()
+    assert without > 5.0 * error
+
+
+def test_a_cable_becomes_slack_without_a_new_factor(drawn: SimpleNamespace, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the cable is slack, its spring leaves the tangent; the factor stays, and solves the other matrix."""
+    level, wire = drawn.level, next(term for term in drawn.terms if term.name == "wire")
+    monkeypatch.setattr(level, "_load", lambda _: pytest.fail("the tangent is factored anew"))
+    level.turn(drawn.x)
+    assert level.reconnected(drawn.tangent, drawn.x) is drawn.tangent
+    wire.hold(np.zeros(1))
+    wire.reals[TARGET] *= 2.0
+    slack = level.reconnected(drawn.tangent, drawn.x)
+    assert slack.springs.count == 1
+    right = np.random.default_rng(0).standard_normal(level.assembled(slack).shape[0])
+    found = np.empty_like(right)
+    level.solve(right, found)
+    np.testing.assert_allclose(level.assembled(slack) @ found, right, atol=1e-4 * np.abs(right).max())
+    level.load(drawn.tangent)
+    level.solve(right, found)
+    np.testing.assert_allclose(level.assembled(drawn.tangent) @ found, right, atol=1e-4 * np.abs(right).max())
+
+
+def test_a_gripper_in_motion_takes_few_iterations() -> None:
+    """In steps of 5 ms, commanded lengths take at most six iterations a step; without springs they took twelve."""
+    simulation = Simulation(load_scene("gripper", overrides={"dynamics": {"step": 0.005}}))
+    results = [result for _, result in zip(range(40), simulation.play(800), strict=False)]
+    assert all(result.converged for result in results)
+    assert np.mean([result.iterations for result in results]) <= 6.0

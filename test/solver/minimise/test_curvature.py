@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The lowest eigenvalue of known matrices and its direction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.minimise.curvature import lowest
+
+COUNT = 60
+
+
+def _symmetric(eigenvalues: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    vectors, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((COUNT, COUNT)))
+    return vectors * eigenvalues @ vectors.T, vectors
+
+
+@pytest.mark.parametrize("least", [-1.0, -1e-3, 0.0, 1e-3, 0.5])
+def test_the_least_eigenvalue_and_its_vector_are_found(least: float) -> None:
+    """One eigenvalue below many is found with its sign, value and eigenvector, in the preconditioner's norm."""
+    weight, _ = _symmetric(np.linspace(1.0, 4.0, COUNT))
+    root = np.linalg.cholesky(weight)
+    values = np.linspace(0.6, 1.0, COUNT)
+    values[7] = least
+    inner, vectors = _symmetric(values)
+    matrix, load = root @ inner @ root.T, np.random.default_rng(1).standard_normal(COUNT)
+
+    def precondition(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        out[...] = np.linalg.solve(weight, right)
+
+    found = lowest(lambda direction: matrix @ direction, precondition, load)
+    assert found.known
+    assert found.value == pytest.approx(least, abs=1e-3 if least else 1e-4)
+    true = np.linalg.solve(root.T, vectors[:, 7])
+    assert abs(found.direction @ weight @ true) == pytest.approx(1.0, abs=0.05 if least == 0.5 else 1e-2)
+
+
+def test_a_preconditioner_that_is_the_matrix_leaves_nothing_to_look_for() -> None:
+    """If the preconditioner is the matrix up to noise, the eigenvalue one is found with one product."""
+    matrix, _ = _symmetric(np.linspace(1.0, 4.0, COUNT))
+    noise = np.random.default_rng(2)
+
+    def product(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+        image = matrix @ direction
+        return image + 1e-7 * np.linalg.norm(image) * noise.standard_normal(COUNT) / np.sqrt(COUNT)
+
+    def precondition(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        out[...] = np.linalg.solve(matrix, right)
+
+    found = lowest(product, precondition, np.random.default_rng(1).standard_normal(COUNT))
+    assert (found.known, found.products) == (True, 1)
+    assert found.value == pytest.approx(1.0, abs=1e-5)
+
+
+def test_softness_is_the_least_eigenvalue() -> None:
+    """Lanczos steps find the lowest eigenvalue of a known matrix from a random start."""
+    matrix, _ = _symmetric(np.logspace(-3, 0, COUNT))
+    start = np.random.default_rng(2).standard_normal(COUNT)
+
+    def keep(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        out[...] = right
+
+    found = lowest(lambda direction: matrix @ direction, keep, start, most=59, steady=0.0)
+    assert found.value == pytest.approx(1e-3, rel=0.05)

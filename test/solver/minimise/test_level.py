@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The stored tangent: it is the gradient's derivative, its factor solves, and an unusable tangent is replaced."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gdfe_ros import Command, Simulation
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.matrix.springs import Tangent
+from gdfe_ros.solver.minimise.curvature import TangentProducts
+from gdfe_ros.solver.minimise.level import TangentLevel
+
+SCENE = """
+name: strip
+mesh: {bar: {size: [0.1, 0.01, 0.01], cells: [10, 2, 2]}}
+materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}
+regions: [{material: m}]
+handles: {base: {where: {face: x-}, fixed: true}TIP}
+loads: {weight: {gravity: [0, 0, -1.0]}}
+"""
+TIPS = {
+    "clamped once": "",
+    "a handle that slides": ", tip: {where: {face: x+}, free: [x, z]}",
+    "a handle that slides and turns": ", tip: {where: {face: x+}, free: [x, z, ry]}",
+}
+Levels = tuple[TangentLevel, Tangent, TangentProducts, NDArray[np.float64]]
+
+
+def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
+    """Return a strip's tangent level, tangent, products and free components; ``power`` 1 is a uniform stretch."""
+    simulation = Simulation(scene_from_text(SCENE.replace("TIP", tip)))
+    equilibrium = simulation.stepper.equilibrium
+    body = equilibrium.body
+    state, share = equilibrium.at_rest(), (body.rest[:, 0] - body.rest[:, 0].min()) / 0.1
+    moved = body.rest + np.outer(share**power * stretch * 0.1, [1.0, 0.0, 0.0])
+    moved[body.unknowns.prescribed] = body.rest[body.unknowns.prescribed]
+    task = Solve.at(equilibrium._model, state.with_(positions=moved)).evaluate(equilibrium._whole, threads=None)
+    level, work = TangentLevel(body, equilibrium.matrix.assembled), task.active.workspace
+    products = TangentProducts(body)
+    products.begin(task)
+    free = np.ones(body.unknowns.rows * 3)
+    free[3 * len(body.unknowns.free) :] = _free_rows(body.unknowns)
+    return level, level.take(task.problem, work.u, work.x), products, free
+
+
+def test_a_tangent_is_overdue_once_a_new_one_lowers_the_mean() -> None:
+    """A tangent that costs 12 iterations is renewed after the step with which the mean cost of all steps is least."""
+    steps, spent, overdue = range(3, 12), 0, []
+    for count, latest in enumerate(steps, start=1):
+        spent += latest
+        tangent = Tangent(blocks=np.zeros((0, 3, 3)), motion=np.zeros((0, 0)), spent=spent, solves=count, latest=latest)
+        overdue.append(tangent.overdue(12))
+    means = (12 + np.cumsum(steps)) / np.arange(1, len(steps) + 1)
+    assert overdue.index(True) == np.argmin(means) + 1
+
+
+def _free_rows(unknowns: tuple) -> NDArray[np.float64]:
+    """Return 1 for each component of a rigid row that is free, and 0 for the others."""
+    turns = [unknowns.turns[p] for p in range(len(unknowns.turns)) if unknowns.turn_row[p] >= 0]
+    return np.concatenate([np.zeros(0), *unknowns.slides, *turns])
+
+
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
+def test_it_is_the_derivative_of_the_gradient(tip: str) -> None:
+    """The assembled tangent equals differences of the undeformed body's gradient, including rigid rows."""
+    level, tangent, products, free = _level(tip, 0.0)
+    matrix, rng = level.assembled(tangent), np.random.default_rng(0)
+    for _ in range(3):
+        direction = rng.standard_normal(len(free)) * free
+        exact = products(direction)
+        np.testing.assert_allclose(free * (matrix @ direction), exact, atol=1e-5 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
+def test_its_factor_solves(tip: str) -> None:
+    """Multiplying the factor's solution by the matrix gives the right-hand side."""
+    level, tangent, _, free = _level(tip, 0.0)
+    right = np.random.default_rng(1).standard_normal(len(free)) * free
+    found = np.empty_like(right)
+    level.solve(right, found)
+    left = free * (level.assembled(tangent) @ found) - right
+    np.testing.assert_allclose(left, 0.0, atol=1e-2 * np.abs(right).max())  # the factor is kept in single precision
+
+
+def test_it_follows_a_stretched_shape() -> None:
+    """The tangent of the stretched strip differs from the initial one and is still the gradient's derivative."""
+    level, tangent, products, free = _level("", 0.1)
+    assert tangent.shift == 0.0
+    direction = np.random.default_rng(2).standard_normal(len(free))
+    exact = products(direction)
+    np.testing.assert_allclose(level.assembled(tangent) @ direction, exact, atol=1e-5 * np.abs(exact).max())
+    at_rest, tangent_at_rest, *_ = _level("", 0.0)
+    assert np.abs(at_rest.assembled(tangent_at_rest) @ direction - exact).max() > 0.01 * np.abs(exact).max()
+
+
+def test_an_indefinite_tangent_gets_a_factor_all_the_same() -> None:
+    """The stored tangent of a strip squashed far beyond its buckling load is made positive definite."""
+    level, tangent, *_ = _level("", -0.3, power=1)
+    matrix = level.assembled(tangent).toarray()
+    assert np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0] > 0.0
+
+
+def test_a_kept_tangent_is_loaded_from_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run continued from a snapshot gives the same bits, and factors the saved tangent instead of a new one."""
+    scene = scene_from_text(SCENE.replace("TIP", ""))
+    first, second = Simulation(scene), Simulation(scene)
+    for share in (0.5, 0.51):
+        first.step(Command(loads={"weight": share}))
+    assert first.snapshot().state.tangent is not None
+    second.restore(first.snapshot())
+    monkeypatch.setattr(TangentLevel, "take", lambda *_, **__: pytest.fail("taken anew"))
+    one, other = (simulation.step(Command(loads={"weight": 0.52})) for simulation in (first, second))
+    np.testing.assert_array_equal(one.positions, other.positions)
+    assert one.iterations == other.iterations
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
+def test_a_tangent_that_is_not_finite_is_replaced(value: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tangent that overflows is replaced by the constant matrix, and its factor gives finite solutions."""
+    level, tangent, *_ = _level("", 0.0)
+    stiffness = np.full((40, 24, 24), value)
+    monkeypatch.setattr(level._elements, "at", lambda *_: stiffness)
+    u, x = np.zeros(3 * level._unknowns.rows), level._body.rest
+    with np.errstate(all="ignore"):
+        taken = level.take(SimpleNamespace(frame=None), u, x)  # what is not finite is known to be; 1e300 is tried
+    assert np.array_equal(taken.blocks, level._constant)
+    found = np.empty_like(u)
+    level.solve(np.ones_like(u), found)
+    assert np.isfinite(found).all()
+    assert tangent.blocks.shape == taken.blocks.shape
