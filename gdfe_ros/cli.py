@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 
@@ -12,6 +13,7 @@ from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.entry import INTERRUPTED, imported, quiet_imports
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.extras import remedy
+from gdfe_ros.spelling import did_you_mean
 
 COMMANDS = {
     "solve": "solve a scene's program, print the result and write it to files",
@@ -39,7 +41,8 @@ COMMANDS = {
     "workspace": "find the points that a probe reaches over the ranges of the actuators",
     "compile": "compile the kernels of some scenes, or of all shipped ones, so that the first start is fast",
 }
-BAD_INPUT = 2
+BAD_INPUT, CLOSED = 2, 141
+"""Statuses: bad input, and an output that its reader has closed, as of a program that SIGPIPE ends."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -50,10 +53,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         message; 3 if a solve did not converge; 130 if the subcommand was interrupted.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if given and given[0] not in COMMANDS and not given[0].startswith("-"):
+        guess = did_you_mean(given[0], COMMANDS)
+        print(plain_lines(f"gdfe: no command {given[0]!r}; {guess}gdfe --help lists all"), file=sys.stderr)
+        return BAD_INPUT
     parser = _parser(given)
     parsed = parser.parse_args(given)
     try:
         return parsed.run(parsed)
+    except BrokenPipeError:  # `gdfe echo ... | head` has read enough; the interpreter must not write once more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CLOSED
     except (GdfeError, argparse.ArgumentTypeError, ValueError, OSError) as error:
         print(plain_lines(f"gdfe {parsed.command}: {error}"), file=sys.stderr)
         return BAD_INPUT
@@ -70,7 +80,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     """Return the parser of the command line; only the module of the requested subcommand is imported."""
     parser = argparse.ArgumentParser(
-        prog="gdfe", description="Soft-robot simulation by geometry-driven finite elements."
+        prog="gdfe",
+        description="Soft-robot simulation by geometry-driven finite elements.",
+        epilog="sim_node --ros-args -p scene:=NAME starts the ROS node; sim_node --help lists its parameters.",
     )
     parser.add_argument("--version", action="version", version=f"gdfe_ros {__version__}")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -22,7 +22,7 @@ SHARE = Path(get_package_share_directory("gdfe_ros"))
 # Without the argument, the value is that of the file or the node's default.
 PARAMETERS = {
     "scene": (str, "name of a scene in config/scenes, or path of a scene file"),
-    "clock": (str, "what makes a step begin: wall, fast or lockstep"),
+    "clock": (str, "what makes a step begin: wall, fast, lockstep or external"),
     "rate": (float, "steps a second [Hz], clock wall"),
     "frame_id": (str, "frame of the rest shape, in the header of every output"),
     "use_sim_time": (bool, "take the time from /clock"),

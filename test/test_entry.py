@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from gdfe_ros.cli import BAD_INPUT, CLOSED, main
+
 ROOT = Path(__file__).parents[1]
 # Sends SIGINT to the process in the middle of its imports: when the named module is looked for.
 _INTERRUPTER = """
@@ -59,6 +61,31 @@ def test_an_interrupt_during_a_command_leaves_no_traceback() -> None:
     )
     done = _run(code)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "gdfe solve: interrupted\n")
+
+
+def test_a_mistyped_command_is_guessed(capsys: pytest.CaptureFixture[str]) -> None:
+    """A wrong command is told in one line, with the one that was meant, and status 2."""
+    assert main(["sovle", "bend5"]) == BAD_INPUT
+    assert capsys.readouterr().err == "gdfe: no command 'sovle'; did you mean 'solve'? gdfe --help lists all\n"
+
+
+def test_an_output_that_is_closed_ends_a_command_quietly() -> None:
+    """`gdfe ... | head` ends without a word when its reader has read enough, with the status of SIGPIPE."""
+    code = (
+        "import sys\n"
+        "from gdfe_ros import cli\n"
+        "from gdfe_ros.commands import inspect\n"
+        "def run(arguments):\n"
+        "    while True:\n"
+        "        print('line')\n"
+        "inspect.run = run\n"
+        "sys.exit(cli.main(['inspect', 'x.stl']))\n"
+    )
+    given = {"cwd": ROOT, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", code], **given) as process:
+        assert process.stdout.readline() == "line\n"
+        process.stdout.close()
+        assert (process.stderr.read(), process.wait(60)) == ("", CLOSED)
 
 
 def test_the_imports_are_kept_out_of_the_search_for_cycles() -> None:

@@ -52,6 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     """
     for path in arguments.files:
         require_file(path, f"file {path}")
+        if path.suffix.lower() in (".yaml", ".yml"):
+            raise MeshError(f"file {path}", ["it is a scene, not a mesh; remedy: gdfe solve draws and checks scenes"])
     require_number("--size", arguments.size, SIZE)
     require_number("--scale", arguments.scale, SCALE)
     require_picture(arguments.picture)

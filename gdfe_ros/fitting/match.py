@@ -102,4 +102,6 @@ def _line(place: str, item: dict) -> str:
     path = ".".join([*([place] if place else []), *keys])
     if item["type"] == "extra_forbidden":
         return f"{path}: unknown key; keys: {', '.join(RecordingModel.model_fields)}"
+    if item["type"] == "literal_error":
+        return f"{path}: {item['input']!r} is not allowed; allowed: {item['ctx']['expected']}"
     return f"{path}: {item['msg'].removeprefix('Value error, ')}"

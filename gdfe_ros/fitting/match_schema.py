@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from gdfe_ros.fitting.units import Unit
-from gdfe_ros.scene.entry import Choice, Entry
+from gdfe_ros.scene.entry import TAG, Choice, Entry
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
 
@@ -75,6 +75,10 @@ class CommandModel(_Found):
     """A column or topic that commanded an actuator, a load or a handle."""
 
 
+def _kind_of_command(value: Any) -> str:
+    return TAG + ("found" if isinstance(value, dict | CommandModel) else "number")
+
+
 class FrameModel(Entry):
     """Pose of the scene's frame in the recording's frame: x_recorded = R x + t."""
 
@@ -94,7 +98,13 @@ class RecordingModel(Entry):
     )
     every: Annotated[int, _EVERY] = 1
     compare: dict[str, CompareModel] = Field({}, description="measured quantities, by names of your choice")
-    commands: dict[str, Annotated[float, _NUMBER] | CommandModel] = Field(
+    commands: dict[
+        str,
+        Annotated[
+            Annotated[float, _NUMBER, Tag(TAG + "number")] | Annotated[CommandModel, Tag(TAG + "found")],
+            Discriminator(_kind_of_command),
+        ],
+    ] = Field(
         {}, description="commands of actuators, loads (factors) and handles: a number, or a recorded column or topic"
     )
     set: dict[str, Any] = Field({}, description="keys of the scene that differ in this recording")

@@ -269,7 +269,7 @@ class SimNode(ManagedNode):
         if configured is not TransitionCallbackReturn.SUCCESS:
             self.get_logger().error(
                 "autostart failed; the node keeps running, unconfigured. Correct the parameters, then: "
-                f"ros2 lifecycle set {self.get_fully_qualified_name()} configure (and activate)"
+                f"gdfe lifecycle {self.get_fully_qualified_name()} configure, then activate"
             )
         elif self.trigger_activate() is not TransitionCallbackReturn.SUCCESS:
             self.get_logger().error("autostart: the node is configured, but could not be activated")
@@ -298,7 +298,7 @@ The soft-robot simulation gdfe_sim, a ROS 2 lifecycle node. It takes ROS argumen
 
   sim_node --ros-args -p scene:=tendon_finger -p clock:=lockstep -r __ns:=/robot --params-file my.yaml
 
-parameters (ros2 param describe /gdfe_sim NAME says more):
+parameters (docs/node.md says more):
 """
 
 

@@ -91,3 +91,11 @@ def test_several_files_give_one_line_each(tmp_path: Path, capsys: pytest.Capture
     assert "1 to fix: 2 cells that lie on the same side" in wrong
     assert main(["inspect", paths[0], paths[0]]) == 0
     assert main(["inspect", *paths, "--picture", str(tmp_path / "x.png")]) == BAD_INPUT
+
+
+def test_a_scene_is_no_mesh(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """For a scene file the command names the one that checks and draws scenes."""
+    path = tmp_path / "mine.yaml"
+    path.write_text("name: mine\n", encoding="utf-8")
+    assert main(["inspect", str(path)]) == BAD_INPUT
+    assert "it is a scene, not a mesh; remedy: gdfe solve" in capsys.readouterr().err

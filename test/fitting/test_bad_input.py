@@ -63,6 +63,10 @@ def test_topics_that_do_not_exist(
     [
         ("compare: {tip: {probe: top, columns: {z: tip.z}}}", "no probe 'top' in scene 'pulled'; it has tip"),
         ("compare: {tip: {probe: tip, column: tip.z}}", "along what is column 'tip.z' measured?"),
+        (
+            "commands: {tip: {column: load, unit: g}}",
+            "1 defect\n  - commands.tip.unit: 'g' is not allowed; allowed: 'm', 'cm'",
+        ),
         ("compare: {tip: {probe: tip, columns: {z: tip.z}}}\ncommands: {pul: 1.0}", "takes no command 'pul'"),
         ("compare: {tip: {prob: tip}}", "compare.tip.prob: unknown key"),
         ("recordings: {walk: {}}", "no recording takes run.csv; recordings: walk"),

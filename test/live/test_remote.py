@@ -308,12 +308,12 @@ def test_no_such_node_is_told_with_those_there_are(capsys: Any) -> None:
         assert main(["live", "--ros", "nobody"]) == 2
     error = capsys.readouterr().err
     assert "no node /nobody within 5 s; nodes that simulate: /left/gdfe_sim (ROS domain" in error
-    assert "ros2 launch gdfe_ros sim.launch.py" in error
+    assert "start one: sim_node --ros-args" in error
 
 
 def test_a_node_that_is_not_configured_is_told() -> None:
     """A node that stays unconfigured is reported while waiting and at the end, with a remedy."""
-    there = "is not configured; remedy: ros2 lifecycle set /gdfe_sim configure"
+    there = "is not configured; remedy: gdfe lifecycle /gdfe_sim configure"
     said: list[str] = []
     with (
         NodeProcess({**OTHER, "autostart": False}) as process,
@@ -322,7 +322,7 @@ def test_a_node_that_is_not_configured_is_told() -> None:
         link.wait_for_services()
         with pytest.raises(GdfeError, match=there):
             NodeSession("gdfe_sim", patience=5.0, say=said.append)
-    assert "the node /gdfe_sim is unconfigured; it publishes its scene after: ros2 lifecycle set" in said[0]
+    assert "the node /gdfe_sim is unconfigured; it publishes its scene after: gdfe lifecycle" in said[0]
 
 
 def test_a_node_that_is_not_active_is_shown_at_rest() -> None:

@@ -68,7 +68,7 @@ class Waiting:
 
 def configuring(name: str) -> str:
     """Return the text of the commands that configure and activate a node."""
-    return f"ros2 lifecycle set {name} configure, then activate"
+    return f"gdfe lifecycle {name} configure, then activate"
 
 
 def absence(node: Node, name: str, patience: float) -> str:
@@ -88,5 +88,5 @@ def absence(node: Node, name: str, patience: float) -> str:
     found = [topic.removesuffix(end) for topic, _ in node.get_topic_names_and_types() if topic.endswith(end)]
     there = f"nodes that simulate: {', '.join(sorted(found))}" if found else "no node simulates here"
     domain = os.environ.get("ROS_DOMAIN_ID", "0")
-    remedy = "start one: ros2 launch gdfe_ros sim.launch.py, or: sim_node"
+    remedy = "start one: sim_node --ros-args -p scene:=bend5"
     return f"no node {name} within {patience:g} s; {there} (ROS domain {domain}); {remedy}"
