@@ -12,7 +12,7 @@ MOST_LINES = 3
 """Largest number of steps that are listed individually."""
 
 
-class Outcome(Protocol):
+class StepOutcome(Protocol):
     """Outcome of a step, as in results and step records."""
 
     @property
@@ -28,13 +28,13 @@ class Outcome(Protocol):
         """Reason why the step did not converge."""
 
 
-def convergence(steps: Sequence[Outcome]) -> str:
+def convergence(steps: Sequence[StepOutcome]) -> str:
     """Return ``yes``, or the number of steps that did not converge: ``no: 3 of 100 steps``."""
     failed = sum(not step.converged for step in steps)
     return f"no: {failed} of {len(steps)} steps" if failed else "yes"
 
 
-def print_failures(steps: Sequence[Outcome], *, first: int = 1) -> None:
+def print_failures(steps: Sequence[StepOutcome], *, first: int = 1) -> None:
     """Print each step that did not converge to stderr: number, time, reason; ``first`` is the first step's number."""
     console = PlainConsole(stderr=True, soft_wrap=True)
     failed = [(number, step) for number, step in enumerate(steps, start=first) if not step.converged]

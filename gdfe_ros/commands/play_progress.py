@@ -9,7 +9,7 @@ from types import TracebackType
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from gdfe_ros.commands.convergence import Outcome
+from gdfe_ros.commands.convergence import StepOutcome
 from gdfe_ros.commands.waiting import INTERVAL
 from gdfe_ros.terminal import PlainConsole
 
@@ -51,7 +51,7 @@ class PlayProgress:
         self._ended.set()
         self._thread.join()
 
-    def add(self, step: Outcome) -> None:
+    def add(self, step: StepOutcome) -> None:
         """Report a completed step."""
         self._time, self._steps, self._step_started = step.time, self._steps + 1, time.monotonic()
         if not step.converged:

@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     measured = _require(arguments)
     from gdfe_ros.scene import load_scene
     from gdfe_ros.simulation import Simulation
-    from gdfe_ros.twin.robot import Robot
+    from gdfe_ros.twin.remote.robot import Robot
     from gdfe_ros.twin.twin import Twin
 
     with waiting(f"preparing {arguments.scene}"):

@@ -23,7 +23,7 @@ from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard_answers import Refused, ResultCode, done, later
 from gdfe_ros.node.standard_offer import offer
-from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, Motion, Thing, within
+from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, EntityMotion, Thing, within
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
@@ -80,10 +80,10 @@ class EntityQueries:
     def _get_states(self, request: Any, response: Any) -> Any:
         session, chosen = self._entities.session(), self._chosen(request.filters)
 
-        def measure(near: list[Thing], simulation: Simulation) -> list[tuple[Thing, Motion]]:
+        def measure(near: list[Thing], simulation: Simulation) -> list[tuple[Thing, EntityMotion]]:
             return [(each, each.motion(simulation)) for each in near]
 
-        def fill(response: Any, found: list[tuple[Thing, Motion]]) -> None:
+        def fill(response: Any, found: list[tuple[Thing, EntityMotion]]) -> None:
             kind, response.entities = _state_class(), [each.name for each, _ in found]
             response.states = [_written(kind(), session, motion) for _, motion in found]
 
@@ -119,7 +119,7 @@ class EntityQueries:
     def _get_state(self, request: Any, response: Any) -> Future[Any]:
         session, thing = self._entities.session(), self._entities.named(request.entity)
 
-        def fill(response: Any, found: Motion) -> None:
+        def fill(response: Any, found: EntityMotion) -> None:
             _written(response.state, session, found)
 
         return later(session.stepper.post(lambda: thing.motion(session.simulation)), response, fill)
@@ -251,7 +251,7 @@ def _state_class() -> type:
     return simulation_interfaces.msg.EntityState
 
 
-def _written(state: Any, session: SimulationSession, motion: Motion) -> Any:
+def _written(state: Any, session: SimulationSession, motion: EntityMotion) -> Any:
     """Write a motion into an ``EntityState``, and return the message."""
     state.header = messages.header(session.run.now(), session.run.frames.frame_id)
     _write(state.pose.position, motion.place.origin)

@@ -132,23 +132,27 @@ def _plain(value: Any) -> Any:
 
 def _points(message: Any) -> list[Any] | None:
     """Return the points of a cloud as mappings from field to number; None for another message, or a defective cloud."""
-    if type(message).__name__ != "PointCloud2" or any(each.count != 1 for each in message.fields):
+    kind = _layout(message) if type(message).__name__ == "PointCloud2" else None
+    if kind is None:
         return None
-    order, count = ">" if message.is_bigendian else "<", message.width * message.height
-    names, kinds = [each.name for each in message.fields], [_KINDS.get(each.datatype) for each in message.fields]
-    if None in kinds or message.row_step != message.width * message.point_step or len(set(names)) < len(names):
-        return None
-    places = [(each.offset, np.dtype(kind).itemsize) for each, kind in zip(message.fields, kinds, strict=True)]
-    if (
-        any(first + size > message.point_step for first, size in places)
-        or len(message.data) < count * message.point_step
-    ):
-        return None
-    formats, offsets = [order + kind for kind in kinds], [first for first, _ in places]
-    kind = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": message.point_step})
-    points = np.frombuffer(bytes(message.data), kind, min(count, MOST_SHOWN)) if message.point_step else []
-    shown = [{name: _rounded(point[name]) for name in names} for point in points]
+    count = message.width * message.height
+    points = np.frombuffer(bytes(message.data), kind, min(count, MOST_SHOWN))
+    shown = [{name: _rounded(point[name]) for name in kind.names} for point in points]
     return shown if count <= MOST_SHOWN else [*shown, f"... {count} points"]
+
+
+def _layout(cloud: Any) -> np.dtype | None:
+    """Return numpy's type of the points of a cloud; None if its sizes contradict each other."""
+    order, step = ">" if cloud.is_bigendian else "<", cloud.point_step
+    if any(each.count != 1 or each.datatype not in _KINDS for each in cloud.fields):
+        return None
+    names = [each.name for each in cloud.fields]
+    formats, offsets = [order + _KINDS[each.datatype] for each in cloud.fields], [each.offset for each in cloud.fields]
+    whole = cloud.row_step == cloud.width * step and len(cloud.data) >= cloud.height * cloud.row_step
+    try:
+        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step}) if whole else None
+    except ValueError:  # a field ends beyond the point, or two have one name
+        return None
 
 
 def _rounded(number: Any) -> Any:

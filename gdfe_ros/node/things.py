@@ -22,7 +22,7 @@ OBJECT = 0
 """Category of every body here, ``CATEGORY_OBJECT``."""
 
 
-class Motion(NamedTuple):
+class EntityMotion(NamedTuple):
     """Placement of an entity's frame, and linear and angular velocity (3,) [m/s] and [rad/s] of this frame."""
 
     place: Placement
@@ -65,7 +65,7 @@ class Thing:
             return Placement(origin, Rotation.from_matrix(axes)) @ self.inner.inverse()
         return _fitted(self.part.mesh.vertices, positions[self.vertices])
 
-    def motion(self, simulation: Simulation) -> Motion:
+    def motion(self, simulation: Simulation) -> EntityMotion:
         """Return its present placement and velocity."""
         place, positions = self.place(simulation), simulation.state.positions[self.vertices] + simulation.origin
         velocities = simulation.stepper.velocities(simulation.state)[self.vertices]
@@ -73,7 +73,7 @@ class Thing:
         spread = np.vdot(arms, arms) * np.eye(3) - arms.T @ arms
         angular = np.linalg.solve(spread, np.cross(arms, velocities).sum(axis=0))
         linear = velocities.mean(axis=0) + np.cross(angular, place.origin - positions.mean(axis=0))
-        return Motion(place, linear, angular)
+        return EntityMotion(place, linear, angular)
 
     def bounds(self, simulation: Simulation, frame: Placement) -> NDArray[np.float64]:
         """Return lowest and highest corner (2, 3) [m] of the box around it, along the axes of ``frame``."""

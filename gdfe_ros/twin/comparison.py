@@ -57,7 +57,7 @@ class Deviation:
         return float(np.linalg.norm(self.measured - self.simulated))
 
 
-class Comparison:
+class ProbeComparison:
     """Keeps states and measurements, and pairs those of the same time; states are interpolated in time.
 
     A simulation that is at rest makes no steps: its last state then holds for later times, too.

@@ -20,7 +20,7 @@ from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.node.remodelling import moduli_of
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.spelling import did_you_mean
-from gdfe_ros.twin.comparison import Comparison, Deviation, Sample
+from gdfe_ros.twin.comparison import Deviation, ProbeComparison, Sample
 from gdfe_ros.twin.estimator import ModulusEstimator
 
 SMALLEST = 0.005
@@ -72,7 +72,7 @@ class Twin:
         _require(simulation, moduli)
         self._names, self._told, self._warn = tuple(moduli), told, warn
         self._noise, self._delay = noise, delay
-        self._estimator, self._comparison = ModulusEstimator(len(self._names)), Comparison(dt, window)
+        self._estimator, self._comparison = ModulusEstimator(len(self._names)), ProbeComparison(dt, window)
         self._lock, self._changed, self._change = threading.Lock(), 0.0, None
         self._file = None if record is None else record.open("x", newline="", encoding="utf-8")
         self._table = None if self._file is None else csv.writer(self._file)

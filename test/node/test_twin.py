@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.twin.comparison import Comparison, Sample
+from gdfe_ros.twin.comparison import ProbeComparison, Sample
 from gdfe_ros.twin.estimator import ModulusEstimator
 from gdfe_ros.twin.twin import Twin
 
@@ -127,7 +127,7 @@ def test_least_squares_find_the_logarithms_of_moduli() -> None:
 
 def test_measurements_meet_the_state_of_their_time() -> None:
     """States are interpolated and spread over the window; a measurement waits, and an idle simulation stays."""
-    comparison, still = Comparison(0.1, 0.06), np.zeros(3)
+    comparison, still = ProbeComparison(0.1, 0.06), np.zeros(3)
     for number in range(3):
         place = {"tip": np.array([float(number), 0.0, 0.0])}
         comparison.add(Sample(stamp=10.0 + 0.1 * number, places=place, derivatives=None))

@@ -177,9 +177,9 @@ class Stability:
         for count in range(self.ROUNDS):
             task = descents.task_at(solve, found) if count else task
             proof = self._factor(task)
-            found, late = _with(found, tangent=self._minimiser.tangent), past(solve.problem.deadline)
+            found = _with(found, tangent=self._minimiser.tangent)
             near = proof.distance <= Minimiser.SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
-            if late or found.iterations >= solve.problem.limit or (near and proof.definite):
+            if _is_late(solve, found) or (near and proof.definite):
                 return _tell(_at(found, proof.distance), stable=proof.stable)
             if not progress.goes_on(float(task.active.status["energy"]), proof):
                 break
@@ -308,6 +308,11 @@ class Stability:
             best, found = energy, Downhill(work.u + step, self._product.positions.copy())
             length *= 2.0
         return found
+
+
+def _is_late(solve: Solve, found: Solution) -> bool:
+    """Return whether a solve has no time or no iterations left."""
+    return past(solve.problem.deadline) or found.iterations >= solve.problem.limit
 
 
 def _with(found: Solution, **changes: object) -> Solution:
