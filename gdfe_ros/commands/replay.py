@@ -12,6 +12,7 @@ from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.difference_table import difference_table, wide_console
 from gdfe_ros.analysis.replay import Replay, ReplayReport
 from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.recording.provenance import describe_machine
 from gdfe_ros.solver.settings import Policy
 
@@ -55,7 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _replay(path: Path, overrides: dict[str, object], factor: float, *, ros: bool) -> bool:
     run = BagRun(path)
-    report = _repeat_by_node(run, overrides) if ros else Replay(run, overrides=overrides).run()
+    with waiting(f"repeating {path}"):
+        report = _repeat_by_node(run, overrides) if ros else Replay(run, overrides=overrides).run()
     differences, console = report.differences, wide_console()
     verdict = report.verdict(factor)
     if differences.differing:

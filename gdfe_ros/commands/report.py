@@ -7,6 +7,7 @@ import argparse
 import time
 from pathlib import Path
 
+from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import bag_directory
 from gdfe_ros.terminal import PlainConsole
@@ -52,14 +53,18 @@ def run(arguments: argparse.Namespace) -> int:
     bag = bag_directory(arguments.bag.resolve())
     out = arguments.out or bag.with_name(f"{bag.stem}_report.html")
     console, started = PlainConsole(soft_wrap=True), time.perf_counter()
-    facts = write_report(bag, out)
+    with waiting(f"writing {out}"):
+        facts = write_report(bag, out)
     elapsed = time.perf_counter() - started
     console.print(
         f"report   {out}: {facts.steps} steps, {facts.frames} frames, {facts.size / 1e6:.1f} MB in {elapsed:.1f} s"
     )
-    console.print(f"picture  {write_png(bag, out.with_suffix('.png'), field=arguments.field)}")
+    with waiting("drawing the picture"):
+        picture = write_png(bag, out.with_suffix(".png"), field=arguments.field)
+    console.print(f"picture  {picture}")
     if arguments.gif or arguments.mp4:
-        pictures = list(draw_steps(bag, field=arguments.field, frames=arguments.frames))
+        with waiting(f"drawing {arguments.frames} frames"):
+            pictures = list(draw_steps(bag, field=arguments.field, frames=arguments.frames))
         for path, ending, write in ((arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)):
             if path:
                 console.print(f"motion   {write(pictures, out.with_suffix(ending) if path == BESIDE else path)}")

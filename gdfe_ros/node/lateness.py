@@ -11,7 +11,7 @@ from gdfe_ros.node.step import Step
 from gdfe_ros.node.throttle import Throttle
 
 _LONG = 10.0
-"""A step that takes longer than this time [s] is told, and again each time that its duration has doubled."""
+"""A step that takes longer than this time [s] is reported, and again when its duration has doubled."""
 _FAR = 1.0
 """A warning is given if the simulation lags behind an external clock by more than this time [s]."""
 
@@ -67,9 +67,9 @@ class Solves:
         self._begun, self._patience = 0.0, _LONG
 
     def look(self, last: Step | None) -> str | None:
-        """Return the text of a warning if the last step did not converge; None if it did, or if it was told before.
+        """Return the text of a warning if the last step did not converge; None if it did, or if it was reported before.
 
-        A step that a deadline ended is continued by the next one, and is not told.
+        A step that a deadline ended is continued by the next one, and is not reported.
         """
         if last is None or last.record.step == self._known:
             return None

@@ -37,6 +37,8 @@ obstacles:
 bodies:
   part: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.09], friction: 0.5}
   ball: {sphere: {radius: 0.01}, mass: 0.02, at: [0.15, 0, -0.09], friction: 0.5}
+soft_bodies:
+  cube: {bar: {size: [0.02, 0.02, 0.02], cells: [2, 2, 2]}, material: soft, at: [0.05, 0, -0.085]}
 actuators:
   tendon: {cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]], command: tension, range: [0.0, 20.0]}}
 loads:
@@ -141,6 +143,9 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{bar: {size: [0.02, 0.02, 0.02], cells: [3, 3, 3]}, material: soft, at: [0.1, 0, 0.1]}",
         "{sphere: {inner: 0.004, outer: 0.0125, cells: [4, 2]}, regions: [{material: soft}, {material: stiff, where: "
         "{face: z-}}]}",
+        "{file: berry.msh, skin: {file: berry.stl}, material: soft, at: [0.1, 0, 0], rotation_deg: [0, 0, 90], mirror: y}",
+        "{file: body.msh, scale: 0.001, merge: true, first_order: true, material: soft}",
+        *(f"{kind}\nmaterial: soft" for kind in KINDS if kind[0] != "{"),
     ),
     generator_schema.BarModel: ("{size: [0.20, 0.05, 0.05], cells: [20, 5, 5], cut: [{box: {x: [0.05, 0.10]}}]}",),
     generator_schema.GridModel: (

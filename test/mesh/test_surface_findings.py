@@ -36,9 +36,10 @@ def test_the_direction_of_normals_is_told() -> None:
     """Normals are outward, inward with a remark for obstacles, or outward except at a cavity."""
     ball, block = trimesh.creation.icosphere(radius=0.01), trimesh.creation.box((0.05, 0.05, 0.05))
     outward, inward = findings_of(block), findings_of(trimesh.Trimesh(block.vertices, block.faces[:, ::-1]))
-    assert (outward.normals, outward.remarks) == ("out of the material", [])
+    assert outward.normals == "out of the material"
+    assert not any("refuse this surface" in remark for remark in outward.remarks)
     assert inward.normals == "into the material"
-    assert "`obstacles` and `bodies` refuse this surface" in inward.remarks[0]
+    assert any("`obstacles` and `bodies` refuse this surface" in remark for remark in inward.remarks)
     assert findings_of(block, ball).normals == "out of the material, except in 1 of 2 shells"
     for found in (inward, findings_of(block, ball)):
         assert found.walls.thickness.min() > 0.01

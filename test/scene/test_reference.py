@@ -30,7 +30,7 @@ def test_every_key_has_a_meaning_and_an_example(model: type[BaseModel], tmp_path
 
 def test_the_whole_example_can_be_simulated() -> None:
     """The scene that uses every top-level key can be loaded."""
-    assert scene_from_text(SCENE).mesh.n_cells == 32
+    assert scene_from_text(SCENE).mesh.n_cells == 40
 
 
 def test_a_table_row_says_unit_range_and_default() -> None:

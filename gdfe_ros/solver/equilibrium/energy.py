@@ -136,6 +136,7 @@ class EquilibriumSolver:
         self._stored, self._least = np.zeros(count), np.ones(count)
         exact = all(term.exact for term in self.actuation.terms)
         kinds = {"exact": exact, "smooth": not self.actuation.contacts}
+        kinds["free"] = not (self.actuation.contacts or self.actuation.updates)
         kinds["conservative"] = all(term.conservative for term in self.actuation.terms)
         self._stability = None if moving or not body.unknowns.rows else Stability(body, self.minimiser, **kinds)
 

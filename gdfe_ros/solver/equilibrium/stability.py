@@ -49,13 +49,14 @@ class Proof(NamedTuple):
         stable: whether the equilibrium is a minimum; None if that is unknown.
         direction: (3 r,) direction along which the energy may fall: the softest one, or the step M^-1 g [m].
         distance: estimated distance to the equilibrium, divided by the body's size.
-        definite: whether the tangent could be factored as it is; otherwise the distance is that by a changed tangent.
+        measured: whether the distance counts; not if the tangent of a body without contacts and multipliers had to be
+            changed before it could be factored.
     """
 
     stable: bool | None
     direction: NDArray[np.float64]
     distance: float
-    definite: bool
+    measured: bool
 
 
 @dataclass
@@ -106,6 +107,7 @@ class Stability:
             proves nothing, and the Lanczos method searches for negative curvature also where a factor exists.
         smooth: whether no term is a contact. After a proof with contact, a further descent would disturb forces that
             have settled.
+        free: whether no term is a contact or has multipliers, so that nothing holds a soft motion of the tangent.
         conservative: whether the forces of all terms have a potential. If not, a minimum is still an equilibrium, but
             its stability is not known.
     """
@@ -136,9 +138,9 @@ class Stability:
     """
 
     def __init__(
-        self, body: Body, minimiser: Minimiser, *, exact: bool, smooth: bool, conservative: bool = True
+        self, body: Body, minimiser: Minimiser, *, exact: bool, smooth: bool, free: bool, conservative: bool = True
     ) -> None:
-        self._conservative = conservative
+        self._conservative, self._free = conservative, free
         self._smooth, self._size, self._product, self._minimiser, self._exact = (
             smooth,
             body.size,
@@ -179,12 +181,12 @@ class Stability:
             proof = self._factor(task)
             found = _with(found, tangent=self._minimiser.tangent)
             near = proof.distance <= Minimiser.SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
-            if _is_late(solve, found) or (near and proof.definite):
+            if _is_late(solve, found) or (near and proof.measured and proof.stable is not False):
                 return _tell(_at(found, proof.distance), stable=proof.stable)
             if not progress.goes_on(float(task.active.status["energy"]), proof):
                 break
             solve.go_on_from(found.state)
-            leaves = count or not proof.definite  # in a nearly flat valley, or beside a saddle
+            leaves = count or not (proof.measured and proof.stable)  # in a nearly flat valley, or beside a saddle
             if leaves and not self._leave(descents, solve, found, task, proof.direction) and near:
                 return _tell(_at(found, proof.distance), stable=proof.stable)
             again = descents.descend(solve, spent=found.iterations)
@@ -199,8 +201,7 @@ class Stability:
 
     def _conclude(self, found: Solution, proof: Proof, progress: Progress, tolerance: float) -> Solution:
         """Return a solution that is as near as its multipliers' updates allow, or whose energy is nearly flat."""
-        measured = proof.definite or self._minimiser.tangent is None  # not by a tangent that had to be changed
-        if measured and progress.farthest <= tolerance:
+        if proof.measured and progress.farthest <= tolerance:
             return _tell(_at(found, proof.distance), stable=proof.stable)
         defect = {"converged": False, "error_estimate": proof.distance, "message": tell(Outcome.NEUTRAL)}
         return changed(_with(found, summary=changed(found.state.summary, **defect)), ended=Outcome.NEUTRAL)
@@ -210,7 +211,8 @@ class Stability:
         definite = self._minimiser.renew(task)
         stable, direction = self._examine(task, definite=definite)
         distance, step = self._minimiser.newton_step(task)
-        return Proof(stable, step if direction is None else direction, distance, definite)
+        measured = definite or not self._free or self._minimiser.tangent is None
+        return Proof(stable, step if direction is None else direction, distance, measured)
 
     def _prove_with_kept(self, task: Task, solve: Solve, found: Solution) -> Solution | None:
         """Return a solution that the kept tangent proves to be a near minimum; None if it does not."""
@@ -252,7 +254,7 @@ class Stability:
         seen = self.look(task)
         # A kink may mislead the search, e.g. that of a cable that is just slack.
         if seen.value > -FLAT or self._is_level(task, seen.direction):
-            proved = not self._exact and seen.known and seen.value > FLAT
+            proved = not (self._exact and self._free) and seen.known and seen.value > FLAT
             return (True, None) if proved else (None, seen.direction)
         return False, seen.direction
 
