@@ -143,7 +143,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{bar: {size: [0.02, 0.02, 0.02], cells: [3, 3, 3]}, material: soft, at: [0.1, 0, 0.1]}",
         "{sphere: {inner: 0.004, outer: 0.0125, cells: [4, 2]}, regions: [{material: soft}, {material: stiff, where: "
         "{face: z-}}]}",
-        "{file: berry.msh, skin: {file: berry.stl}, material: soft, at: [0.1, 0, 0], rotation_deg: [0, 0, 90], mirror: y}",
+        "{file: berry.msh, skin: {file: berry.stl}, rotation_deg: [0, 0, 90], mirror: y, material: soft}",
         "{file: body.msh, scale: 0.001, merge: true, first_order: true, material: soft}",
         *(f"{kind}\nmaterial: soft" for kind in KINDS if kind[0] != "{"),
     ),
