@@ -87,8 +87,10 @@ class Minimiser:
     """A tangent is renewed within a solve after this number of iterations, or after this multiple of the number of
     solutions that its factor costs, if that is larger. Otherwise a few far steps would renew it too often.
     """
-    UNSOLVED = 200
-    """A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve."""
+    UNSOLVED = 1000
+    """A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve. Solves
+    with its factor take many times as long as those with the constant matrix.
+    """
 
     def __init__(
         self,
