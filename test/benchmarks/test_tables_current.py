@@ -24,11 +24,8 @@ OLDER: dict[str, str] = {
     "bench_node": ONE_LOOP,
     "coarse_meshes": ONE_LOOP,
     "contact": ONE_LOOP,
-    "cut_cells": ONE_LOOP,
     "environments": ONE_LOOP,
     "motion": ONE_LOOP,
-    "robots": ONE_LOOP,
-    "streams": ONE_LOOP,
     "threads": ONE_LOOP,
     "torture": ONE_LOOP,
 }
