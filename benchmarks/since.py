@@ -19,18 +19,13 @@ from statistics import median
 from typing import Any
 
 from benchmarks.markdown import markdown_table
-from benchmarks.replay import first_steps, summed
 from benchmarks.report import options, write_report
-from gdfe_ros.scene import load_scene
-from gdfe_ros.simulation import Simulation
 from gdfe_ros.workers import THREAD_COUNTS
 
 ROOT = Path(__file__).resolve().parent.parent
 PLAYER = Path(__file__).with_name("player.py")
 TURNS = 7
 """Number of pairs of runs of each play, after one pair that is not timed."""
-PROBED = "tendon_finger", "pneunet", "gripper", "shape_memory_strip"
-"""Plays whose first steps a probe repeats."""
 
 
 @dataclass(frozen=True)
@@ -189,14 +184,6 @@ def since_table(report: Mapping[str, Any]) -> str:
     return markdown_table(heads, rows)
 
 
-def probe() -> dict[str, float]:
-    """Return the figures of the first steps of some plays."""
-    found: dict[str, float] = {}
-    for name in PROBED:
-        found |= first_steps(name, Simulation(load_scene(name)), PLAYS[name].steps)
-    return summed(found)
-
-
 def main() -> None:
     """Compare all plays, print each comparison, write the report and print the table."""
     parser = options("benchmarks.since", __doc__, "since")
@@ -217,7 +204,7 @@ def main() -> None:
     for player in players:
         player.close()
     report = {"commit": arguments.commit, "plays": [asdict(item) for item in found]}
-    write_report(arguments.out, report, probe())
+    write_report(arguments.out, report, {})
     print(since_table(report))
 
 

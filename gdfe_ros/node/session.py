@@ -381,7 +381,7 @@ class SimulationSession:
         """Publish the present state again for new subscribers, unless this is queued already."""
         if self.stepper.running and not self._telling:
             self._telling = True
-            self.stepper.report(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
+            self.stepper.post_reading(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
 
     def _deliver_again(self) -> None:
         """Publish the last step again, also during a step: until it ends, only the arms' joints are ahead of it."""

@@ -87,7 +87,7 @@ class SteppingThread:
         self.failure, self.failures = "", 0
         self._origin = 0
         self._jobs: deque[tuple[Callable[[], object], Future]] = deque()
-        self._reports: deque[Callable[[], None]] = deque()
+        self._readings: deque[Callable[[], None]] = deque()
         self._retries = 0
         self._rated = any(math.isfinite(actuator.rate) for actuator in run.scene.actuators)
         self.stepping = self._stopping = self._draining = self._paused = False
@@ -176,17 +176,17 @@ class SteppingThread:
                 self.changed.notify_all()
         return future
 
-    def report(self, function: Callable[[], None]) -> None:
-        """Queue a function that changes nothing and does not raise; it runs between two rounds of a solve, or steps."""
+    def post_reading(self, function: Callable[[], None]) -> None:
+        """Queue a function that only reads and does not raise; it runs between two rounds of a solve, or two steps."""
         with self.changed:
-            self._reports.append(function)
+            self._readings.append(function)
             self.changed.notify_all()
 
     def must_end(self) -> bool:
         """Return whether the solve in progress must end; the solver calls this after each round of iterations."""
         self.rounds += 1
-        while self._reports:
-            self._reports.popleft()()
+        while self._readings:
+            self._readings.popleft()()
         return bool(self._stopping or self._urgent) and time.monotonic() - self.work[1] > _GRACE
 
     def pause(self, paused: bool) -> None:
@@ -284,8 +284,8 @@ class SteppingThread:
         """Wait for the next task and return it; None ends the thread."""
         with self.changed:
             while not self._stopping or (self._draining and self._jobs):
-                if self._reports:
-                    return self._reports.popleft()
+                if self._readings:
+                    return self._readings.popleft()
                 if self._jobs:
                     job = self._jobs.popleft()
                     return lambda: _carry_out(*job)

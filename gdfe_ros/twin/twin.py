@@ -7,7 +7,6 @@ import csv
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -168,11 +167,7 @@ class Twin:
         with self._lock:
             self._estimator.settle(step)
             self._comparison.forget()
-        self._changed, self._change = now, self._replaced(wanted)
-
-    def _replaced(self, moduli: Mapping[str, float]) -> Future[None]:
-        """Change the moduli between two steps."""
-        return self.session.set_moduli(moduli)
+        self._changed, self._change = now, self.session.set_moduli(wanted)
 
     def _write(self, found: Sequence[Deviation]) -> None:
         if self._table is None:

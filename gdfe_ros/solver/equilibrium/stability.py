@@ -58,6 +58,11 @@ class Proof(NamedTuple):
     distance: float
     measured: bool
 
+    @property
+    def counts(self) -> bool:
+        """Whether a short distance shows an equilibrium that is no known saddle."""
+        return self.measured and self.stable is not False
+
 
 @dataclass
 class Progress:
@@ -177,16 +182,15 @@ class Stability:
             return known
         progress = Progress()
         for count in range(self.ROUNDS):
-            task = descents.task_at(solve, found) if count else task
             proof = self._factor(task)
             found = _with(found, tangent=self._minimiser.tangent)
             near = proof.distance <= Minimiser.SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
-            if _is_late(solve, found) or (near and proof.measured and proof.stable is not False):
+            if _is_late(solve, found) or (near and proof.counts):
                 return _tell(_at(found, proof.distance), stable=proof.stable)
             if not progress.goes_on(float(task.active.status["energy"]), proof):
                 break
             solve.go_on_from(found.state)
-            leaves = count or not (proof.measured and proof.stable)  # in a nearly flat valley, or beside a saddle
+            leaves = count or not (proof.stable and proof.counts)  # in a nearly flat valley, or beside a saddle
             if leaves and not self._leave(descents, solve, found, task, proof.direction) and near:
                 return _tell(_at(found, proof.distance), stable=proof.stable)
             again = descents.descend(solve, spent=found.iterations)
@@ -194,9 +198,9 @@ class Stability:
             if not (again.converged and again.min_det > 0.0):
                 return _tell(changed(found, iterations=total), stable=proof.stable)
             found = changed(again, iterations=total, began=found.began)
-            sure = proof.stable and proof.distance <= Minimiser.SHARE * solve.aim
-            if sure and again.iterations <= self.NEAR:
+            if self._holds(proof, again, solve.aim):
                 return _tell(found, stable=True)
+            task = descents.task_at(solve, found)
         return self._conclude(found, proof, progress, solve.problem.tolerance)
 
     def _conclude(self, found: Solution, proof: Proof, progress: Progress, tolerance: float) -> Solution:
@@ -205,6 +209,11 @@ class Stability:
             return _tell(_at(found, proof.distance), stable=proof.stable)
         defect = {"converged": False, "error_estimate": proof.distance, "message": tell(Outcome.NEUTRAL)}
         return changed(_with(found, summary=changed(found.state.summary, **defect)), ended=Outcome.NEUTRAL)
+
+    def _holds(self, proof: Proof, again: Solution, aim: float) -> bool:
+        """Return whether a proof still holds after the minimisation ``again`` from where it was made."""
+        near = proof.distance <= Minimiser.SHARE * aim and again.iterations <= self.NEAR
+        return bool(proof.stable) and near
 
     def _factor(self, task: Task) -> Proof:
         """Factor the tangent at the unknowns of ``task``; return what it shows."""
