@@ -24,6 +24,7 @@ BARS = (
     ("tensile", (20, 5, 5), 0.6),
     ("twist90_uniform", (12, 3, 3), 0.45),
     ("twist90_uniform", (40, 10, 10), 0.45),
+    ("twist90_uniform", (80, 20, 20), 0.45),
 )
 """Scene, cells, and the largest ratio of the times of one cold step."""
 STREAMS: Mapping[str, tuple[str, int, Mapping[str, Any]]] = {

@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start of a step: linear extrapolation of a smooth motion, and harmonic extension of the handles' remaining motion."""
+"""Start of a step: linear extrapolation of a smooth motion, and harmonic extension of the handles' remaining motion.
+
+The harmonic extension of displacements moves vertices along chords. Between two handles, a large rotation then folds
+elements, and on fine meshes the way out takes hundreds of iterations. Handles that turn are therefore extended as
+screws. A rigid motion is a rotation about an axis in space and a translation along it: with the rotation vector w and
+the velocity v, it moves a point by x(s) = exp(s xi) x, xi x = w x x + v, from s = 0 to 1. A vertex moves by the screw
+whose (w, v) is the harmonic extension of those of the handles. If all handles move alike, the body moves rigidly.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import THRESHOLD
@@ -20,6 +29,12 @@ LARGEST_RATIO = 2.0
 """Largest multiple of the last step that is extrapolated."""
 SMOOTH = 0.5
 """The last motion is extrapolated if the present motion differs from a multiple of it by at most this fraction."""
+SMALL_ANGLE = 1e-4
+"""Up to this angle [rad], the first terms of the coefficients' series are exact to double precision."""
+LEAST_TURN = 1e-6
+"""Points turn if they move relative to their mean by more than this multiple of their distances from it. Points are on
+a line if the ratio of the second singular value of their covariance to the first is below this.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +67,16 @@ class Predictor:
     vertices.
     """
     FAR = 1e-2
-    """Extrapolated displacements below this multiple of the body's size fold no element."""
+    """Displacements below this multiple of the body's size, and turns of handles below it [rad], fold no element."""
 
     def __init__(self, body: Body, handles: HandleMotions, matrix: ConstantMatrix) -> None:
         self._free, self._matrix = body.unknowns.free, matrix
         self._held, self._handles, self._size = body.unknowns.prescribed, handles, body.size
         self._shape = body.shape
+        # Weights of the handles are the same along all axes, unless rollers hold vertices along some of them.
+        counts = [len(handle.vertices) for handle in body.handles if handle.slide is None]
+        ends = [] if len(body.unknowns.fixed) else itertools.accumulate(counts, initial=0)
+        self._parts = [slice(a, b) for a, b in itertools.pairwise(ends) if b > a]
         self._turning = handles.turning_vertices()
 
     def predict(self, state: State, base: NDArray[np.float64], change: NDArray[np.float64]) -> Prediction:
@@ -89,10 +108,22 @@ class Predictor:
         if self._handles.turn:
             target = self._handles.placed(base, slides, turns)[held]
             rest = np.where(self._turning[:, None], target - start[held], rest)
-        start[held] += rest
         if np.abs(rest).max(initial=0.0) > self.STILL * self._size:
-            start[self._free] += self._matrix.extend(rest)
+            start[self._free] += self._extended(start, rest)
+        start[held] += rest
         return Prediction(start, slides, turns, ratio)
+
+    def _extended(self, start: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the free vertices move (f, 3) [m] while the prescribed ones move by ``rest`` (b, 3) [m]."""
+        if not self._parts or np.abs(rest).max() <= self.FAR * self._size:
+            return self._matrix.extend(rest)
+        here, screws = start[self._held], np.zeros((len(rest), 6))
+        for part in self._parts:
+            screws[part] = find_screw(here[part], here[part] + rest[part])
+        if np.abs(screws[:, :3]).max() <= self.FAR:
+            return self._matrix.extend(rest)
+        points, parts = start[self._free], (screws[:, :3], screws[:, 3:])
+        return follow_screws(np.hstack([self._matrix.extend(part) for part in parts]), points) - points
 
     def motion(self, old: State, new: State, change: NDArray[np.float64]) -> Motion:
         """Return the motion between two accepted states."""
@@ -134,3 +165,39 @@ def _repeated(last: NDArray[np.float64], motion: NDArray[np.float64]) -> float:
 
 def _norm(vector: NDArray[np.float64]) -> float:
     return math.sqrt(np.vdot(vector, vector))
+
+
+def find_screw(here: NDArray[np.float64], there: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the screw (6,), w [rad] and v [m], of the rigid motion that best moves points (k, 3) [m] to others.
+
+    Points on a line have many rotations; their motion counts as a translation.
+    """
+    start, end = here.mean(axis=0), there.mean(axis=0)
+    arms, moved = here - start, there - end
+    if np.abs(moved - arms).max() <= LEAST_TURN * np.abs(arms).max():
+        return np.concatenate([np.zeros(3), end - start])
+    spread = np.linalg.svd(moved.T @ arms, compute_uv=False)
+    if not spread[1] > LEAST_TURN * spread[0]:
+        return np.concatenate([np.zeros(3), end - start])
+    turn = Rotation.align_vectors(moved, arms)[0]
+    vector = turn.as_rotvec()
+    # exp(xi) moves a point by (J - I) x + J_l v; J_l is invertible below a whole turn.
+    left = np.stack([_apply_left_jacobian(vector, axis) for axis in np.eye(3)], axis=1)
+    return np.concatenate([vector, np.linalg.solve(left, end - turn.apply(start))])
+
+
+def follow_screws(screws: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (n, 3) [m] after the motions of screws (n, 6), one for each point."""
+    turn, velocity = screws[:, :3], screws[:, 3:]
+    return points + _apply_left_jacobian(turn, np.cross(turn, points) + velocity)
+
+
+def _apply_left_jacobian(turn: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return J_l(w) u = u + b w x u + c w x (w x u) of vectors (..., 3), b and c as in `solver.matrix.rotation`."""
+    square = np.sum(turn * turn, axis=-1, keepdims=True)
+    angle = np.sqrt(square)
+    safe, small = np.maximum(angle, SMALL_ANGLE), angle < SMALL_ANGLE
+    b = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    c = np.where(small, 1.0 / 6.0 - square / 120.0, (safe - np.sin(safe)) / safe**3)
+    across = np.cross(turn, vector)
+    return vector + b * across + c * np.cross(turn, across)

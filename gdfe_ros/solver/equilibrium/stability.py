@@ -229,7 +229,7 @@ class Stability:
         if not least > self.SURE:
             return None
         distance, _ = self._minimiser.newton_step(task)
-        near = distance <= Minimiser.SHARE * least * solve.aim
+        near = distance <= min(Minimiser.SHARE, least) * solve.aim
         return _tell(_at(found, distance / least), stable=True) if near else None
 
     def _leave(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
 from gdfe_ros.solver.matrix.elimination import eliminated
-from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order
+from gdfe_ros.solver.matrix.ordering import dissected, least_degree, narrow_order
 from gdfe_ros.solver.matrix.rotation import unrotated
 from gdfe_ros.solver.matrix.substitution import PANEL, Kept, Plan, solve_columns, solve_unturned
 from gdfe_ros.solver.vectors import clear_part, copy_part
@@ -189,7 +189,7 @@ class Fronts:
     def __init__(
         self, graph: sparse.csr_matrix, points: NDArray[np.float64], *, kind: type[np.floating] = np.float32
     ) -> None:
-        orders = narrow_order(graph, points), least_degree(graph)
+        orders = narrow_order(graph, points), least_degree(graph), dissected(graph, points)
         found = min((eliminated(graph, order) for order in orders), key=lambda each: each.work)
         widths, heights = found.widths, found.heights
         self.price = round(3 * found.work / max(1, 8 * found.entries))
