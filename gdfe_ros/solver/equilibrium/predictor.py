@@ -35,6 +35,8 @@ LEAST_TURN = 1e-6
 """Points turn if they move relative to their mean by more than this multiple of their distances from it. Points are on
 a line if the ratio of the second singular value of their covariance to the first is below this.
 """
+HALF_TURN = 3.1
+"""Rounding decides the sense of a rotation beyond this angle [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +119,10 @@ class Predictor:
         """Return how far the free vertices move (f, 3) [m] while the prescribed ones move by ``rest`` (b, 3) [m]."""
         if not self._parts or np.abs(rest).max() <= self.FAR * self._size:
             return self._matrix.extend(rest)
-        here, screws = start[self._held], np.zeros((len(rest), 6))
+        here, screws, sense = start[self._held], np.zeros((len(rest), 6)), np.zeros(3)
         for part in self._parts:
-            screws[part] = find_screw(here[part], here[part] + rest[part])
+            screws[part] = screw = find_screw(here[part], here[part] + rest[part], sense)
+            sense = sense if sense.any() else screw[:3]
         if np.abs(screws[:, :3]).max() <= self.FAR:
             return self._matrix.extend(rest)
         points, parts = start[self._free], (screws[:, :3], screws[:, 3:])
@@ -167,10 +170,13 @@ def _norm(vector: NDArray[np.float64]) -> float:
     return math.sqrt(np.vdot(vector, vector))
 
 
-def find_screw(here: NDArray[np.float64], there: NDArray[np.float64]) -> NDArray[np.float64]:
+def find_screw(
+    here: NDArray[np.float64], there: NDArray[np.float64], sense: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the screw (6,), w [rad] and v [m], of the rigid motion that best moves points (k, 3) [m] to others.
 
-    Points on a line have many rotations; their motion counts as a translation.
+    Points on a line have many rotations; their motion counts as a translation. Half a turn has the sense of the
+    rotation vector ``sense`` (3,): handles that turn together must not twist the body by a whole turn.
     """
     start, end = here.mean(axis=0), there.mean(axis=0)
     arms, moved = here - start, there - end
@@ -181,6 +187,9 @@ def find_screw(here: NDArray[np.float64], there: NDArray[np.float64]) -> NDArray
         return np.concatenate([np.zeros(3), end - start])
     turn = Rotation.align_vectors(moved, arms)[0]
     vector = turn.as_rotvec()
+    angle = float(np.linalg.norm(vector))
+    if angle > HALF_TURN and vector @ sense < 0.0:
+        vector *= 1.0 - 2.0 * np.pi / angle
     # exp(xi) moves a point by (J - I) x + J_l v; J_l is invertible below a whole turn.
     left = np.stack([_apply_left_jacobian(vector, axis) for axis in np.eye(3)], axis=1)
     return np.concatenate([vector, np.linalg.solve(left, end - turn.apply(start))])
