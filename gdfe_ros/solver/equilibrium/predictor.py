@@ -21,22 +21,17 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.elements.measures import least_volume_ratio
-from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.handle_motions import LEAST_TURN, HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.matrix.rotation import SMALL
 from gdfe_ros.solver.state import Motion, State
 
 LARGEST_RATIO = 2.0
 """Largest multiple of the last step that is extrapolated."""
 SMOOTH = 0.5
 """The last motion is extrapolated if the present motion differs from a multiple of it by at most this fraction."""
-SMALL_ANGLE = 1e-4
-"""Up to this angle [rad], the first terms of the coefficients' series are exact to double precision."""
-LEAST_TURN = 1e-6
-"""Points turn if they move relative to their mean by more than this multiple of their distances from it. Points are on
-a line if the ratio of the second singular value of their covariance to the first is below this.
-"""
-HALF_TURN = 3.1
-"""Rounding decides the sense of a rotation beyond this angle [rad]."""
+HALF_TURN = np.radians(178.0)
+"""Beyond this angle [rad], tiny differences decide the sense of a rotation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +200,7 @@ def _apply_left_jacobian(turn: NDArray[np.float64], vector: NDArray[np.float64])
     """Return J_l(w) u = u + b w x u + c w x (w x u) of vectors (..., 3), b and c as in `solver.matrix.rotation`."""
     square = np.sum(turn * turn, axis=-1, keepdims=True)
     angle = np.sqrt(square)
-    safe, small = np.maximum(angle, SMALL_ANGLE), angle < SMALL_ANGLE
+    safe, small = np.maximum(angle, SMALL), angle < SMALL
     b = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(safe)) / safe**2)
     c = np.where(small, 1.0 / 6.0 - square / 120.0, (safe - np.sin(safe)) / safe**3)
     across = np.cross(turn, vector)
