@@ -54,6 +54,10 @@ class Pose:
             return points + np.asarray(self.translation)
         return (points - centre) @ self._matrix.T + (centre + np.asarray(self.translation))
 
+    def turn_from(self, other: Pose) -> NDArray[np.float64]:
+        """Return the matrix (3, 3) of the rotation from the other pose to this one."""
+        return self._matrix @ other._matrix.T
+
     @cached_property
     def _matrix(self) -> NDArray[np.float64]:
         """The rotation matrix, by Rodrigues' formula; SciPy's takes longer than a small body's whole step."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -35,6 +36,11 @@ class HandleMotions:
         turn: whether any handle rotates freely.
     """
 
+    APART = 0.05
+    """Largest differences of rotations [rad], and of motions divided by the body's size, that move a body nearly
+    rigidly.
+    """
+
     def __init__(self, body: Body) -> None:
         self._body = body
         self._loose = [piece for handle in body.handles for piece in handle.pieces if piece.loose]
@@ -54,6 +60,25 @@ class HandleMotions:
             pose = self._commanded(handle, poses[handle.name])
             placed[handle.vertices] = pose.apply(self._body.rest[handle.vertices], self._centres[handle.name])
         return placed
+
+    def centres_together(self, poses: Mapping[str, Pose], targets: Mapping[str, Pose]) -> dict[str, Vectors]:
+        """Return the centres (3,) [m] in the rest pose of all handles if they move together, nearly as one rigid body.
+
+        The dict is empty if they do not, or if one of them is free to move by itself. Whole turns count.
+        """
+        held = [handle.name for handle in self._body.handles if len(handle.vertices)]
+        pairs = [(poses[name], targets[name]) for name in held]
+        turns = [[b - a for a, b in zip(old.rotation, new.rotation, strict=True)] for old, new in pairs]
+        if not (turns and any(turns[0])) or any(math.dist(turn, turns[0]) > self.APART for turn in turns):
+            return {}
+        if self._loose or any(handle.slide is not None for handle in self._body.handles):
+            return {}
+        arms = [np.array([self._centres[name] + each[name].translation for name in held]) for each in (poses, targets)]
+        start, end = (each - each[0] for each in arms)
+        rotations = np.array([new.turn_from(old) for old, new in pairs])
+        beside = np.abs(end - start @ rotations[0].T).max() / self._body.size
+        together = max(np.ptp(rotations, axis=0).max(), beside) <= self.APART
+        return {name: self._centres[name] for name in held} if together else {}
 
     def frame(self, base: Vectors) -> HandlePositions:
         """Return the commanded positions ``base`` (n, 3) [m] and the handles' centres there, for the kernels."""

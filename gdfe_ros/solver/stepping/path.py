@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.deadline import Deadline
@@ -23,17 +26,20 @@ Place = tuple[Mapping[str, Pose], Mapping[str, float]]
 """Dict from handle or obstacle to its pose, and dict from actuator or load to its command."""
 
 
-def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
+def planned_increments(
+    targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float, *, together: Collection[str] = ()
+) -> int:
     """Return the number of increments. In each, a handle turns by at most `LARGEST_TURN` and moves by at most ``size``.
 
     Args:
         targets: pose of every handle.
         poses: present poses of the handles.
         size: size of the body [m].
+        together: names of handles that move nearly as one rigid body, and whose motion hardly deforms it.
     """
     most = 1.0
     for name, target in targets.items():
-        if target == poses[name]:
+        if target == poses[name] or name in together:
             continue
         turn = math.dist(target.rotation, poses[name].rotation)
         shift = math.dist(target.translation, poses[name].translation)
@@ -41,12 +47,32 @@ def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], s
     return math.ceil(most)
 
 
-def on_path(began: Place, goal: Place, share: float) -> Place:
-    """Return the poses and commands at a ``share`` of the linear path; from 1 on they are those of ``goal``."""
+def on_path(began: Place, goal: Place, share: float, centres: Mapping[str, NDArray[np.float64]] | None = None) -> Place:
+    """Return the poses and commands at a ``share`` of the linear path; from 1 on they are those of ``goal``.
+
+    ``centres`` (3,) [m] are those of handles that move nearly as one rigid body: they do so all along the path.
+    """
     if share >= 1.0:
         return goal
     poses = {name: began[0][name].blend(target, share) for name, target in goal[0].items()}
+    if centres:
+        beside = _beside(began[0], goal[0], poses, centres) - share * _beside(began[0], goal[0], goal[0], centres)
+        for name, shift in zip(centres, beside, strict=True):
+            poses[name] = Pose(tuple(poses[name].translation - shift), poses[name].rotation)
     return poses, {name: value + share * (goal[1][name] - value) for name, value in began[1].items()}
+
+
+def _beside(
+    began: Mapping[str, Pose],
+    goal: Mapping[str, Pose],
+    poses: Mapping[str, Pose],
+    centres: Mapping[str, NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """Return how far handles at ``poses`` are (k, 3) [m] from a rigid rotation about the mean of their ``centres``."""
+    start, here = (np.array([centres[name] + each[name].translation for name in centres]) for each in (began, poses))
+    arms = start - start.mean(axis=0)
+    turned = np.array([poses[name].turn_from(began[name]) @ arm for name, arm in zip(centres, arms, strict=True)])
+    return here - here.mean(axis=0) - turned
 
 
 class Verdict(Enum):
@@ -85,6 +111,7 @@ class LoadPath:
         goal: target at the end.
         budget: largest number of iterations on the load path.
         length: fraction of the load path that the next attempt covers.
+        centres: centres (3,) [m] of the handles if they move nearly as one rigid body, otherwise empty.
         done: fraction of the load path that is completed.
         iterations, attempts: numbers of iterations and of attempts so far.
         jumped: whether the body has jumped to another equilibrium in an attempt.
@@ -102,6 +129,7 @@ class LoadPath:
     goal: Goal
     budget: int
     length: float
+    centres: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     done: float = 0.0
     iterations: int = 0
     attempts: int = 0
@@ -112,10 +140,12 @@ class LoadPath:
     unstable: str = ""
 
     @classmethod
-    def between(cls, state: State, goal: Goal, increments: int, limit: int) -> LoadPath:
+    def between(
+        cls, state: State, goal: Goal, increments: int, limit: int, centres: Mapping[str, NDArray[np.float64]]
+    ) -> LoadPath:
         """Return the load path from a state to a goal; its budget is ``increments`` times ``limit`` iterations."""
-        budget, length = increments * limit, 1.0 / increments
-        return cls(poses=state.poses, commands=state.commands, goal=goal, budget=budget, length=length)
+        began = {"poses": state.poses, "commands": state.commands, "centres": centres}
+        return cls(goal=goal, budget=increments * limit, length=1.0 / increments, **began)
 
     @property
     def moves(self) -> bool:
@@ -140,7 +170,8 @@ class LoadPath:
     @property
     def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
         """Poses and commands at the end of the next attempt."""
-        return on_path((self.poses, self.commands), (self.goal.poses, self.goal.commands), self.next)
+        began, goal = (self.poses, self.commands), (self.goal.poses, self.goal.commands)
+        return on_path(began, goal, self.next, self.centres)
 
     def tried(self, solution: Solution, *, jumps: bool) -> LoadPath:
         """Return the load path after an attempt: iterations are added, and a jump or folded elements are recorded."""

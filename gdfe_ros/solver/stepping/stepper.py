@@ -161,8 +161,10 @@ class Stepper:
 
     def _march(self, state: State, goal: Goal) -> March:
         """Return the outcome of the load path from ``state`` to a goal; increments are halved after failed attempts."""
-        planned = planned_increments(goal.poses, state.poses, self.body.size)
-        path, begin = LoadPath.between(state, goal, planned, self._settings.max_iterations), state
+        centres = self.equilibrium.handles.centres_together(state.poses, goal.poses)
+        together = () if self.actuation.contacts else centres  # nothing is in the way
+        planned = planned_increments(goal.poses, state.poses, self.body.size, together=together)
+        path, begin = LoadPath.between(state, goal, planned, self._settings.max_iterations, centres), state
         while True:
             attempt = self._attempt(path, state)
             verdict = attempt.verdict
