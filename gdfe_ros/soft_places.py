@@ -51,7 +51,7 @@ def put_soft(scene: Scene, positions: Array, places: Mapping[str, Pose]) -> Arra
 
 
 def fit_rigidly(rest: Array, now: Array) -> tuple[Array, Array]:
-    """Return origin (3,) [m] and axes (3, 3) of the frame in which points ``rest`` (k, 3) [m] are closest to ``now``."""
+    """Return origin (3,) [m] and axes (3, 3) of the frame in which ``rest`` (k, 3) [m] is closest to ``now`` (k, 3)."""
     start, end = rest.mean(axis=0), now.mean(axis=0)
     left, _, right = np.linalg.svd((rest - start).T @ (now - end))
     proper = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
