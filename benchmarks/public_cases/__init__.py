@@ -25,6 +25,7 @@ class Row:
         figure: this solver's value as text.
         value: the value, or its distance from what the rule expects, in the rule's unit.
         bound: largest ``value`` that the rule allows.
+        revision: commit of the file, if later revisions of the repository do not have it.
     """
 
     source: str
@@ -34,6 +35,7 @@ class Row:
     figure: str
     value: float
     bound: float
+    revision: str = "HEAD"
 
     @property
     def holds(self) -> bool:

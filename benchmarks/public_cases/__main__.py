@@ -29,7 +29,7 @@ def case_table(report: Sequence[Mapping[str, Any]]) -> str:
     rows = []
     for each in (Row(**item) for item in report):
         project, name = each.source.split(", ")
-        source = f"{project}, [{name}]({REPOSITORIES[project]}/blob/HEAD/{each.path})"
+        source = f"{project}, [{name}]({REPOSITORIES[project]}/blob/{each.revision}/{each.path})"
         rows.append([source, each.body, each.rule, each.figure, "yes" if each.holds else "**no**"])
     return markdown_table(("test", "body", "rule", "here", "holds"), rows)
 

@@ -43,6 +43,7 @@ def _cylinder() -> list[Row]:
     given = {
         "source": "SOFA, LinearElasticity_test",
         "path": "applications/plugins/SofaTest/SofaTest_test/LinearElasticity_test.cpp",
+        "revision": "01799b6c405275871c034d9a15485368204cc41e",
     }
     return [
         Row(
