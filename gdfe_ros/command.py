@@ -37,8 +37,9 @@ class Command:
         handles: dict from handle to its pose relative to its rest pose.
         actuators: dict from actuator to its command in the unit of its mode, e.g. a tension [N]; for growth, 0 to 1.
         loads: dict from load to the factor on it; the factor is 1 before the first command.
-        bodies: dict from rigid body to its pose relative to its rest pose. The body is teleported to this pose before
-            the step, with zero velocity, and then moves freely again.
+        bodies: dict from rigid body, or soft body of ``soft_bodies``, to its pose relative to its rest pose. The body
+            is teleported to this pose before the step, with zero velocity, and then moves freely again. A soft body
+            keeps its deformation.
         joints: dict from joint of an arm to its position [rad] or [m]; the joint approaches it within its limits.
     """
 
@@ -137,17 +138,17 @@ class Orders:
         return targets
 
     def places(self, command: Command | None) -> dict[str, Pose]:
-        """Return dict from rigid body to the pose to which a command teleports it.
+        """Return dict from free body, rigid or soft, to the pose to which a command teleports it.
 
         Raises:
             CommandError: a body is unknown, or its pose is not a `Pose` or is farther than `FARTHEST`.
         """
         places = dict(command.bodies if command else {})
-        known = [body.name for body in self._scene.rigid_bodies]
+        known = [*(body.name for body in self._scene.rigid_bodies), *self._scene.soft_bodies]
         for name, pose in places.items():
             if name not in known:
                 scene = f"scene {self._scene.name!r}"
-                raise CommandError(f"no rigid body {name!r} in {scene}; bodies: {_list(known)}")
+                raise CommandError(f"no free body {name!r} in {scene}; bodies: {_list(known)}")
             _require_pose(f"body {name!r}: the pose", pose)
             self._require_near(f"body {name!r} is put", pose)
         return places

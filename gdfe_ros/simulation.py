@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.actuators import ActuatorState, total_gravity
+from gdfe_ros.actuators.actuator import Grip
 from gdfe_ros.arms.carriers import Carriers, JointReading, Motions
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.command import Command, Orders, checked_positions, require_snapshot
@@ -26,6 +27,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
+from gdfe_ros.soft_places import put_soft, require_soft_free, vertices_of_soft
 from gdfe_ros.solver.body import Body, working_origin
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
@@ -34,7 +36,7 @@ from gdfe_ros.solver.motion.imu import ImuReading, later_readings
 from gdfe_ros.solver.motion.putting import require_free
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
-from gdfe_ros.solver.state import Snapshot
+from gdfe_ros.solver.state import Snapshot, State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.placing import moved_along
 from gdfe_ros.solver.terms.term import Term
@@ -256,7 +258,7 @@ class Simulation:
         rests = not places and self._rests(moved.motions, targets, limited)
         if moves and not rests:
             require_countable(dt=dt, step=moves.step)
-        self.state = self.stepper.put(self.state, places) if places else self.state
+        self.state = self.put(places)
         self.targets, self.commands = targets, commands
         before, self._joints, self._cuts = self._joints, moved.motions, moved.cuts
         limit = Deadline.of(started, deadline, cut_after, interrupted)
@@ -272,6 +274,24 @@ class Simulation:
         self.result = step_result(self.stepper, self.state, march, **given, started=started, limit=limit)
         return self.result
 
+    def put(self, places: Mapping[str, Pose]) -> State:
+        """Return the present state with free bodies, rigid or soft, at poses relative to their rest poses, not moving.
+
+        The simulation itself stays as it is; a `Command` with ``bodies`` teleports them.
+
+        Raises:
+            OverlapError: a body is inside of an obstacle or of another body there.
+        """
+        state, soft = self.state, {name: pose for name, pose in places.items() if name in self.scene.soft_bodies}
+        if soft:
+            vertices, moved = vertices_of_soft(self.scene, soft), state.positions.copy()
+            moved[vertices] = put_soft(self.scene, moved + self.origin, soft)[vertices] - self.origin
+            state = self.stepper.carry(state, vertices, moved)
+        if rigid := {name: pose for name, pose in places.items() if name not in soft}:
+            state = self.stepper.put(state, rigid)
+        require_soft_free(self.scene, state.poses, state.positions + self.origin, soft)
+        return state
+
     def _require_grips(self, commands: Mapping[str, float], places: Collection[str]) -> None:
         """Raise CommandError if a grip would take hold from too far away, or if a held body is put elsewhere."""
         actuation = self.stepper.actuation
@@ -279,8 +299,13 @@ class Simulation:
             raise CommandError("; ".join(texts.values()))
         holding = actuation.holding(self.state)
         for grip in (each.actuator for each in actuation.grips if each.name in holding):
-            if moved := sorted({grip.held, grip.holder} & set(places)):
+            held = {name for name in places if name in self.scene.soft_bodies and self._holds(grip, name)}
+            if moved := sorted(({grip.held, grip.holder} & set(places)) | held):
                 raise CommandError(f"body {moved[0]!r} is held by grip {grip.name!r}; remedy: let go first, command 0")
+
+    def _holds(self, grip: Grip, soft: str) -> bool:
+        """Return whether a grip holds vertices of a soft body."""
+        return bool(np.isin(grip.vertices, vertices_of_soft(self.scene, [soft])).any())
 
     def _rests(self, motions: Motions, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether body and yielding joints are at rest, and would stay at rest at these commands."""

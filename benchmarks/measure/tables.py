@@ -67,6 +67,7 @@ TABLES = (
     Table(name="robots", module="benchmarks.robots", minutes=1),
     Table(name="chamber", module="benchmarks.chamber", minutes=1, needs=("felupe", "pypardiso")),
     Table(name="motion", module="benchmarks.motion", minutes=1),
+    Table(name="public_cases", module="benchmarks.public_cases", minutes=0.5),
     Table(name="afternoon", module="benchmarks.measured_robots.afternoon", minutes=0.2),
     Table(name="measured_arm_steps", module="benchmarks.measured_robots.arm_steps", minutes=0.6),
     Table(name="measured_membrane", module="benchmarks.measured_robots.membrane", minutes=2.5),

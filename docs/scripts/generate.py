@@ -28,6 +28,7 @@ from benchmarks.loop import table as loop_tables
 from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.measured_robots import afternoon, arm_steps, membrane, module, rubber
 from benchmarks.node import tables as node_tables
+from benchmarks.public_cases.__main__ import case_table
 from benchmarks.report import KEPT, read_report
 from benchmarks.tables import all_tables
 from docs.scripts.compatibility import compatibility_table
@@ -89,6 +90,7 @@ TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "measured_module": module.module_tables,
     "measured_rubber": rubber.rubber_table,
     "motion": motion.all_tables,
+    "public_cases": case_table,
     "robots": robots.robot_table,
     "skip": all_tables,
     "streams": streams.all_tables,

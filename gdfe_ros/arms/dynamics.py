@@ -54,7 +54,7 @@ class LinkDynamics:
     """
 
     def __init__(self, description: Description, base: LinkFrame) -> None:
-        self.description, self._base = description, base
+        self.description, self.base = description, base
         self.joints = description.commanded
         self._pin = pin = _pinocchio()
         try:
@@ -85,8 +85,8 @@ class LinkDynamics:
         found = {}
         for name, number in self._frames.items():
             place = self._data.oMf[number]
-            origin = self._base.origin + self._base.axes @ place.translation
-            found[name] = LinkFrame(origin, self._base.axes @ place.rotation)
+            origin = self.base.origin + self.base.axes @ place.translation
+            found[name] = LinkFrame(origin, self.base.axes @ place.rotation)
         return found
 
     def efforts(self, q: Vector, v: Vector, a: Vector, *, gravity: Vector, pushes: Mapping[str, Push]) -> Vector:
@@ -99,7 +99,7 @@ class LinkDynamics:
             gravity: (3,) [m/s^2] in the world.
             pushes: dict from link to the wrench on it.
         """
-        self._model.gravity.linear = self._base.axes.T @ gravity
+        self._model.gravity.linear = self.base.axes.T @ gravity
         rates = self._spread @ v, self._spread @ a
         full = self._full(q)
         efforts = self._pin.rnea(self._model, self._data, full, *rates).copy()
@@ -121,7 +121,7 @@ class LinkDynamics:
 
     def potential_energy(self, q: Vector, gravity: Vector) -> float:
         """Return the potential energy [J] of the links under ``gravity`` (3,) [m/s^2]."""
-        self._model.gravity.linear = self._base.axes.T @ gravity
+        self._model.gravity.linear = self.base.axes.T @ gravity
         return float(self._pin.computePotentialEnergy(self._model, self._data, self._full(q)))
 
     def _full(self, q: Vector) -> Vector:
@@ -134,8 +134,8 @@ class LinkDynamics:
 
     def _wrench(self, link: str, push: Push) -> Vector:
         """Return a wrench (6,) in the base's axes, with the moment about the origin of the link's frame."""
-        back = self._base.axes.T
-        arm = back @ (push.point - self._base.origin) - self._data.oMf[self._frames[link]].translation
+        back = self.base.axes.T
+        arm = back @ (push.point - self.base.origin) - self._data.oMf[self._frames[link]].translation
         force = back @ push.force
         return np.concatenate([force, back @ push.moment + np.cross(arm, force)])
 

@@ -21,6 +21,7 @@ from gdfe_ros.node.interface import NODE_NAME
 
 if TYPE_CHECKING:
     from gdfe_ros.live.page import Page
+    from gdfe_ros.twin.measured_body import MeasuredBody
     from gdfe_ros.twin.twin import Twin
 
 _PERIOD = 0.05
@@ -48,7 +49,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fit", nargs="*", default=[], metavar="MATERIAL", help="materials whose moduli are fitted")
     parser.add_argument("--noise", type=float, default=1.0, help="noise of the measured positions [mm] (default: 1)")
     parser.add_argument("--delay", type=float, default=0.0, help="time by which their stamps are late [s] (default: 0)")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="write every comparison into a CSV file")
+    parser.add_argument(
+        "--record",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="FILE",
+        help="a .csv file for every comparison, a .mcap file for these and the simulation's messages, or both",
+    )
     parser.add_argument("--seconds", type=float, default=math.inf, help="end after this time (default: at Ctrl-C)")
     parser.add_argument("--patience", type=float, default=30.0, help="wait for the topics [s] (default: 30)")
     parser.add_argument("--port", type=int, default=8080, help="port of the page; 0: no page (default: 8080)")
@@ -61,6 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     measured = _require(arguments)
     from gdfe_ros.scene import load_scene
     from gdfe_ros.simulation import Simulation
+    from gdfe_ros.twin.measured_body import MeasuredBody
     from gdfe_ros.twin.remote.robot import Robot
     from gdfe_ros.twin.twin import Twin
 
@@ -74,7 +83,9 @@ def run(arguments: argparse.Namespace) -> int:
     given = {"moduli": arguments.fit, "dt": arguments.dt, "noise": 1e-3 * arguments.noise, "delay": arguments.delay}
     page = _page(arguments)
     told = {"warn": _say, "told": page.take} if page is not None else {"warn": _say}
-    twin = Twin(simulation, record=arguments.record, **given, **told)
+    files = {path.suffix: path for path in arguments.record}
+    twin = Twin(simulation, table=files.get(".csv"), bag=files.get(".mcap"), **given, **told)
+    measured_body = MeasuredBody(simulation.scene)
     ending = threading.Event()
     catch_endings(lambda *_: ending.set())
     robot = None
@@ -85,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
         robot = Robot(twin, commands=arguments.commands, measured=measured, patience=arguments.patience, warn=_say)
         twin.start()
         print("following", flush=True)
-        _follow(twin, page, ending, arguments.seconds)
+        _follow(twin, page, measured_body, ending, arguments.seconds)
     finally:
         if robot is not None:
             robot.close()
@@ -95,11 +106,13 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if twin.compared else 1
 
 
-def _follow(twin: Twin, page: Page | None, ending: threading.Event, seconds: float) -> None:
+def _follow(twin: Twin, page: Page | None, robot: MeasuredBody, ending: threading.Event, seconds: float) -> None:
     start, told = time.monotonic(), 0.0
     while not ending.wait(_PERIOD) and (passed := time.monotonic() - start) < seconds:
         if twin.update() and page is not None:
-            page.compare({name: (each.measured, each.simulated) for name, each in twin.latest.items()})
+            places = {name: (each.measured, each.simulated) for name, each in twin.latest.items()}
+            away = {name: measured - simulated for name, (measured, simulated) in places.items()}
+            page.compare(places, lambda positions, away=away: robot.at(positions, away))
         if passed - told >= _REPORT:
             told = passed
             print(f"{passed:6.1f} s: {_summary(twin)}", flush=True)
@@ -135,6 +148,13 @@ def _require(arguments: argparse.Namespace) -> dict[str, str]:
             raise GdfeError(f"--{name} is {value!r}; allowed: {low:g} to {high:g}")
     if not 0 <= arguments.port <= 65535:
         raise GdfeError(f"--port is {arguments.port}; allowed: 1 to 65535, or 0 for no page")
+    kinds = [path.suffix for path in arguments.record]
+    if wrong := [path for path in arguments.record if path.suffix not in (".csv", ".mcap")]:
+        raise GdfeError(f"--record has {str(wrong[0])!r}; allowed: names that end with .csv or .mcap")
+    if len(set(kinds)) < len(kinds):
+        raise GdfeError(f"--record has several {kinds[0]} files; allowed: one .csv and one .mcap file")
+    if taken := [path for path in arguments.record if path.exists()]:
+        raise GdfeError(f"--record: {taken[0]} exists; name another file or remove it")
     pairs = [entry.partition("=") for entry in arguments.topics]
     wrong = [entry for entry, (probe, _, topic) in zip(arguments.topics, pairs, strict=True) if not (probe and topic)]
     if wrong:

@@ -137,13 +137,21 @@ class Page:
             self._leading.take(view)
         self._changed.set()
 
-    def compare(self, places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]) -> None:
+    def compare(
+        self,
+        places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+        body: Callable[[NDArray[np.floating]], NDArray[np.float64]] | None = None,
+    ) -> None:
         """Draw measured points beside simulated ones, with their distance.
 
-        ``places`` is a dict from name to measured and simulated position, each (3,) [m].
+        Args:
+            places: dict from name to measured and simulated position, each (3,) [m].
+            body: function that returns the positions of the measured body for those of the simulated one, both (n, 3)
+                [m]; it is drawn translucent. None: only points are drawn.
         """
+        drawn = None if body is None or self._view is None else body(self._view.positions)
         with self._server.atomic():
-            self._stage.compare(places)
+            self._stage.compare(places, drawn)
 
     def say(self, text: str) -> None:
         """Show a text to every viewer and on the terminal."""

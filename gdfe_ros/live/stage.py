@@ -23,6 +23,7 @@ from gdfe_ros.contacts import contact_names
 from gdfe_ros.live.arms import Arms
 from gdfe_ros.live.arrows import Arrows
 from gdfe_ros.live.chambers import Chambers
+from gdfe_ros.live.real_robot import RealRobot
 from gdfe_ros.live.solids import Solids
 from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.live.view import View
@@ -54,7 +55,6 @@ _GRAIN = 2e-3
 _TOUCHED = 0.7
 """After a viewer's drag, a control keeps the viewer's pose for this time [s]."""
 _ORANGE = (240, 140, 20)
-_GREEN = (30, 160, 60)
 _HELD = {"arrows": (40, 80, 200)}
 _TOUCHES = {"sticks": (25, 180, 50), "slips": (230, 25, 25)}
 """Dict from the kind of a contact point to the colour of its arrow: red, green and blue, 0 to 255."""
@@ -127,6 +127,7 @@ class Stage:
         if CHAMBERS in self._groups:
             self._chambers = Chambers(self._space, _path(CHAMBERS), scene, scale=self._scale)
             self.show(CHAMBERS, True)
+        self._robot: RealRobot | None = None
         self._probes = self._traces = None
         if scene.probes:
             points, size = np.zeros((len(scene.probes), 3), np.float32), 0.03 * self._size
@@ -166,18 +167,15 @@ class Stage:
         self._draw_reactions(view)
         self._draw_contacts(view)
 
-    def compare(self, places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]) -> None:
-        """Draw the measured points of a real robot, and a line from each to the simulated point, with its length."""
-        measured, simulated = (self._scale * np.array(each) for each in zip(*places.values(), strict=True))
-        size = 0.03 * self._size
-        self._space.add_point_cloud(
-            "/robot/points", measured.astype(np.float32), _GREEN, point_size=size, point_shape="rounded"
-        )
-        lines = np.stack([measured, simulated], axis=1).astype(np.float32)
-        self._space.add_line_segments("/robot/distances", lines, _GREEN, thickness=2.0, thickness_units="screen")
-        for name, place, other in zip(places, measured, simulated, strict=True):
-            length = float(np.linalg.norm(place - other)) / self._scale
-            self._space.add_label(f"/robot/{name}", f"{name}: {1e3 * length:.2f} mm", position=place)
+    def compare(
+        self,
+        places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+        body: NDArray[np.float64] | None,
+    ) -> None:
+        """Draw a real robot: its measured points, their distances from the simulated ones, and its body (n, 3) [m]."""
+        if self._robot is None:
+            self._robot = RealRobot(self._space, self._scene.mesh, scale=self._scale, size=self._size)
+        self._robot.draw(places, body)
 
     def trace(self) -> None:
         """Draw the traces."""

@@ -10,7 +10,7 @@ import json
 import struct
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.colour_map import colour
 from gdfe_ros.mesh import HexMesh
@@ -24,7 +24,7 @@ _OPAQUE, _TRANSLUCENT = b'"OPAQUE"', b'"BLEND" '
 """Modes of the material, texts of the same width."""
 _OPACITY = 0.35
 """Opacity of a translucent body."""
-_GREY = 0.4
+_GREY = (0.665, 0.665, 0.665)
 
 
 def _linear(colours: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -42,6 +42,7 @@ class DrawnSurface:
     Args:
         mesh: the undeformed body.
         scale: factor from metres to the units of the view.
+        plain: colour of all points of a frame without values: red, green and blue, 0 to 1.
 
     Attributes:
         outside: the drawn surface, with its points.
@@ -49,13 +50,13 @@ class DrawnSurface:
         triangles: (t, 3) uint32 indices of points.
     """
 
-    def __init__(self, mesh: HexMesh, *, scale: float = 1.0) -> None:
+    def __init__(self, mesh: HexMesh, *, scale: float = 1.0, plain: ArrayLike = _GREY) -> None:
         self.outside = outside = mesh.outside
         self.count = len(outside.corners)
         self.triangles = np.ascontiguousarray(outside.triangles, dtype=np.uint32)
         self._corners, self._owners = outside.faces.ravel(), np.repeat(outside.cells, outside.faces.shape[1])
         self._sharing = np.maximum(np.bincount(self._corners, minlength=self.count), 1).astype(np.float64)
-        self._scale = scale
+        self._scale, self._plain = scale, _linear(np.asarray(plain, dtype=np.float64))
         self._data = bytearray(self._template())
         count = 3 * self.count
         numbers = np.frombuffer(self._data, "<f4", count=2 * count, offset=self._start)
@@ -75,11 +76,11 @@ class DrawnSurface:
 
         Args:
             positions: positions of all vertices of the mesh (n, 3) [m].
-            shares: position of each point's value in the colour map (k,), 0 to 1; None: all points are grey.
+            shares: position of each point's value in the colour map (k,), 0 to 1; None: all points are plain.
         """
         np.multiply(self.outside.at(positions), self._scale, out=self._positions, casting="same_kind")
         if shares is None:
-            self._colours[:] = _GREY
+            self._colours[:] = self._plain
         else:
             self._colours[:] = _LINEAR[(shares * (len(_LINEAR) - 1) + 0.5).astype(np.intp)]
         for place, bound in zip(self._bounds, (self._positions.min(axis=0), self._positions.max(axis=0)), strict=True):

@@ -51,7 +51,7 @@ class CommandAssembler:
             self._resting = replace(self._resting, bodies=kept)
 
     def place(self, bodies: Mapping[str, Pose]) -> None:
-        """Teleport rigid bodies with the next command."""
+        """Teleport free bodies with the next command."""
         resting = self._resting or Command()
         self._resting = replace(resting, bodies={**resting.bodies, **bodies})
 

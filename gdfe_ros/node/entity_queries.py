@@ -46,7 +46,7 @@ class NamedPose(NamedTuple):
 
 
 class EntityQueries:
-    """Answers requests about the bodies of a node's scene, and puts rigid ones elsewhere.
+    """Answers requests about the bodies of a node's scene, and puts them elsewhere.
 
     Args:
         node: node that offers the services.
@@ -129,19 +129,16 @@ class EntityQueries:
         twist = request.state.twist
         values = [getattr(part, axis) for part in (twist.linear, twist.angular) for axis in "xyz"]
         if getattr(request, "set_twist", any(values)) and any(values):
-            raise Refused(ResultCode.UNSUPPORTED, "a velocity cannot be set; a body that is put elsewhere has none")
+            text = "a velocity cannot be set, because the record of a step has none, so that a replay would differ"
+            raise Refused(ResultCode.UNSUPPORTED, f"{text}; remedy: a pose only, after which the body is not moving")
         if not getattr(request, "set_pose", True):
             return done(response)
-        if thing.rigid is None:
-            text = f"soft body {thing.name!r} cannot be put elsewhere; remedy: delete it, and spawn it there"
-            raise Refused(ResultCode.UNSUPPORTED, text)
         outer = placement_of(request.state, session.run.frames)
-        pose = _from_rest(thing.rigid, outer @ thing.inner)
+        pose = _from_rest(thing, outer @ thing.inner)
         require_place_near(pose.translation, session)
 
         def put() -> None:
-            simulation = session.simulation
-            simulation.stepper.put(simulation.state, {thing.name: pose})  # raises an error if the place is not free
+            session.simulation.put({thing.name: pose})  # raises an error if the place is not free
             session.stepper.place({thing.name: pose})
 
         return later(session.stepper.post(put), response)
@@ -239,9 +236,9 @@ def _too_slow(pattern: str) -> str:
     return ""
 
 
-def _from_rest(body: RigidBody, place: Placement) -> Pose:
-    """Return the pose relative to rest of a body whose frame has the placement ``place``."""
-    rest = rest_place(body)
+def _from_rest(thing: Thing, place: Placement) -> Pose:
+    """Return the pose relative to rest of a body whose own frame has the placement ``place``."""
+    rest = thing.rest
     return Pose(tuple(place.origin - rest.origin), tuple((place.turn * rest.turn.inv()).as_rotvec()))
 
 

@@ -17,6 +17,7 @@ from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.node.transforms import Transforms
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.soft_places import fit_rigidly
 from gdfe_ros.solver.motion.imu import ImuReading
 
 
@@ -40,6 +41,7 @@ class Frames:
     def __init__(self, frame_id: str, scene: Scene | None = None, transforms: Transforms | None = None) -> None:
         self.frame_id, self._scene, self.transforms = frame_id, scene, transforms
         self._prefix = "/".join([*frame_id.split("/")[:-1], ""])
+        self._links = {} if scene is None else self._parents_of_links(scene)
         self.positions: Callable[[], NDArray[np.float64]] = lambda: scene.mesh.vertices
         self.poses: Callable[[], Mapping[str, Pose]] = dict
 
@@ -63,6 +65,10 @@ class Frames:
         """Return the name of the frame that moves with a material point and rotates with the cell around it."""
         return f"{self._prefix}{probe}_imu"
 
+    def mesh(self, mesh: str) -> str:
+        """Return the name of the frame that moves and turns with one of several meshes, as best fits its vertices."""
+        return f"{self._prefix}{mesh}_mesh"
+
     def link(self, link: str) -> str:
         """Return the name of the frame of an arm's link."""
         return f"{self._prefix}{link}"
@@ -76,8 +82,38 @@ class Frames:
         """Names of the moving frames, in the order of ``places``."""
         units = map(self.imu, self._scene.probes if self._scene.dynamics else ())
         handles = [name(handle.name) for handle in self._framed for name in (self.centre, self.handle)]
-        links = [self.link(name) for arm in self._scene.arms for name in arm.dynamics.description.links]
-        return [*handles, *map(self.probe, self._scene.probes), *units, *map(self.sensor, self._scene.sensors), *links]
+        points = [*map(self.probe, self._scene.probes), *units, *map(self.sensor, self._scene.sensors)]
+        return [*handles, *points, *map(self.mesh, self._scene.mesh.parts), *map(self.link, self._links)]
+
+    @property
+    def parents(self) -> list[str]:
+        """Names of the parents of the ``moving`` frames: a link's parent link, and for all others the node's frame."""
+        own = len(self.moving) - len(self._links)
+        return [self.frame_id] * own + [self.link(each) if each else self.frame_id for each in self._links.values()]
+
+    def remarks(self) -> list[str]:
+        """Return a text for each root link of an arm that has the name of the node's frame, but lies elsewhere."""
+        found = []
+        for arm in self._scene.arms:
+            root, base = arm.dynamics.description.root, arm.dynamics.base
+            if self.link(root) == self.frame_id and (base.origin.any() or not np.array_equal(base.axes, np.eye(3))):
+                text = f"link {root!r} of arm {arm.name!r} has the name of the node's frame (frame_id)"
+                found.append(f"{text}, but another place, and is not on /tf; remedy: another frame_id, e.g. world")
+        return found
+
+    def _parents_of_links(self, scene: Scene) -> dict[str, str]:
+        """Return a dict from link to its parent link, which is empty if its parent is the node's frame.
+
+        A link with the name of the node's frame is left out: a frame cannot be its own parent.
+        """
+        found = {}
+        for arm in scene.arms:
+            joints = arm.dynamics.description.parents
+            for link in arm.dynamics.description.links:
+                if self.link(link) != self.frame_id:
+                    parent = joints[link].parent if link in joints else ""
+                    found[link] = "" if self.link(parent) == self.frame_id else parent
+        return found
 
     @property
     def _framed(self) -> list[Handle]:
@@ -97,7 +133,7 @@ class Frames:
         positions: NDArray[np.float64],
         links: Mapping[str, LinkFrame],
     ) -> list[Placement]:
-        """Return the placements of the moving frames in the node's frame, in the order of ``moving``.
+        """Return the placements of the moving frames in their ``parents``, in the order of ``moving``.
 
         Args:
             poses: poses of handles and obstacles, relative to rest.
@@ -114,7 +150,21 @@ class Frames:
         found += [Placement(origin, Rotation.from_rotvec(probes[name].rotation)) for origin, name in points]
         found += [Placement(origin, units[name].orientation) for origin, name in points if name in units]
         found += [Placement(sensor.centre(positions)) for sensor in self._scene.sensors.values()]
-        return found + [Placement(frame.origin, Rotation.from_matrix(frame.axes)) for frame in links.values()]
+        for part in self._scene.mesh.parts.values():
+            vertices = slice(part.first_vertex, part.first_vertex + part.mesh.n_vertices)
+            origin, axes = fit_rigidly(part.mesh.vertices, positions[vertices])
+            found.append(Placement(origin, Rotation.from_matrix(axes)))
+        return found + self._joined(links)
+
+    def _joined(self, links: Mapping[str, LinkFrame]) -> list[Placement]:
+        """Return the placements of links in their parents."""
+        if not self._links:
+            return []
+        still = LinkFrame(np.zeros(3), np.eye(3))
+        pairs = [(links[name], links[parent] if parent else still) for name, parent in self._links.items()]
+        origins = [parent.axes.T @ (link.origin - parent.origin) for link, parent in pairs]
+        turns = Rotation.from_matrix(np.stack([parent.axes.T @ link.axes for link, parent in pairs]))
+        return list(map(Placement, origins, turns))
 
     def place(self, frame: str) -> Placement | None:
         """Return the placement of a named frame in the node's frame; None if no transforms connect the two."""

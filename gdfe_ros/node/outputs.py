@@ -53,7 +53,7 @@ class TopicOutputs:
         self._plain = (self._mesh, self._record, *clock, *self._probes.values())
         self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
         self._probe_packer = PosePacker(self._frame_id)
-        self._transform_packer = TransformPacker(frames.moving, self._frame_id) if publish_tf else None
+        self._transform_packer = TransformPacker(frames.moving, frames.parents) if publish_tf else None
         self._strain_packer: StrainPacker | None = None
         self._actuator_states = messages.ActuatorStates(scene)
         self._next_marker = 0.0
@@ -105,7 +105,7 @@ class TopicOutputs:
             self._robots[arm.name].send(String(data=arm.text), log_time)
         if self._tf_static is not None:
             rests = self._frames.rests()
-            packer = TransformPacker(list(rests), self._frame_id)
+            packer = TransformPacker(list(rests), [self._frame_id] * len(rests))
             self._tf_static.send(packer.pack(self._run.clock(), list(rests.values())), log_time)
 
     def publish_jacobian(self, values: object, log_time: int) -> None:

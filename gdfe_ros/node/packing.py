@@ -183,16 +183,16 @@ class TransformPacker:
 
     Args:
         names: names of the frames.
-        frame_id: parent frame of all of them.
+        parents: name of the parent of each frame.
     """
 
-    def __init__(self, names: Sequence[str], frame_id: str) -> None:
+    def __init__(self, names: Sequence[str], parents: Sequence[str]) -> None:
         kind = interface_class(topics.TF.type)
         marks = [_MARK * (1 + place) for place in range(len(names))]
         seconds = [_MARK_SECONDS + place for place in range(len(names))]
         transforms = []
-        for name, mark, second in zip(names, marks, seconds, strict=True):
-            transform = TransformStamped(header=messages.header(second * 10**9, frame_id), child_frame_id=name)
+        for name, parent, mark, second in zip(names, parents, marks, seconds, strict=True):
+            transform = TransformStamped(header=messages.header(second * 10**9, parent), child_frame_id=name)
             transform.transform.translation.x = mark
             transforms.append(transform)
         self._template = Template(kind(transforms=transforms))

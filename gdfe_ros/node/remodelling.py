@@ -3,26 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import GdfeError, OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.mesh.mesh import MeshPart
-from gdfe_ros.mesh.overlap import find_overlap
-from gdfe_ros.mesh.tet_faces import flat_quads
-from gdfe_ros.mesh.touching import outline
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.contact.overlap import TOUCHING, inside_surface, placed_now
+from gdfe_ros.soft_places import require_soft_free
 from gdfe_ros.solver.motion.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
 
 _LONG = 1e9
@@ -94,7 +89,7 @@ def take_over(old: Simulation, new: Simulation) -> None:
     try:
         if added:
             new.state = new.stepper.put(new.state, dict.fromkeys(added, Pose()))
-        _require_free(new, soft)
+        require_soft_free(new.scene, new.state.poses, new.state.positions + new.origin, soft)
         for part in (new.scene.mesh.parts[name] for name in soft):
             vertices = part.first_vertex + np.arange(part.mesh.n_vertices)
             new.state = new.stepper.released(new.state, vertices)
@@ -121,27 +116,3 @@ def _correspondence(old: Simulation, new: Simulation) -> Correspondence:
 def _indices(before: MeshPart | None, part: MeshPart, first: str, count: int) -> NDArray[np.intp]:
     """Return the old indices of the vertices or cells of a part; -1 for a part that is new."""
     return np.full(count, -1) if before is None else getattr(before, first) + np.arange(count)
-
-
-def _require_free(simulation: Simulation, names: Collection[str]) -> None:
-    """Raise OverlapError if a soft body in ``names`` is inside of an obstacle, a rigid body or another soft body."""
-    scene, positions = simulation.scene, simulation.positions
-    parts = {
-        name: replace(part.mesh, vertices=positions[part.first_vertex :][: part.mesh.n_vertices])
-        for name, part in parts_of(scene.mesh).items()
-    }
-    now = simulation.state.positions + simulation.origin
-    placed = placed_now(scene.handles, simulation.state.poses, now)
-    surface = outline(flat_quads(scene.mesh.surface()), scene.mesh.touching, positions)
-    for name in names:
-        for one in placed:
-            depth = -float(one.seen_from(parts[name].vertices)[0].min())
-            if depth > TOUCHING * scene.mesh.parts[name].mesh.size:
-                text = f"soft body {name!r} is {depth:.3g} m inside of {one.thing.noun} {one.thing.name!r}"
-                raise OverlapError(f"{text}; remedy: put it where it is free")
-            if isinstance(one.thing, RigidBody) and (text := inside_surface(one, *surface)):
-                raise OverlapError(text)
-        for other, mesh in parts.items():
-            if other != name and (found := find_overlap(mesh, parts[name])) is not None:
-                text = f"soft body {name!r} is {found.depth:.3g} m or more inside of {other!r}"
-                raise OverlapError(f"{text}; remedy: put it where it is free")

@@ -163,7 +163,7 @@ class SimulationSession:
 
     @property
     def _bodies(self) -> set[str]:
-        return {body.name for body in self.scene.rigid_bodies}
+        return {body.name for body in self.scene.rigid_bodies} | set(self.scene.soft_bodies)
 
     def stop(self) -> None:
         """End the threads after the step in progress, publish queued steps, and finish the bag."""

@@ -164,6 +164,8 @@ class SimNode(ManagedNode):
         parts = [f"{section} {', '.join(names) or 'none'}" for section, names in named.items()]
         size = f"{scene.mesh.n_vertices} vertices, {scene.mesh.n_cells} cells"
         self.get_logger().info(f"scene {scene.name!r}: {', '.join([size, *parts])}")
+        for remark in self.session.run.frames.remarks() if self._settings["publish_tf"] else ():
+            self.get_logger().warning(remark)
 
     def _replace(self, simulation: Simulation, before: Scene, anew: bool) -> bool:
         """Replace the session by one of ``simulation``, which starts anew or else continues the motion.

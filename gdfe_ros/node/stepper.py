@@ -119,7 +119,7 @@ class SteppingThread:
         self._thread.start()
 
     def take_over(self, other: SteppingThread, bodies: Collection[str]) -> None:
-        """Continue the commands and counts of another stepper; of the rigid bodies only ``bodies`` exist."""
+        """Continue the commands and counts of another stepper; of the free bodies only ``bodies`` exist."""
         self._drive.take_over(other._drive, bodies)
         self.slew, self._retries = other.slew, other._retries
         self.count, self.rounds, self.failures = other.count, other.rounds, other.failures
@@ -218,7 +218,7 @@ class SteppingThread:
         self.restart(Begin.REST)
 
     def place(self, bodies: Mapping[str, Pose]) -> None:
-        """Teleport rigid bodies with the next step; called between steps."""
+        """Teleport free bodies with the next step; called between steps."""
         self._drive.place(bodies)
 
     def rest(self) -> None:

@@ -17,6 +17,7 @@ from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.node.placement import Placement
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.soft_places import fit_rigidly
 
 OBJECT = 0
 """Category of every body here, ``CATEGORY_OBJECT``."""
@@ -63,7 +64,15 @@ class Thing:
         if self.rigid is not None:
             origin, axes = self.rigid.found(positions)
             return Placement(origin, Rotation.from_matrix(axes)) @ self.inner.inverse()
-        return _fitted(self.part.mesh.vertices, positions[self.vertices])
+        origin, axes = fit_rigidly(self.part.mesh.vertices, positions[self.vertices])
+        return Placement(origin, Rotation.from_matrix(axes))
+
+    @property
+    def rest(self) -> Placement:
+        """Initial placement of the body's own frame."""
+        if self.rigid is not None:
+            return Placement(np.array(self.rigid.origin), Rotation.from_rotvec(self.rigid.turn))
+        return Placement(self.part.at, Rotation.from_matrix(self.part.rotation))
 
     def motion(self, simulation: Simulation) -> EntityMotion:
         """Return its present placement and velocity."""
@@ -124,12 +133,3 @@ EMPTY, BOX, SPHERE = 0, 1, 3
 
 def _tags(kind: str, name: str, spawned: Collection[str]) -> tuple[str, ...]:
     return (kind, "spawned") if name in spawned else (kind,)
-
-
-def _fitted(rest: NDArray[np.float64], now: NDArray[np.float64]) -> Placement:
-    """Return the placement that takes points ``rest`` (k, 3) [m] closest to ``now``, in the mean square."""
-    start, end = rest.mean(axis=0), now.mean(axis=0)
-    left, _, right = np.linalg.svd((rest - start).T @ (now - end))
-    proper = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    turn = Rotation.from_matrix(right.T @ proper @ left.T)
-    return Placement(end - turn.apply(start), turn)

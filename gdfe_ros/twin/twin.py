@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +23,23 @@ from gdfe_ros.spelling import did_you_mean
 from gdfe_ros.twin.comparison import Deviation, ProbeComparison, Sample
 from gdfe_ros.twin.estimator import ModulusEstimator
 
+if TYPE_CHECKING:
+    from gdfe_ros.twin.bag import TwinBag
+
 SMALLEST = 0.005
 """Least correction of a modulus, as a fraction, for which the simulation is built anew."""
 LARGEST = 0.5
 """Largest change of the logarithm of a modulus at once; a larger one is taken in parts, each linearised anew."""
 _PERIOD = 1.0
 """Shortest time between two changes of moduli [s]."""
-_HEAD = ("stamp [s]", "probe", *(f"{kind} {axis} [m]" for kind in ("measured", "simulated") for axis in "xyz"))
+_HEAD = (
+    "stamp [s]",
+    "probe",
+    *(f"{kind} {axis} [m]" for kind in ("measured", "simulated") for axis in "xyz"),
+    "distance [m]",
+    "spread [m]",
+)
+"""First columns of the CSV file; the spread is `Deviation.spread`."""
 
 
 class Twin:
@@ -42,7 +53,8 @@ class Twin:
         delay: time by which the stamps of measurements are late [s].
         window: uncertainty of the times of commands and measurements [s]: while the simulation moves within this time,
             a measurement counts as that much less exact.
-        record: path of a CSV file for all measurements beside the simulated positions; None: none is written.
+        table: path of a CSV file for all measurements beside the simulated positions; None: none is written.
+        bag: path of an MCAP file (`TwinBag`); None: none is written.
         told: function that is called with the view of each step, in the stepping thread.
         warn: function that receives texts for the user.
 
@@ -52,7 +64,8 @@ class Twin:
         compared: number of measurements that were compared.
 
     Raises:
-        GdfeError: a material has no modulus, the scene has no probes, or the file exists or cannot be written.
+        GdfeError: a material has no modulus, the scene has no probes, or the bag exists or cannot be written.
+        FileExistsError: the CSV file exists.
     """
 
     def __init__(
@@ -64,7 +77,8 @@ class Twin:
         noise: float = 1e-3,
         delay: float = 0.0,
         window: float = 0.3,
-        record: Path | None = None,
+        table: Path | None = None,
+        bag: Path | None = None,
         told: Callable[[View], None] = lambda view: None,
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
@@ -73,10 +87,11 @@ class Twin:
         self._noise, self._delay = noise, delay
         self._estimator, self._comparison = ModulusEstimator(len(self._names)), ProbeComparison(dt, window)
         self._lock, self._changed, self._change = threading.Lock(), 0.0, None
-        self._file = None if record is None else record.open("x", newline="", encoding="utf-8")
+        self._file = None if table is None else table.open("x", newline="", encoding="utf-8")
+        self._bag = None if bag is None else _begin(bag, simulation)
         self._table = None if self._file is None else csv.writer(self._file)
         if self._table is not None:
-            self._table.writerow((*_HEAD, "distance [m]", *(f"{name} [Pa]" for name in self._names)))
+            self._table.writerow((*_HEAD, *(f"{name} [Pa]" for name in self._names)))
         self.latest: dict[str, Deviation] = {}
         self.compared, self._idle = 0, True
         self.session = LiveSession(simulation, dt=dt, told=self._take, warn=warn)
@@ -86,10 +101,12 @@ class Twin:
         self.session.start()
 
     def stop(self) -> None:
-        """End the stepping thread, and complete the file."""
+        """End the stepping thread, and complete the files."""
         self.session.stop()
         if self._file is not None:
             self._file.close()
+        if self._bag is not None:
+            self._warn(self._bag.close())
 
     @property
     def moduli(self) -> dict[str, float]:
@@ -135,6 +152,8 @@ class Twin:
         with self._lock:
             self._comparison.add(sample)
             self._idle = simulation.settled
+        if self._bag is not None:
+            self._bag.write(view, simulation, sample.stamp)
         self._told(view)
 
     def _derivatives(self, simulation: Simulation) -> dict[str, NDArray[np.float64]] | None:
@@ -170,12 +189,20 @@ class Twin:
         self._changed, self._change = now, self.session.set_moduli(wanted)
 
     def _write(self, found: Sequence[Deviation]) -> None:
+        if self._bag is not None:
+            self._bag.compare(found, self.moduli)
         if self._table is None:
             return
         moduli = [f"{young:.6g}" for young in self.moduli.values()]
         for each in found:
-            numbers = (*each.measured.tolist(), *each.simulated.tolist(), each.distance)
+            numbers = (*each.measured.tolist(), *each.simulated.tolist(), each.distance, each.spread)
             self._table.writerow((f"{each.stamp:.6f}", each.probe, *(f"{number:.9g}" for number in numbers), *moduli))
+
+
+def _begin(path: Path, simulation: Simulation) -> TwinBag:
+    from gdfe_ros.twin.bag import TwinBag  # imported here, because it needs an extra, and only for recordings
+
+    return TwinBag(path, simulation)
 
 
 def _require(simulation: Simulation, moduli: Sequence[str]) -> None:

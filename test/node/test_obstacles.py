@@ -342,7 +342,7 @@ def test_bodies_that_were_put_are_replayed_to_the_bit(tmp_path: Path, slab: Path
             state = simulator.step(Command(handles={"table": table}, bodies=bodies.get(step, {})))
             if step == 3:
                 np.testing.assert_allclose(state.poses["part"].translation, [0.01, 0.0, 0.1], atol=5e-3)
-        with pytest.raises(CommandError, match="no rigid body 'table' in scene 'slab'; bodies: part"):
+        with pytest.raises(CommandError, match="no free body 'table' in scene 'slab'; bodies: part"):
             simulator.step(Command(bodies={"table": Pose()}))
     assert state.poses["part"].translation[2] < 0.01
     run = BagRun(bag)

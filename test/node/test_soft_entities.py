@@ -9,7 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Difference
+from gdfe_ros.analysis.replay import Replay
 
 CUBE = """{bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]},
   material: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1070}}"""
@@ -98,6 +102,40 @@ def test_a_soft_body_joins_falls_is_asked_and_leaves(client: Any, bodies: _Bodie
     assert bodies.names() == ["part"]
     _steps(client, 2)
     assert client.record().converged
+
+
+def test_a_soft_body_is_put_elsewhere_and_the_bag_repeats_it(client: Any, bodies: _Bodies, tmp_path: Path) -> None:
+    """Its mean pose becomes the wanted one, its shape stays, and it falls from there; the bag replays to the bit."""
+    assert bodies.spawn("gel").result.result == OK
+    _steps(client, 2)
+    client.set(bag_path=str(tmp_path / "bag"))
+    assert client.call(SetBool, "record", SetBool.Request(data=True)).success
+    _steps(client, 2)
+    before = client.mesh()[-27:, :3]
+    state = bodies.ask("GetEntityState", "get_entity_state", entity="gel").state
+    state.twist.linear.x = state.twist.linear.y = state.twist.linear.z = 0.0
+    state.pose.position.x, state.pose.position.z = 0.5, 0.4
+    state.pose.orientation.w = state.pose.orientation.z = 0.5**0.5
+    answer = bodies.ask("SetEntityState", "set_entity_state", entity="gel", state=state, set_pose=True)
+    assert answer.result.result == OK, answer.result.error_message
+    _steps(client, 1)
+    found = bodies.ask("GetEntityState", "get_entity_state", entity="gel").state
+    assert (found.pose.position.x, found.pose.position.z) == pytest.approx((0.5, 0.4), abs=5e-4)
+    assert found.pose.orientation.z == pytest.approx(0.5**0.5, abs=1e-4)
+    assert found.twist.linear.z == pytest.approx(-9.81 * 0.005, rel=0.05)
+    after = client.mesh()[-27:, :3]
+    sides = [np.linalg.norm(each[:, None] - each[None], axis=2) for each in (before, after)]
+    assert sides[1] == pytest.approx(sides[0], abs=2e-6)
+    _steps(client, 2)
+    assert client.record().converged
+    state.pose.position.x, state.pose.position.z = 0.05, 0.0
+    inside = bodies.ask("SetEntityState", "set_entity_state", entity="gel", state=state, set_pose=True)
+    assert "inside of" in inside.result.error_message
+    state.twist.linear.z = 1.0
+    moving = bodies.ask("SetEntityState", "set_entity_state", entity="gel", state=state, set_twist=True)
+    assert (moving.result.result, "a velocity cannot be set" in moving.result.error_message) == (UNSUPPORTED, True)
+    assert client.call(SetBool, "record", SetBool.Request(data=False)).success
+    assert Replay(BagRun(tmp_path / "bag")).run().differences.verdict() is Difference.IDENTICAL
 
 
 def test_several_bodies_join_in_one_request(client: Any, bodies: _Bodies) -> None:

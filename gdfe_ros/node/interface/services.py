@@ -144,7 +144,8 @@ GET_ENTITY_STATE = ServiceSpec(
 SET_ENTITY_STATE = ServiceSpec(
     name="~/set_entity_state",
     type="simulation_interfaces/srv/SetEntityState",
-    meaning="teleport a rigid body with the next step; it is then without velocity",
+    meaning="teleport a body with the next step; it is then without velocity, and a soft one keeps its deformation. A "
+    "velocity is refused",
 )
 LOAD_WORLD = ServiceSpec(
     name="~/load_world",

@@ -277,10 +277,12 @@ CONTACT_MARKERS = TopicSpec(
 TF = TopicSpec(
     name="/tf",
     type="tf2_msgs/msg/TFMessage",
-    meaning="if `publish_tf` is true, these frames in the node's frame: `<handle>`, which moves and turns with the "
-    "handle; `<handle>_centre`, which moves with it and keeps the axes of the node's frame; the same two for obstacles "
-    "and rigid bodies; `<probe>_probe`; `<sensor>_sensor`; in scenes with `dynamics` also `<probe>_imu`; every link of "
-    "an arm by its name. Not recorded",
+    meaning="if `publish_tf` is true, these frames, whose parent is the node's frame: `<handle>`, which moves and "
+    "turns with the handle; `<handle>_centre`, which moves with it and keeps the axes of the node's frame; the same "
+    "two for obstacles and rigid bodies; `<probe>_probe`; `<sensor>_sensor`; in scenes with `dynamics` also "
+    "`<probe>_imu`; `<mesh>_mesh` for each of several meshes, as best fits its vertices. Every link of an arm "
+    "has a frame with its name, whose parent is that of the parent link, as robot_state_publisher has it. Not "
+    "recorded",
     recorded=False,
     delivery=Delivery.TRANSFORMS,
 )

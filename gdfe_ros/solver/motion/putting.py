@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Teleport of rigid bodies during a motion."""
+"""Teleport of free bodies during a motion."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_now
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.handle_motions import HandleMotions
-from gdfe_ros.solver.motion import inertia
+from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.value import changed
 
-UNTOLD = "rigid bodies were moved to other places, and no step has been made since"
+UNTOLD = "bodies were moved to other places, and no step has been made since"
 
 
 def put_elsewhere(
@@ -34,16 +34,26 @@ def put_elsewhere(
     slides, turns = handles.put(state.slides, state.turns, places)
     positions = state.positions.copy()
     positions[vertices] = handles.placed(state.base, slides, turns)[vertices]
+    return stopped_at(body, actuation, state.with_(slides=slides, turns=turns), vertices, positions)
+
+
+def stopped_at(
+    body: Body, actuation: Actuation, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]
+) -> State:
+    """Return ``state`` with ``vertices`` at their rows of ``positions`` (n, 3) [m] and without velocity.
+
+    The vertices are all those of some free bodies, which have moved rigidly, so that strains are as before.
+    """
     terms = dict(state.terms)
     for contact in actuation.contacts:
         if np.isin(contact.ends(), vertices).any():
             terms[contact.name] = {**contact.neutral(), "lost": terms[contact.name]["lost"]}
     if terms[inertia.NAME]["h"][0]:
         terms[inertia.NAME] = _stopped(terms[inertia.NAME], vertices, positions)
+    if viscosity.NAME in terms:
+        terms[viscosity.NAME] = _unstrained(terms[viscosity.NAME], np.isin(body.cells[:, 0], vertices))
     return state.with_(
         positions=positions,
-        slides=slides,
-        turns=turns,
         terms=terms,
         motion=None,
         tangent=None,
@@ -92,3 +102,11 @@ def _stopped(saved: Saved, vertices: NDArray[np.int32], positions: NDArray[np.fl
         kept[name] = saved[name].copy()
         kept[name][vertices] = positions[vertices]
     return kept
+
+
+def _unstrained(saved: Saved, cells: NDArray[np.bool_]) -> Saved:
+    """Return the stored viscosity with the strains of ``cells`` (m,) constant in time."""
+    rows = np.repeat(cells, len(saved["strain"]) // len(cells))
+    before = saved["before"].copy()
+    before[rows] = saved["strain"][rows]
+    return {**saved, "before": before}

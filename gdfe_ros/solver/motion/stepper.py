@@ -20,7 +20,7 @@ from gdfe_ros.solver.motion.flight import Flight
 from gdfe_ros.solver.motion.inertia import FreeMass, kinematics_of, saved_of
 from gdfe_ros.solver.motion.integrator import Integrator, InternalStep, Trial, failed, unfolded
 from gdfe_ros.solver.motion.ledger import Accounts, Ceiling, told
-from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free, vertices_of
+from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free, stopped_at, vertices_of
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.settings import Skip, SolverSettings
 from gdfe_ros.solver.solution import Solution
@@ -190,7 +190,18 @@ class MotionStepper:
         """
         found = put_elsewhere(self.body, self.equilibrium.handles, self.actuation, state, places)
         require_free(self.body, found, places)
-        found = self.released(found, vertices_of(self.body, places))
+        return self._let_go(found, vertices_of(self.body, places), before=state)
+
+    def carry(self, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> State:
+        """Return a state with the vertices of soft bodies at their rows of ``positions`` (n, 3) [m], without velocity.
+
+        The bodies have moved rigidly. The change of energy counts as work done on them.
+        """
+        return self._let_go(stopped_at(self.body, self.actuation, state, vertices, positions), vertices, before=state)
+
+    def _let_go(self, found: State, vertices: NDArray[np.int32], *, before: State) -> State:
+        """Return ``found``, in which ``vertices`` are at other places than ``before``, with accelerations and work."""
+        found, state = self.released(found, vertices), before
         before = self.actuation.balance(state.positions, state.commands)
         after = self.actuation.balance(found.positions, state.commands)
         kinetic = [self._accounts.energies(each, self.velocities(each))["kinetic"] for each in (state, found)]

@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError, OverlapError, SceneError
 from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.soft_places import fit_rigidly
+from gdfe_ros.solver.motion.inertia import mass_matrix
 
 CUSHION = """
 name: cushion
@@ -106,15 +109,15 @@ def test_wrong_places_are_refused() -> None:
     simulation = cushion(steps=3)
     before = simulation.handle_pose("part")
     for bodies, match in (
-        ({"prt": Pose()}, "no rigid body 'prt' in scene 'cushion'; bodies: part"),
-        ({"base": Pose()}, "no rigid body 'base' in scene 'cushion'; bodies: part"),
+        ({"prt": Pose()}, "no free body 'prt' in scene 'cushion'; bodies: part"),
+        ({"base": Pose()}, "no free body 'base' in scene 'cushion'; bodies: part"),
         ({"part": (0, 0, 1)}, r"body 'part': the pose is \(0, 0, 1\); allowed: a Pose"),
         ({"part": Pose((0.0, 0.0, 1e4))}, "body 'part' is put .* body lengths and 0 turns away; at most 1000"),
     ):
         with pytest.raises(CommandError, match=match):
             simulation.step(Command(bodies=bodies))
     assert simulation.handle_pose("part") == before
-    with pytest.raises(CommandError, match="no rigid body 'part' in scene 'bend5'; bodies: none"):
+    with pytest.raises(CommandError, match="no free body 'part' in scene 'bend5'; bodies: none"):
         Simulation(load_scene("bend5")).step(Command(bodies={"part": Pose()}))
 
 
@@ -187,3 +190,74 @@ dynamics: {step: 0.005, scheme: bdf2}
 """
     with pytest.raises(SceneError, match=r"bodies.*body 'p' is 0\.008 m inside of the soft body.*remedy: "):
         scene_from_text(text)
+
+
+SOFT = """
+name: gel
+mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [4, 1, 1]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}}
+obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.2]}}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+self_contact: {}
+dynamics: {step: 0.005, damping: {viscosity: 50}}
+soft_bodies:
+  gel: {bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]}, material: soft, at: [0.3, 0, -0.16],
+    rotation_deg: [0, 0, 9]}
+"""
+
+
+def pressed() -> tuple[Simulation, slice]:
+    """Return a soft cube while it is pressed against the floor after a fall, and its vertices."""
+    simulation = Simulation(scene_from_text(SOFT))
+    run(simulation, 40)
+    first = simulation.scene.mesh.parts["gel"].first_vertex
+    return simulation, slice(first, first + 27)
+
+
+def test_a_soft_body_is_put_with_its_deformation() -> None:
+    """All distances stay, the mean pose is the commanded one, strain energy stays, and the change is work."""
+    simulation, gel = pressed()
+    before, elastic = simulation.positions[gel].copy(), simulation.result.energies["elastic"]
+    account = simulation.stepper.unbalanced(simulation.state)
+    others = simulation.positions[: gel.start].copy()
+    place = Pose((0.1, 0.05, 0.5), (0.0, 0.3, 0.0))
+    simulation.step(Command(bodies={"gel": place}), dt=0.0)
+    after = simulation.positions[gel]
+    sides = [np.linalg.norm(each[:, None] - each[None], axis=2) for each in (before, after)]
+    assert sides[1] == pytest.approx(sides[0], abs=1e-12)
+    assert elastic > 1e-6
+    part = simulation.scene.mesh.parts["gel"]
+    origin, axes = fit_rigidly(part.mesh.vertices, after)
+    assert origin == pytest.approx(part.at + place.translation, abs=1e-12)
+    assert axes == pytest.approx(Rotation.from_rotvec(place.rotation).as_matrix() @ part.rotation, abs=1e-12)
+    assert np.array_equal(simulation.positions[: gel.start], others)
+    energies = simulation.stepper.energies(simulation.state)
+    assert energies["elastic"] == pytest.approx(elastic, rel=1e-9)
+    assert simulation.stepper.unbalanced(simulation.state) == pytest.approx(account, abs=1e-12)
+    assert not simulation.stepper.velocities(simulation.state)[gel].any()
+
+
+def test_a_soft_body_falls_from_its_new_place() -> None:
+    """The centre of mass falls by g t^2 / 2 while the cube rings out of its deformation."""
+    simulation, gel = pressed()
+    simulation.step(Command(bodies={"gel": Pose((0.1, 0.05, 0.5))}), dt=0.0)
+    part = simulation.scene.mesh.parts["gel"].mesh
+    mass = np.asarray(mass_matrix(part.vertices, part.cells, np.full(8, 1000.0)).sum(axis=1)).ravel()
+    start = np.average(simulation.positions[gel], axis=0, weights=mass)
+    run(simulation, 20)
+    moved = np.average(simulation.positions[gel], axis=0, weights=mass) - start
+    assert moved == pytest.approx([0.0, 0.0, -0.5 * 9.81 * 0.1**2], abs=0.03 * 0.5 * 9.81 * 0.1**2)
+
+
+def test_a_soft_body_is_not_put_where_something_is() -> None:
+    """A place in the floor or in another soft body is refused, and the state is unchanged."""
+    simulation, _ = pressed()
+    state = simulation.state
+    for place, text in ((Pose((-0.3, 0.0, 0.15)), "inside of 'mesh'"), (Pose((0.0, 0.0, -0.1)), "obstacle 'floor'")):
+        with pytest.raises(OverlapError, match=text):
+            simulation.step(Command(bodies={"gel": place}))
+        assert simulation.state is state
+    with pytest.raises(CommandError, match="no free body 'gal'"):
+        simulation.step(Command(bodies={"gal": Pose()}))
