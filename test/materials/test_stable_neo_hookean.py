@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stable neo-Hookean law in equilibrium, in motion and in a fit of its modulus."""
+"""The stable neo-Hookean law in small strains, in motion, and after an inversion."""
 
 from __future__ import annotations
 
