@@ -56,7 +56,7 @@ def build_model(case: Case, grid: Grid) -> fm.Model:
     import felupe
 
     region = fm.build_mesh(grid, felupe)
-    cell_region = _linear_cell_region(felupe, region, grid.n_cells)
+    cell_region = linear_cell_region(felupe, region, grid.n_cells)
     unit = np.zeros((_MODES * grid.n_cells, 1))
     unit[::_MODES] = 1.0
     fields = [felupe.Field(region, dim=3), felupe.Field(cell_region), felupe.Field(cell_region, values=unit)]
@@ -74,7 +74,7 @@ def build_model(case: Case, grid: Grid) -> fm.Model:
     return fm.Model(felupe=felupe, grid=grid, field=field, items=items, boundaries=boundaries, slides=case.slides)
 
 
-def _linear_cell_region(felupe: ModuleType, region: Any, n_cells: int) -> Any:
+def linear_cell_region(felupe: ModuleType, region: Any, n_cells: int) -> Any:
     """Return a region whose fields are 1, r, s, t in each cell, discontinuous between cells."""
 
     class Linear(felupe.Element):

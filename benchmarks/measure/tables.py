@@ -63,6 +63,7 @@ TABLES = (
     Table(name="batches", module="benchmarks.batches", minutes=1.5),
     Table(name="environments", module="benchmarks.environments", minutes=5, needs=("gymnasium",)),
     Table(name="coarse_meshes", module="benchmarks.coarse_meshes", minutes=0.5),
+    Table(name="elasticity", module="benchmarks.elasticity", minutes=10, needs=("felupe", "pypardiso")),
     Table(name="streams", module="benchmarks.streams", minutes=2),
     Table(name="robots", module="benchmarks.robots", minutes=1),
     Table(name="chamber", module="benchmarks.chamber", minutes=1, needs=("felupe", "pypardiso")),

@@ -24,6 +24,7 @@ from benchmarks import (
     threads,
 )
 from benchmarks.coarse_meshes import table as coarse_meshes
+from benchmarks.elasticity import table as elasticity
 from benchmarks.loop import table as loop_tables
 from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.measured_robots import afternoon, arm_steps, membrane, module, rubber
@@ -82,6 +83,7 @@ TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "coarse_meshes": coarse_meshes.all_tables,
     "contact": contact.all_tables,
     "cut_cells": cut_cells.all_tables,
+    "elasticity": elasticity.all_tables,
     "environments": environments.environment_table,
     "loop": loop_tables.make_loop_table,
     "manners": manners_table,

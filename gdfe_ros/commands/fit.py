@@ -16,7 +16,17 @@ from gdfe_ros.regular_file import path_inside
 from gdfe_ros.terminal import PlainConsole
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
-LAWS = ("linear", "neo_hookean", "mooney_rivlin", "yeoh", "arruda_boyce", "gent", "ogden", "curve")
+LAWS = (
+    "linear",
+    "neo_hookean",
+    "stable_neo_hookean",
+    "mooney_rivlin",
+    "yeoh",
+    "arruda_boyce",
+    "gent",
+    "ogden",
+    "curve",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

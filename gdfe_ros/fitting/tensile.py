@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.invariant_fit import INVARIANT_LAWS, invariant_candidates
 from gdfe_ros.fitting.tensile_data import TestData, prepare
-from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden
+from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, StableNeoHookean
 
 FLOOR = 0.01
 """A misfit is divided by at least this fraction of the largest stress, because small stresses are mostly noise."""
@@ -166,7 +166,7 @@ def _linear_in_parameters(
     common: Mapping[str, Any],
 ) -> tuple[Material, dict[str, Any]]:
     """Fit a law whose stress is linear in its parameters, by linear least squares; return the law and its entry."""
-    kinds = {Law.LINEAR: Linear, Law.NEO_HOOKEAN: NeoHookean}
+    kinds = {Law.LINEAR: Linear, Law.NEO_HOOKEAN: NeoHookean, Law.STABLE_NEO_HOOKEAN: StableNeoHookean}
     if law is Law.CURVE:
         if not 1 <= degree <= e.size:
             raise GdfeError(f"a polynomial of degree {degree} through {e.size} points; allowed: 1 to {e.size}")

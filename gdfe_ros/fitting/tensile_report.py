@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from gdfe_ros.fitting.tensile import TensileFit
 
-_PLAIN = ("linear", "neo_hookean", "curve")
+_PLAIN = ("linear", "neo_hookean", "stable_neo_hookean", "curve")
 """Laws whose stability needs no check of several deformations."""
 ACCEPTABLE = 0.05
 """Relative misfit above which another law is recommended; repeated tests of one batch differ by about this much."""

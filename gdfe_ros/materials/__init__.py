@@ -4,7 +4,16 @@
 from gdfe_ros.materials.curve_data import CurveData
 from gdfe_ros.materials.density import cell_densities, lacks_density
 from gdfe_ros.materials.invariant import ArrudaBoyce, Gent, Yeoh
-from gdfe_ros.materials.material import Curve, Law, Linear, Material, MooneyRivlin, NeoHookean, Ogden
+from gdfe_ros.materials.material import (
+    Curve,
+    Law,
+    Linear,
+    Material,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    StableNeoHookean,
+)
 from gdfe_ros.materials.presets import LIBRARY, PRESETS, preset
 
 __all__ = [
@@ -20,6 +29,7 @@ __all__ = [
     "MooneyRivlin",
     "NeoHookean",
     "Ogden",
+    "StableNeoHookean",
     "Yeoh",
     "cell_densities",
     "lacks_density",

@@ -16,7 +16,7 @@ from gdfe_ros.materials.stability import drucker_remarks, separable_hessian
 
 
 class Law(IntEnum):
-    """The stress-strain laws. Kernels know the first four; the others have the kernel of ``OGDEN``."""
+    """The stress-strain laws. Kernels know the first four and the last; the others have the kernel of ``OGDEN``."""
 
     LINEAR = 0
     NEO_HOOKEAN = 1
@@ -26,6 +26,7 @@ class Law(IntEnum):
     MOONEY_RIVLIN = 5
     ARRUDA_BOYCE = 6
     GENT = 7
+    STABLE_NEO_HOOKEAN = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +82,11 @@ class Material:
         if self.poisson == 0.5:
             return math.inf
         return 2.0 * self.shear0 * (1.0 + self.poisson) / (3.0 * (1.0 - 2.0 * self.poisson))
+
+    @property
+    def volume_modulus(self) -> float:
+        """Modulus [Pa] of the volume energy, K unless a law says otherwise; infinite at nu = 0.5."""
+        return self.bulk
 
     @property
     def young0(self) -> float:
@@ -147,6 +153,39 @@ class NeoHookean(Linear):
     def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return E/3 (1 + 2 l^-3) [Pa] at l = 1 + e."""
         return self.young / 3.0 * (1.0 + 2.0 * (1.0 + strain) ** -3.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StableNeoHookean(Linear):
+    """Stable neo-Hookean law of Smith, de Goes and Kim (2018), finite and smooth also for inverted elements.
+
+    W = m/2 (I1 - 3) - m/2 ln((I1 + 1)/4) - 3 m/4 (J - 1) + l/2 (J - 1)^2 with m = 4/3 mu and l = lambda + 5/6 mu,
+    where mu and lambda are Lame's constants. Without a constant, it is m/2 (I1 - 3) + l/2 (J - a)^2 - m/2 ln(I1 + 1),
+    a = 1 + 3 m / (4 l), as in the paper.
+
+    Attributes:
+        young: initial Young's modulus [Pa].
+    """
+
+    law = Law.STABLE_NEO_HOOKEAN
+
+    @property
+    def volume_modulus(self) -> float:
+        """Modulus l = K + mu/6 [Pa] of the volume energy."""
+        return self.bulk + self.shear0 / 6.0
+
+    def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return 4 E/9 (1 - 1/(I1 + 1)) (l - l^-2) [Pa] at l = 1 + e, with I1 = l^2 + 2/l."""
+        stretch = 1.0 + strain
+        first = stretch**2 + 2.0 / stretch
+        return 4.0 * self.young / 9.0 * (1.0 - 1.0 / (first + 1.0)) * (stretch - stretch**-2.0)
+
+    def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative [Pa] of :meth:`stress_at`."""
+        stretch = 1.0 + strain
+        first, slope = stretch**2 + 2.0 / stretch, stretch - stretch**-2.0
+        straight = (1.0 - 1.0 / (first + 1.0)) * (1.0 + 2.0 * stretch**-3.0)
+        return 4.0 * self.young / 9.0 * (straight + 2.0 * slope**2 / (first + 1.0) ** 2)
 
 
 @dataclass(frozen=True, kw_only=True)

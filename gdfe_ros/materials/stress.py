@@ -114,6 +114,19 @@ def neo_hookean(f, pressure, mu, lame, kappa):
 
 
 @inlined
+def stable_neo_hookean(f, pressure, mu, kappa):
+    """Return W and P of the law of `StableNeoHookean`, with p (J - 1) + kappa/2 (J - 1)^2 as its volume energy.
+
+    P = 4/3 mu (1 - 1/(I1 + 1)) F + (p + kappa (J - 1) - mu) cof F
+    """
+    c = cofactor(f)
+    first, change = squared_norm(f), determinant(f, c) - 1.0
+    w = 2.0 / 3.0 * mu * (first - 3.0 - math.log(0.25 * (first + 1.0)))
+    w += change * (pressure - mu + 0.5 * kappa * change)
+    return w, corotated(f, f, 0.0, 4.0 / 3.0 * mu * first / (first + 1.0), pressure - mu + kappa * change, c)
+
+
+@inlined
 def ogden_powers(l0, l1, l2, table, k, term):
     """Return mu and alpha of a term, and the isochoric stretches of (l0, l1, l2) to the power alpha."""
     mu, alpha = table.parameters[k, OGDEN + 2 * term], table.parameters[k, OGDEN + 2 * term + 1]

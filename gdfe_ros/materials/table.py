@@ -54,10 +54,10 @@ class MaterialTable(NamedTuple):
     Attributes:
         law: (k,) int32, value of :class:`Law` of the kernel; laws of principal stretches have ``OGDEN``.
         parameters: (k, 31) float64 [Pa, -], with the columns `SHEAR` to `INVARIANT`. They are in this order: shear
-            modulus mu0; Young's modulus E0; Poisson's ratio; bulk modulus K; the bulk modulus kappa in the energy;
-            Lame's lambda of the logarithmic neo-Hookean volume term (0 with a pressure per element); 1 if each element
-            has a pressure unknown, else 0; number of Ogden terms; Ogden's constants; local part of the volume
-            stiffness; constants of a law of the first invariant.
+            modulus mu0; Young's modulus E0; Poisson's ratio; modulus of the volume energy (`Material.volume_modulus`);
+            the bulk modulus kappa in the energy; Lame's lambda of the logarithmic neo-Hookean volume term (0 with a
+            pressure per element); 1 if each element has a pressure unknown, else 0; number of Ogden terms; Ogden's
+            constants; local part of the volume stiffness; constants of a law of the first invariant.
         curve: (k, intervals + 1, 5) float64 coefficients. On interval i with t = eps_eq/width - i,
             Phi' = c0 + c1 t + c2 t^2 + c3 t^3 [Pa]; c4 is Phi at t = 0 [J/m^3].
         tangent: (k, intervals + 1) float64, d sigma / d e [Pa] at the starts of the intervals.
@@ -109,7 +109,7 @@ def carries_pressure(material: Material) -> bool:
 def _row(material: Material) -> NDArray[np.float64]:
     row = np.zeros(INVARIANT + 1)
     mu, nu = material.shear0, material.poisson
-    row[[SHEAR, YOUNG, POISSON, BULK]] = mu, material.young0, nu, material.bulk
+    row[[SHEAR, YOUNG, POISSON, BULK]] = mu, material.young0, nu, material.volume_modulus
     if carries_pressure(material):
         row[CARRIED] = 1.0
         penalty = SOFTENING_POISSON if material.law is Law.CURVE else MODERATE_POISSON
@@ -117,7 +117,7 @@ def _row(material: Material) -> NDArray[np.float64]:
     elif material.law is Law.NEO_HOOKEAN:
         row[LAME] = 2.0 * mu * nu / (1.0 - 2.0 * nu)
     else:
-        row[PENALTY] = material.bulk
+        row[PENALTY] = material.volume_modulus
     row[TERMS] = count = len(material.terms)
     row[OGDEN : OGDEN + 2 * count] = np.ravel(material.terms)
     if isinstance(material, InvariantLaw):

@@ -181,6 +181,9 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     where_schema.SphereModel: ("{center: [0.0, 0.0, 0.0], radius: 0.01}",),
     material_schema.LinearModel: ("{law: linear, young: 1.0e5, poisson: 0.45, density: 1100, omega: 0.5}",),
     material_schema.NeoHookeanModel: ("{law: neo_hookean, young: 1.0e5, poisson: 0.49, density: 1100, omega: 0.5}",),
+    material_schema.StableNeoHookeanModel: (
+        "{law: stable_neo_hookean, young: 1.0e5, poisson: 0.49, density: 1100, omega: 0.5}",
+    ),
     material_schema.PublishedModel: (
         "{published: ecoflex_00_30_gent_membrane, poisson: 0.495, density: 1070, omega: 0.5, scale: 0.8}",
     ),

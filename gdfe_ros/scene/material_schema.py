@@ -20,6 +20,7 @@ from gdfe_ros.materials import (
     MooneyRivlin,
     NeoHookean,
     Ogden,
+    StableNeoHookean,
     Yeoh,
     preset,
 )
@@ -101,6 +102,17 @@ class NeoHookeanModel(_Common):
     def build(self) -> Material:
         """Return the material."""
         return NeoHookean(young=self.young, **self.common)
+
+
+class StableNeoHookeanModel(_Common):
+    """Stable neo-Hookean law of Smith, de Goes and Kim (2018), smooth also for inverted elements."""
+
+    law: Literal["stable_neo_hookean"] = Field(description="name of the material law")
+    young: Annotated[float, _YOUNG]
+
+    def build(self) -> Material:
+        """Return the material."""
+        return StableNeoHookean(young=self.young, **self.common)
 
 
 class OgdenModel(_Common):
@@ -256,6 +268,7 @@ def _tag(value: Any) -> str | None:
 MaterialModel = Annotated[
     Annotated[LinearModel, Tag(TAG + "linear")]
     | Annotated[NeoHookeanModel, Tag(TAG + "neo_hookean")]
+    | Annotated[StableNeoHookeanModel, Tag(TAG + "stable_neo_hookean")]
     | Annotated[OgdenModel, Tag(TAG + "ogden")]
     | Annotated[YeohModel, Tag(TAG + "yeoh")]
     | Annotated[MooneyRivlinModel, Tag(TAG + "mooney_rivlin")]

@@ -21,6 +21,7 @@ from gdfe_ros.materials import (
     MooneyRivlin,
     NeoHookean,
     Ogden,
+    StableNeoHookean,
     Yeoh,
     preset,
 )
@@ -37,6 +38,8 @@ LAWS: dict[str, Material] = {
     "linear-0.49": Linear(young=1e5, poisson=0.49),
     "neo-hookean": NeoHookean(young=1e5, poisson=0.3),
     "neo-hookean-0.495": NeoHookean(young=1e5, poisson=0.495),
+    "stable-neo-hookean": StableNeoHookean(young=1e5, poisson=0.3),
+    "stable-neo-hookean-0.495": StableNeoHookean(young=1e5, poisson=0.495),
     "ogden": preset("ninjaflex", law=Law.OGDEN, poisson=0.4),
     "ogden-0.495": preset("cheetah", law=Law.OGDEN, poisson=0.495),
     "ogden-one-term": Ogden(mu=(3e4,), alpha=(2.0,), poisson=0.45),

@@ -19,6 +19,7 @@ from gdfe_ros.materials import (
     MooneyRivlin,
     NeoHookean,
     Ogden,
+    StableNeoHookean,
     Yeoh,
 )
 
@@ -78,9 +79,10 @@ def test_laws_know_what_they_are() -> None:
         Law.MOONEY_RIVLIN: MooneyRivlin(c10=1.0, c01=0.0, poisson=0.0),
         Law.ARRUDA_BOYCE: ArrudaBoyce(mu=1.0, lambda_m=2.0, poisson=0.0),
         Law.GENT: Gent(mu=1.0, jm=9.0, poisson=0.0),
+        Law.STABLE_NEO_HOOKEAN: StableNeoHookean(young=1.0, poisson=0.0),
     }
     assert {law: material.law for law, material in kinds.items()} == {law: law for law in Law}
-    assert {material.kernel for material in kinds.values()} == set(list(Law)[:4])
+    assert {material.kernel for material in kinds.values()} == {*list(Law)[:4], Law.STABLE_NEO_HOOKEAN}
 
 
 @pytest.mark.parametrize("poisson", [-1.0, 0.51, 0.7, math.nan, math.inf])

@@ -13,7 +13,7 @@ from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.cli import main
 from gdfe_ros.errors import SceneError
 from gdfe_ros.fitting.tensile import fit_tensile
-from gdfe_ros.materials import ArrudaBoyce, Gent, Law, Material, MooneyRivlin, Ogden, Yeoh
+from gdfe_ros.materials import ArrudaBoyce, Gent, Law, Material, MooneyRivlin, Ogden, StableNeoHookean, Yeoh
 from gdfe_ros.scene import scene_from_text
 
 LAWS = {
@@ -21,6 +21,7 @@ LAWS = {
     "mooney_rivlin": (MooneyRivlin(c10=1.4e5, c01=6e4, poisson=0.499), "c10: 1.4e5, c01: 6.0e4"),
     "arruda_boyce": (ArrudaBoyce(mu=2e5, lambda_m=2.8, poisson=0.499), "mu: 2.0e5, lambda_m: 2.8"),
     "gent": (Gent(mu=31.7e3, jm=39.6, poisson=0.499), "mu: 31.7e3, jm: 39.6"),
+    "stable_neo_hookean": (StableNeoHookean(young=3e5, poisson=0.499), "young: 3.0e5"),
 }
 SCENE = """
 name: cube

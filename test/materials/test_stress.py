@@ -12,7 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.materials import ArrudaBoyce, Gent, Linear, Material, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from gdfe_ros.materials import (
+    ArrudaBoyce,
+    Gent,
+    Linear,
+    Material,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    StableNeoHookean,
+    Yeoh,
+)
 from gdfe_ros.solver.elements.barrier import THRESHOLD, WEIGHT
 
 MakeCube = Callable[[Material], Any]
@@ -36,6 +46,16 @@ def energy_density(material: Material, stretches: NDArray[np.float64]) -> float:
         mu, nu = material.shear0, material.poisson
         lame = 2.0 * mu * nu / (1.0 - 2.0 * nu)
         return 0.5 * mu * (np.sum(l**2) - 3.0) - mu * np.log(j) + 0.5 * lame * np.log(j) ** 2
+    if isinstance(material, StableNeoHookean):
+        shear = material.shear0
+        mu, lame = (
+            4.0 / 3.0 * shear,
+            2.0 * shear * material.poisson / (1.0 - 2.0 * material.poisson) + 5.0 / 6.0 * shear,
+        )
+        alpha = 1.0 + 0.75 * mu / lame
+        first, rest = np.sum(l**2), 0.5 * lame * (1.0 - alpha) ** 2 - 0.5 * mu * np.log(4.0)
+        paper = 0.5 * mu * (first - 3.0) + 0.5 * lame * (j - alpha) ** 2 - 0.5 * mu * np.log(first + 1.0)
+        return float(paper - rest)
     if isinstance(material, Linear):
         return 0.5 * material.young / (1.0 + material.poisson) * spread + volumetric
     if isinstance(material, Ogden):
@@ -74,6 +94,8 @@ def deviatoric_tension(material: Material, stretch: ArrayLike) -> NDArray[np.flo
     lateral = stretch**-0.5
     if isinstance(material, NeoHookean):
         return material.shear0 * (stretch - stretch**-2.0)
+    if isinstance(material, StableNeoHookean):
+        return 3.0 * material.shear0 / material.young * material.stress_at(stretch - 1.0)
     if isinstance(material, Linear):
         return material.young / (1.0 + material.poisson) * (stretch - lateral) * (2.0 + lateral / stretch) / 3.0
     return material.stress_at(stretch - 1.0)
@@ -248,7 +270,7 @@ def test_a_squeezed_cube_pushes_back(law: Material, cube: MakeCube, squeeze: flo
 def test_forces_scale_with_the_modulus(cube: MakeCube) -> None:
     """Doubling the modulus doubles energy and stress."""
     gradient = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
-    for kind in (Linear, NeoHookean):
+    for kind in (Linear, NeoHookean, StableNeoHookean):
         soft, hard = cube(kind(young=1e5, poisson=0.4)), cube(kind(young=2e5, poisson=0.4))
         assert hard.density(gradient) == pytest.approx(2.0 * soft.density(gradient), rel=1e-12)
         np.testing.assert_allclose(hard.stress(gradient), 2.0 * soft.stress(gradient), rtol=1e-9)
@@ -257,7 +279,7 @@ def test_forces_scale_with_the_modulus(cube: MakeCube) -> None:
 def test_the_pressure_term_meets_the_plain_law_at_moderate_poisson(cube: MakeCube) -> None:
     """Energy and stress are continuous at nu = 0.45, above which a pressure multiplier carries the volume energy."""
     gradient = np.array([[1.1, 0.2, 0.0], [0.1, 0.9, 0.1], [0.0, 0.1, 1.05]])
-    for kind in (Linear, NeoHookean):
+    for kind in (Linear, NeoHookean, StableNeoHookean):
         plain, carried = cube(kind(young=1e5, poisson=0.45)), cube(kind(young=1e5, poisson=0.45 + 1e-9))
         assert carried.density(gradient) == pytest.approx(plain.density(gradient), rel=1e-6)
         np.testing.assert_allclose(carried.stress(gradient), plain.stress(gradient), rtol=1e-6, atol=1e-3)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from gdfe_ros.compiled import inlined
+from gdfe_ros.compiled import inlined, internal
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import (
     CURVE_FACTOR,
@@ -19,6 +19,7 @@ from gdfe_ros.materials.stress import (
     linear_factor,
     neo_hookean,
     ogden_continued,
+    stable_neo_hookean,
     volumetric,
 )
 from gdfe_ros.materials.tensor import (
@@ -71,6 +72,8 @@ def stress_rows(b, law, elements, material, table):
     """Write the rows of the energy density [J/m^3] and of P [Pa] of a block from its rows of F."""
     if law == Law.NEO_HOOKEAN:
         neo_hookean_rows(b)
+    elif law == Law.STABLE_NEO_HOOKEAN:
+        stable_neo_hookean_rows(b)
     elif law == Law.OGDEN:
         principal_rows(b)
         for lane in range(LANES):
@@ -102,6 +105,23 @@ def neo_hookean_rows(b):
             b[PRESSURE * LANES + lane],
             b[SHEAR_ROW * LANES + lane],
             b[LAME_ROW * LANES + lane],
+            b[PENALTY_ROW * LANES + lane],
+        )
+        b[ENERGY * LANES + lane] = w
+        store9(b, STRESS, lane, p)
+
+
+@internal
+def stable_neo_hookean_rows(b):
+    """Write the rows of the energy density and of P for the stable neo-Hookean law.
+
+    It is not inlined: bodies of other laws would compile it once in each of their element kernels.
+    """
+    for lane in range(LANES):
+        w, p = stable_neo_hookean(
+            load9(b, GRADIENT, lane),
+            b[PRESSURE * LANES + lane],
+            b[SHEAR_ROW * LANES + lane],
             b[PENALTY_ROW * LANES + lane],
         )
         b[ENERGY * LANES + lane] = w

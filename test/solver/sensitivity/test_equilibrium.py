@@ -182,6 +182,14 @@ LAWS: Mapping[str, tuple[dict[str, Any], dict[str, float]]] = {
         {"law": "neo_hookean", "young": 1e5, "poisson": 0.495, "density": 1100},
         {"young": 1e5, "poisson": 0.495, "density": 1100.0},
     ),
+    "stable": (
+        {"law": "stable_neo_hookean", "young": 1e5, "poisson": 0.3, "density": 1100},
+        {"young": 1e5, "poisson": 0.3, "density": 1100.0},
+    ),
+    "stable, nearly incompressible": (
+        {"law": "stable_neo_hookean", "young": 1e5, "poisson": 0.495, "density": 1100},
+        {"young": 1e5, "poisson": 0.495},
+    ),
     "incompressible": ({"law": "neo_hookean", "young": 1e5, "poisson": 0.5, "density": 1100}, {"young": 1e5}),
     "ogden": (
         {"law": "ogden", "mu": [2e4, 1.5e4], "alpha": [2.0, -3.0], "poisson": 0.49, "density": 1100},
