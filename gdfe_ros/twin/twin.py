@@ -176,7 +176,6 @@ class Twin:
             change, self._change = self._change, None
             if (error := change.exception()) is not None:
                 self._warn(f"the moduli were not changed: {error}")
-            self._begin_anew()
         if not self._names or self._change is not None or now - self._changed < _PERIOD:
             return
         with self._lock:
@@ -186,14 +185,8 @@ class Twin:
         wanted = {name: young * float(np.exp(d)) for (name, young), d in zip(self.moduli.items(), step, strict=True)}
         with self._lock:
             self._estimator.settle(step)
-        self._changed, self._change = now, self.session.set_moduli(wanted)
-
-    def _begin_anew(self) -> None:
-        """Forget the states before a change; a simulation at rest makes a step, because it would make none by itself."""
-        with self._lock:
             self._comparison.forget()
-        if self.session.simulation.settled:
-            self.session.advance()
+        self._changed, self._change = now, self.session.set_moduli(wanted)
 
     def _write(self, found: Sequence[Deviation]) -> None:
         if self._bag is not None:

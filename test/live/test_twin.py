@@ -39,12 +39,15 @@ AWAY = np.array([0.0, 0.004, 0.003])
 
 @pytest.fixture
 def twin(tmp_path: Path) -> Iterator[Callable[..., Twin]]:
-    """Give a function that starts a twin which records into `tmp_path`; it is stopped at the end of the test."""
+    """Give a function that starts a twin, after a page shows it; it records into `tmp_path`, and the test stops it."""
     made: list[Twin] = []
 
-    def start(**options: Any) -> Twin:
+    def start(*, page: Page | None = None, **options: Any) -> Twin:
         files = {"table": tmp_path / "twin.csv", "bag": tmp_path / "twin.mcap"}
-        made.append(Twin(Simulation(scene_from_text(ARM)), **files, **options))
+        shown = {} if page is None else {"told": page.take}
+        made.append(Twin(Simulation(scene_from_text(ARM)), **files, **shown, **options))
+        if page is not None:
+            page.show(made[-1].session)
         made[-1].start()
         return made[-1]
 
@@ -93,8 +96,7 @@ def test_the_page_shows_both_bodies_and_the_distance(twin: Callable[..., Twin]) 
     """A viewer gets a second body whose end is at the measured point, and a label with the distance."""
     page = Page(host="127.0.0.1", port=8700, frames=30.0)
     try:
-        pair = twin(told=page.take)
-        page.show(pair.session)
+        pair = twin(page=page)
         follow(pair, 1.0)
         body, latest = MeasuredBody(pair.session.scene), pair.latest["tip"]
         for _ in range(3):
@@ -115,7 +117,7 @@ def test_the_page_shows_both_bodies_and_the_distance(twin: Callable[..., Twin]) 
 def test_table_and_bag_have_every_comparison(twin: Callable[..., Twin], tmp_path: Path) -> None:
     """The table has distance and spread; the bag has the body, both positions and the moduli, on the robot's clock."""
     texts: list[str] = []
-    pair = twin(moduli=["soft"], warn=texts.append)
+    pair = twin(moduli=["soft"], noise=1.0, warn=texts.append)  # so inexact that the modulus stays
     began = time.time()
     follow(pair, 0.5)
     follow(pair, 1.0)
@@ -125,7 +127,7 @@ def test_table_and_bag_have_every_comparison(twin: Callable[..., Twin], tmp_path
     rows = list(csv.DictReader((tmp_path / "twin.csv").open(encoding="utf-8")))
     assert len(rows) == pair.compared
     assert all(float(row["distance [m]"]) == pytest.approx(0.005, rel=0.3) for row in rows)
-    assert all(0.0 <= float(row["spread [m]"]) < 0.1 for row in rows)
+    assert all(0.0 <= float(row["spread [m]"]) < 0.125 for row in rows)  # the tip's way is 123 mm
     assert any(float(row["spread [m]"]) > 1e-4 for row in rows)
     bag = ForeignBag(tmp_path / "twin.mcap")
     decode, messages = bag.decoder(), list(bag.messages())
