@@ -27,7 +27,9 @@ from gdfe_ros.spelling import did_you_mean
 PATIENCE = 10.0
 """Longest wait until a topic or service is found, and until subscribers acknowledge a message [s]."""
 SETTLING = 0.2
-"""Longest time between the arrivals of the first and the last stored message of a topic [s]."""
+"""Longest time until a node has discovered a new subscription [s]."""
+GREETING = 0.5
+"""Time [s] within which a node publishes its present state to a new subscriber, after an older one that was stored."""
 REFUSING = 0.5
 """Time [s] in which a node refuses a command that it received."""
 UNCHANGED = 4.0
@@ -118,7 +120,7 @@ class Peer:
         others, kind = self._endpoints(topic, self._node.get_publishers_info_by_topic, "publishes")
         self._node.create_subscription(kind, topic, received.append, matching_qos(others, offered=False))
         self._wait(lambda: received, patience)
-        self._wait(lambda: False, SETTLING)
+        self._wait(lambda: False, GREETING)
         del received[:-1]  # a late subscriber receives the last ten, but the caller wants the latest only
         yield from self._taken(received, topic, patience)
 

@@ -90,7 +90,7 @@ class SimulationSession:
         self._transforms = Transforms(node, self._lead, **told) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
         self.outputs = TopicOutputs(run)
-        self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver)
+        self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver, store=self._store)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, self.bags, changed=self._change_moduli)
@@ -383,7 +383,11 @@ class SimulationSession:
             self._telling = True
             self.stepper.post_reading(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
 
-    def _deliver_again(self) -> None:
+    def _store(self) -> None:
+        """Publish the last step on all topics on which it was not published, for subscribers that come later."""
+        self._deliver_again(stored=True)
+
+    def _deliver_again(self, *, stored: bool = False) -> None:
         """Publish the last step again, also during a step: until it ends, only the arms' joints are ahead of it."""
         self._telling, last = False, self.run.last
         if last is None:
@@ -391,7 +395,7 @@ class SimulationSession:
         again = observe(self.simulation, Demand(poses=not (self.stepper.stepping and self.scene.arms)))
         if self.stepper.stepping:
             again |= {"joints": last.joints, "links": last.links}
-        self.courier.put(replace(last, first=False, again=True, **again | {"wanted": True}))
+        self.courier.put(replace(last, first=False, again=True, stored=stored, **again | {"wanted": True}))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
         """Replace the simulation by one with other moduli, in equilibrium or, with dynamics, in the present motion."""
