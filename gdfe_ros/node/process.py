@@ -20,7 +20,7 @@ from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedEx
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
-from gdfe_ros.entry import catch_endings
+from gdfe_ros.entry import NODE_ENDINGS, catch_endings
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.managed import Faults, ManagedNode
 
@@ -173,4 +173,4 @@ def _catch_signals(stopping: threading.Event) -> None:
             first.append(now)
             stopping.set()
 
-    catch_endings(catch)
+    catch_endings(catch, always=NODE_ENDINGS)
