@@ -69,11 +69,12 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
 
     Args:
         make_nodes: function that makes the nodes; its argument is an event that a signal sets. Each node must have a
-            method ``close``.
+            method ``close``, and may have an attribute ``status``.
         args: arguments of the command line; None: those of the process.
 
     Returns:
-        Exit status: 0, or 2 if the nodes cannot be made, e.g. because the value of a parameter is not allowed.
+        Exit status: the largest ``status`` of a node, usually 0; or 2 if the nodes cannot be made, e.g. because the
+        value of a parameter is not allowed.
     """
     stopping = threading.Event()
     _catch_signals(stopping)
@@ -100,7 +101,7 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return max((getattr(node, "status", 0) for node in nodes), default=0)
 
 
 def answer_arguments(name: str, usage: str, args: Sequence[str] | None = None) -> int | None:

@@ -204,7 +204,11 @@ class SimulationSession:
         """Check for commands to unknown names, late, long and failed steps, and subscribers without the last state."""
         self.strays.look()
         text = self._lateness.look(
-            self.run.pace, steps=self.stepper.count, rate=self.run.timing().rate, at=self.simulation.time
+            self.run.pace,
+            steps=self.stepper.count,
+            rate=self.run.timing().rate,
+            at=self.simulation.time,
+            slewing=self.stepper.slew.moving,
         )
         for each in (text, self._solves.look(self.run.last), self._solves.wait(self.stepper.work)):
             if each is not None:
