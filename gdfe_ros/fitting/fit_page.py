@@ -89,7 +89,7 @@ def _chart(curve: ComparedColumn) -> dict[str, Any]:
         "xaxis": {"anchor": "y2", "title": {"text": curve.over}} | ticks,
         "yaxis": {"domain": [0.36, 1.0], "title": {"text": f"{curve.series}{unit}", "standoff": 10}} | numbers,
         "yaxis2": {"domain": [0.0, 0.28], "title": {"text": f"residual{unit}", "standoff": 10}, "nticks": 4} | numbers,
-        "legend": {"orientation": "h", "y": 1.1},
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
     }
     return {"title": f"{curve.series} of recording {curve.recording} ({word})", "data": traces, "layout": layout}
 

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-SCRIPT = re.search(
-    r"```bash\n(sim_node [^`]+trap[^`]+)```", (Path(__file__).parents[2] / "docs" / "node.md").read_text(encoding="utf-8")
-)[1]
+PAGE = (Path(__file__).parents[2] / "docs" / "node.md").read_text(encoding="utf-8")
+SCRIPT = re.search(r"```bash\n(sim_node [^`]+trap[^`]+)```", PAGE)[1]
 
 
 def _run(script: str) -> subprocess.CompletedProcess[str]:
