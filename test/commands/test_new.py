@@ -101,6 +101,7 @@ def test_a_least_size_is_written_into_the_scene(tmp_path: Path) -> None:
     ("suffix", "sizes", "told"),
     [
         ("stl", ["--size", "0"], "--size = 0; allowed is a number: 0 < largest edge of the tetrahedra [m] <= 1"),
+        ("stl", ["--size", "4"], "0 < largest edge of the tetrahedra [m] <= 1; 4 mm are 0.004"),
         ("stl", ["--least-size", "-1"], "--least-size = -1; allowed is a number: 0 < smallest edge"),
         ("stl", ["--size", "nan"], "--size = nan; allowed is a number: 0 < "),
         ("stl", ["--least-size", "nan"], "--least-size = nan; allowed is a number: 0 < "),
