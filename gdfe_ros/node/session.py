@@ -90,7 +90,8 @@ class SimulationSession:
         self._transforms = Transforms(node, self._lead, **told) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
         self.outputs = TopicOutputs(run)
-        self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver, store=self._store)
+        store = node.guarded(self._store, "publishing a step for later subscribers")
+        self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver, store=store)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, self.bags, changed=self._change_moduli)
