@@ -65,8 +65,9 @@ class Deadlock:
         return any(each.node_name != self._node.get_name() for each in found)
 
     def _read(self, message: DiagnosticArray) -> None:
-        """Store what the simulation waits for; nothing while it works on a step."""
+        """Store what the simulation waits for; nothing while it works on a step, or without lockstep."""
         own = [value for status in message.status if status.name.startswith(self._prefix) for value in status.values]
         values = {value.key: value.value for value in own}
         if values:
-            self._waits = "" if "working on" in values else f"waits for {values.get('waits for', 'a command')}"
+            waits = "waits for" in values and "working on" not in values
+            self._waits = f"waits for {values['waits for']}" if waits else ""
