@@ -7,7 +7,7 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from types import FrameType, ModuleType
@@ -18,6 +18,10 @@ from gdfe_ros.extras import remedy
 
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that ask a process to end: from a terminal, from a manager of processes, and if the terminal is closed."""
+NODE_ENDINGS = (signal.SIGINT,)
+"""Signals that end a node even if they were ignored at its start, as with rclpy: a shell script lets its background
+processes ignore SIGINT, and may then send it to end them.
+"""
 INTERRUPTED = 130
 """Exit status of an interrupted command, as in shells; the exit status of an interrupted node is 0."""
 BAD_MACHINE = 2
@@ -33,19 +37,19 @@ def gdfe() -> int:
 
 def sim_node() -> int:
     """Run the simulation node; once it spins, its own handlers process the signals."""
-    with quiet_imports("sim_node", 0):
+    with quiet_imports("sim_node", 0, always=NODE_ENDINGS):
         return imported("gdfe_ros.node.sim_node").main()
 
 
 def carrying_arm() -> int:
     """Run the example arm."""
-    with quiet_imports("carrying_arm", 0):
+    with quiet_imports("carrying_arm", 0, always=NODE_ENDINGS):
         return imported("gdfe_ros.examples.carrying_arm").main()
 
 
 def tip_tracking() -> int:
     """Run the example controller."""
-    with quiet_imports("tip_tracking", 0):
+    with quiet_imports("tip_tracking", 0, always=NODE_ENDINGS):
         return imported("gdfe_ros.examples.tip_tracking").main()
 
 
@@ -81,10 +85,11 @@ def collect() -> None:
 
 
 @contextmanager
-def quiet_imports(name: str, status: int) -> Iterator[None]:
+def quiet_imports(name: str, status: int, *, always: Sequence[signal.Signals] = ()) -> Iterator[None]:
     """End the process at once if SIGINT, SIGTERM or SIGHUP arrives inside the ``with`` block, without open resources.
 
-    A signal that is ignored at the start, as SIGHUP is by ``nohup``, stays ignored. KeyboardInterrupt is not
+    A signal that is ignored at the start, as SIGHUP is by ``nohup``, stays ignored, except those in ``always``.
+    KeyboardInterrupt is not
     sufficient, because libraries that look for optional packages catch it and continue. A dependency that is too old,
     and an extra that is not installed, also end the process, with a message of one line.
     """
@@ -93,7 +98,7 @@ def quiet_imports(name: str, status: int) -> Iterator[None]:
         os.write(sys.stderr.fileno(), f"{name}: interrupted while starting\n".encode())
         os._exit(status and 128 + number)
 
-    before = catch_endings(end)
+    before = catch_endings(end, always=always)
     try:
         yield
     except DependencyError as error:
@@ -109,11 +114,13 @@ def quiet_imports(name: str, status: int) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def catch_endings(handler: Callable[[int, FrameType | None], object]) -> dict[int, Any]:
-    """Let a function handle the signals that end a process, except those that are ignored.
+def catch_endings(
+    handler: Callable[[int, FrameType | None], object], *, always: Sequence[signal.Signals] = ()
+) -> dict[int, Any]:
+    """Let a function handle the signals that end a process, except those that are ignored and not in ``always``.
 
     Returns:
         Dict from signal to its former handler.
     """
-    caught = [each for each in ENDINGS if signal.getsignal(each) is not signal.SIG_IGN]
+    caught = [each for each in ENDINGS if each in always or signal.getsignal(each) is not signal.SIG_IGN]
     return {number: signal.signal(number, handler) for number in caught}

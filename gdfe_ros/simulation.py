@@ -403,10 +403,12 @@ class Simulation:
         return partial(element_fields, self.stepper.body, state.positions, omega, **given)
 
     def handle_pose(self, name: str) -> Pose:
-        """Return the present pose of a handle: its target, with the computed components along free axes.
+        """Return the present pose of a handle, obstacle or rigid body, relative to its rest pose.
+
+        That of a handle or obstacle is its target, with the computed components along free axes.
 
         Raises:
-            CommandError: no such handle.
+            CommandError: no such handle, obstacle or rigid body.
         """
         handle = self._orders.handle(name)
         if isinstance(handle, Obstacle):

@@ -145,7 +145,8 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
     fitted, held_out = split_held_out(recordings, arguments.holdout)
     console = wide_console()
     count = sum(recording.count for recording in fitted)
-    console.print(f"{len(fitted)} recordings with {count} values are fitted, {len(held_out)} held out", highlight=False)
+    recordings_of = "1 recording" if len(fitted) == 1 else f"{len(fitted)} recordings"
+    console.print(f"fitted: {recordings_of} with {count} values; held out: {len(held_out)}", highlight=False)
     for recording in recordings:
         for text in recording.remarks:
             console.print(f"{recording.name}: {text}", highlight=False)
@@ -178,7 +179,7 @@ def _print(console: PlainConsole, fit: object, elapsed: float) -> None:
     console.print(table)
     console.print(NOT_INCLUDED, highlight=False)
     table = Table(title="measured and simulated", title_justify="left")
-    for head in ("recording", "series", "", "values", "misfit, rms [SI]", "of the motion"):
+    for head in ("recording", "series", "", "values", "misfit, rms", "of the motion"):
         table.add_column(head, overflow="fold")
     for row in match_rows(fit):
         table.add_row(*row)

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.actuators.embedding import embed
 from gdfe_ros.commands.number_option import require_number
 from gdfe_ros.commands.output_file import require_folder
 from gdfe_ros.errors import GdfeError, MeshError
 from gdfe_ros.materials.presets import LIBRARY, PRESETS
-from gdfe_ros.mesh.cavities import find_cavities
+from gdfe_ros.mesh.cavities import NO_CAVITY, find_cavities
 from gdfe_ros.mesh.cavity_places import misplaced_cavities
 from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.importer import read_mesh
@@ -62,7 +63,11 @@ def run(arguments: argparse.Namespace) -> int:
     scene = _scene(arguments.scene.stem, arguments.material, entry, mesh)
     arguments.scene.write_text(write_document(scene))
     print(f"{arguments.scene}: {mesh.n_cells} {mesh.noun}, chambers: {len(scene.get('actuators', {}))}")
-    print(f"next: gdfe solve {arguments.scene} --picture {arguments.scene.with_suffix('.png')}")
+    if "program" in scene:
+        print(f"next: gdfe solve {arguments.scene} --picture {arguments.scene.with_suffix('.png')}")
+        return 0
+    print(f"note: {NO_CAVITY}")
+    print(f"next: add actuators or loads, and a program (docs/scene.md), then gdfe solve {arguments.scene}")
     return 0
 
 
@@ -146,12 +151,17 @@ def _relative(path: Path, folder: Path) -> str:
 
 
 def _far_end(mesh: Mesh, axis: int) -> list[float]:
-    """Return the vertex [m] that is nearest to the middle of the body's upper end along an axis."""
+    """Return the middle [m] of the body's upper end along an axis or, if there is no material, the nearest vertex."""
     vertices = mesh.vertices
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     middle = 0.5 * (low + high)
     middle[axis] = high[axis]
-    return [float(value) for value in vertices[np.linalg.norm(vertices - middle, axis=1).argmin()]]
+    place = np.round(middle, 9) + 0.0  # nanometres: no digits of rounding, and no -0.0 in the file
+    try:
+        embed(mesh, place, what="tip")
+    except MeshError:
+        place = vertices[np.linalg.norm(vertices - middle, axis=1).argmin()]
+    return [float(value) for value in place]
 
 
 def _scene(name: str, material: str, mesh_entry: dict, mesh: Mesh) -> dict:

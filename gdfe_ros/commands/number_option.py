@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 from pydantic_core import PydanticCustomError
 
 from gdfe_ros.errors import GdfeError
@@ -20,4 +22,5 @@ def require_number(option: str, value: float | None, quantity: Quantity) -> None
     try:
         quantity.check(value)
     except PydanticCustomError as error:
-        raise GdfeError(f"{option} = {value:g}; {error.message()}") from error
+        hint = f"; {value:g} mm are {1e-3 * value:g}" if quantity.unit == "m" and 1.0 <= value < math.inf else ""
+        raise GdfeError(f"{option} = {value:g}; {error.message()}{hint}") from error

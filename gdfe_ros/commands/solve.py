@@ -168,8 +168,9 @@ def _table(simulation: Simulation, results: list[StepResult], wall_time: float) 
 
 
 def _add_forces(table: Table, simulation: Simulation, last: StepResult) -> None:
-    """Add reactions, motions of rigid bodies and total contact forces to the table of results."""
-    for name, reaction in last.reactions.items():
+    """Add reactions, readings of contact sensors, motions of rigid bodies and total contact forces to the table."""
+    readings = {f"sensor {name}": sensor.wrench(last) for name, sensor in simulation.scene.sensors.items()}
+    for name, reaction in {**last.reactions, **readings}.items():
         table.add_row(f"{name}: force", "  ".join(f"{value:.5g}" for value in _clean(reaction[:3])), "N")
         table.add_row(f"{name}: moment", "  ".join(f"{value:.5g}" for value in _clean(reaction[3:])), "N m")
     for handle in simulation.scene.handles:

@@ -17,6 +17,7 @@ from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.fit_tables import NOT_INCLUDED, match_rows, parameter_rows
 from gdfe_ros.fitting.recording import ROW
 
+RESIDUAL = "residual: simulated - measured"
 _PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>@@title@@</title><link rel="icon" href="data:,"><style>@@style@@</style></head>
@@ -78,7 +79,7 @@ def _chart(curve: ComparedColumn) -> dict[str, Any]:
     traces = [
         {"x": times, "y": _list(curve.measured), "name": "measured", "mode": "markers", "marker": {"size": 4}},
         {"x": times, "y": _list(curve.simulated), "name": word, "mode": "lines"},
-        {"x": times, "y": _list(curve.simulated - curve.measured), "name": "residual", "yaxis": "y2", "mode": "lines"},
+        {"x": times, "y": _list(curve.simulated - curve.measured), "name": RESIDUAL, "yaxis": "y2", "mode": "lines"},
     ]
     unit = f" [{curve.unit}]" if curve.unit else ""
     ticks = {"tick0": 0, "dtick": max(1, len(times) // 10)} if curve.over == ROW else {}
@@ -86,11 +87,11 @@ def _chart(curve: ComparedColumn) -> dict[str, Any]:
     layout = {
         "margin": {"l": 84, "r": 10, "t": 6, "b": 40},
         "xaxis": {"anchor": "y2", "title": {"text": curve.over}} | ticks,
-        "yaxis": {"domain": [0.36, 1.0], "title": {"text": f"value{unit}", "standoff": 10}} | numbers,
-        "yaxis2": {"domain": [0.0, 0.28], "title": {"text": "residual", "standoff": 10}, "nticks": 4} | numbers,
-        "legend": {"orientation": "h", "y": 1.1},
+        "yaxis": {"domain": [0.36, 1.0], "title": {"text": f"{curve.series}{unit}", "standoff": 10}} | numbers,
+        "yaxis2": {"domain": [0.0, 0.28], "title": {"text": f"residual{unit}", "standoff": 10}, "nticks": 4} | numbers,
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
     }
-    return {"title": f"{curve.recording}: {curve.series} ({word})", "data": traces, "layout": layout}
+    return {"title": f"{curve.series} of recording {curve.recording} ({word})", "data": traces, "layout": layout}
 
 
 def _list(values: NDArray[np.float64]) -> list[float | None]:

@@ -93,8 +93,8 @@ def _draw(path: Path, shown: Sequence[ComparedColumn], *, title: str) -> None:
         colour = "#c2562d" if curve.held_out else "#1b6ca8"
         label = "predicted" if curve.held_out else "fitted"
         axes.plot(curve.times, curve.simulated, color=colour, lw=1.2, label=label)
-        axes.set_title(f"{curve.recording}: {curve.series}", loc="left", fontsize=9)
-        axes.set_ylabel(f"[{curve.unit}]" if curve.unit else "", fontsize=8)
+        axes.set_title(f"{curve.series} of recording {curve.recording}", loc="left", fontsize=9)
+        axes.set_ylabel(f"{curve.series} [{curve.unit}]" if curve.unit else curve.series, fontsize=8)
         axes.tick_params(labelsize=7)
         axes.grid(color="0.93")
         axes.legend(frameon=False, fontsize=7, ncols=2, loc="upper right")

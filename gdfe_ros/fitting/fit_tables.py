@@ -6,19 +6,21 @@ from __future__ import annotations
 import numpy as np
 
 from gdfe_ros.fitting.fit import Fit
+from gdfe_ros.fitting.verdict import percent
+from gdfe_ros.scene.keys import unit_of
 
 NOT_INCLUDED = "The intervals do not include the error of the mesh; repeat the fit with twice as many cells to see it."
 """What a reader of the intervals has to know."""
 
 
 def parameter_rows(fit: Fit) -> list[tuple[str, str, str, str]]:
-    """Return a row for each parameter: key, value, 95 % interval, correlations with the parameters above it."""
+    """Return a row for each parameter: key, value with unit, 95 % interval, correlations with the ones above it."""
     rows = []
     for place, item in enumerate(fit.known.estimates):
         interval = f"at its bound ({item.bound})" if item.bound else f"{item.low:.7g} to {item.high:.7g}"
         above = fit.known.correlations[place][:place]
         correlations = "  ".join("-" if np.isnan(value) else f"{value:+.2f}" for value in above)
-        rows.append((item.key, f"{item.value:.7g}", interval, correlations))
+        rows.append((item.key, f"{item.value:.7g} {unit_of(item.key)}".rstrip(), interval, correlations))
     return rows
 
 
@@ -30,8 +32,8 @@ def match_rows(fit: Fit) -> list[tuple[str, str, str, str, str, str]]:
             match.series,
             "predicted" if match.held_out else "fitted",
             str(match.count),
-            f"{match.rms:.3g}",
-            f"{100.0 * match.relative:.2g} %",
+            f"{match.rms:.3g} {match.unit}".rstrip(),
+            percent(match.relative),
         )
         for match in fit.matches
     ]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.actuators import Actuator
 from gdfe_ros.command import Command
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
@@ -51,7 +52,7 @@ def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None
     """Check that the scene accepts the commands.
 
     Raises:
-        GdfeError: a name is unknown, a command has the wrong number of components, or a command is missing.
+        GdfeError: a name is unknown, a command has the wrong number of components, is missing, or is out of range.
     """
     drives = [*(item.name for item in scene.actuators), *(item.name for item in scene.loads)]
     movers = [handle.name for handle in scene.handles if not handle.fixed]
@@ -67,6 +68,21 @@ def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None
             )
         if not np.isfinite(track.values).all():
             raise GdfeError(f"{where}: a command of {track.name!r} is missing")
+        if actuator := next((each for each in scene.actuators if each.name == track.name), None):
+            _require_range(track.values, actuator, where)
+
+
+def _require_range(values: NDArray[np.float64], actuator: Actuator, where: str) -> None:
+    """Check commands (m, 1) of an actuator, e.g. for a wrong unit."""
+    slack = 1e-9 * max(abs(values.min()), abs(values.max()))
+    if actuator.low - slack <= values.min() and values.max() <= actuator.high + slack:
+        return
+    quantity = f"{actuator.mode.value} [{actuator.mode.unit or 1}]"
+    raise GdfeError(
+        f"{where}: the commands of {actuator.name!r} are from {values.min():g} to {values.max():g}; allowed: "
+        f"{actuator.low:g} <= {quantity} <= {actuator.high:g}; remedy: the `unit` of this command in the match file, "
+        f"or the key actuators.{actuator.name}.range of the scene"
+    )
 
 
 def make_schedule(tracks: Sequence[Track], scene: Scene, moments: NDArray[np.float64]) -> Schedule:

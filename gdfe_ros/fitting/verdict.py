@@ -13,6 +13,8 @@ from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.statistics import STRUCTURED, Confidence, autocorrelation
 
+POOR = 0.5
+"""Misfit, divided by the measured motion, above which the model explains little of it."""
 WORSE = 1.5
 """Ratio of a held-out recording's misfit to that of the fitted recordings above which its prediction is bad."""
 SLIGHT = 0.02
@@ -28,6 +30,7 @@ class Match:
         series: name of the series.
         held_out: whether the recording was only predicted, not fitted.
         count: number of compared values.
+        unit: SI unit of the values.
         rms: root mean square of simulated minus measured values, in SI units.
         relative: ``rms`` divided by the size of the motion. The size is the root mean square of displacements, or of
             other values minus their mean. For points on a surface it is their largest extent.
@@ -40,6 +43,7 @@ class Match:
     series: str
     held_out: bool
     count: int
+    unit: str
     rms: float
     relative: float
     largest: float
@@ -58,7 +62,7 @@ def matches(problem: FitProblem, point: FitPoint, *, held_out: bool = False) -> 
             sound = residual[np.isfinite(residual)]
             rms = float(np.sqrt(np.mean(sound**2))) if sound.size else np.nan
             size = _size(series.values, displacement=series.observable.displacement)
-            given = (rms, rms / size if size else np.nan, float(np.abs(sound).max(initial=0.0)))
+            given = (series.observable.unit, rms, rms / size if size else np.nan, float(np.abs(sound).max(initial=0.0)))
             found.append(
                 Match(recording.name, series.name, held_out, sound.size, *given, autocorrelation(residual), residual)
             )
@@ -84,18 +88,28 @@ def warnings(
             text = f"{estimate.key} ends at its bound {end:g}: a value beyond it fits the data better"
             notes.append(f"{text}; remedy: wider bounds, or a model with the missing effect")
     for match in fitted:
+        if match.relative > POOR:
+            notes.append(
+                f"{match.recording}, {match.series}: the misfit is {percent(match.relative)} of the motion, so that "
+                "the model explains little of it; check units, signs and columns in the match file, and the bounds"
+            )
         if match.autocorrelation > STRUCTURED and match.relative > SLIGHT:
             notes.append(
                 f"{match.recording}, {match.series}: residuals are structured (correlation with the next one "
-                f"{match.autocorrelation:.2f}, {100.0 * match.relative:.2g} % of the motion): the parameters absorb "
+                f"{match.autocorrelation:.2f}, {percent(match.relative)} of the motion): the parameters absorb "
                 "what the model lacks, and the confidence intervals are too narrow"
             )
     own = np.sqrt(np.nanmean([match.relative**2 for match in fitted])) if fitted else np.nan
     for match in held_out:
         if match.relative > max(WORSE * own, SLIGHT):
             notes.append(
-                f"{match.recording}, {match.series}: held out and predicted to {100.0 * match.relative:.2g} % of the "
-                f"motion; the fitted recordings are met to {100.0 * own:.2g} %: the model lacks an effect in which the "
+                f"{match.recording}, {match.series}: held out and predicted to {percent(match.relative)} of the "
+                f"motion; the fitted recordings are met to {percent(own)}: the model lacks an effect in which the "
                 "recordings differ"
             )
     return notes
+
+
+def percent(fraction: float) -> str:
+    """Return a fraction as a percentage with two digits, e.g. ``14 %``, or with all digits from 100 % on."""
+    return f"{100.0 * fraction:.{2 if fraction < 0.995 else 3}g} %" if fraction < 9.995 else f"{100.0 * fraction:.0f} %"

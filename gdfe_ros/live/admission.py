@@ -60,12 +60,19 @@ class Admission:
                 uuid = getattr(message, "uuid", None)
                 subject = self._gui._gui_input_handle_from_uuid.get(uuid) if isinstance(uuid, str) else None
                 self._refuse(f"{type(message).__name__} {getattr(subject, 'label', '')}", reason)
+                if isinstance(subject, viser.GuiInputHandle):
+                    self._put_back(subject)
                 return
             answer = handler(client, message)
             if answer is not None:
                 await answer
 
         return handle
+
+    def _put_back(self, subject: Any) -> None:
+        """Send the value of a control to the viewers; assigning it would send nothing, because it has not changed."""
+        values = {"value": subject.value}
+        self._gui._websock_interface.queue_message(messages.GuiUpdateMessage(subject._impl.uuid, values))
 
     def _wrong_update(self, message: Any) -> str:
         """Return why a control cannot get the values of a message; empty if it can. Only its value can change."""

@@ -28,7 +28,7 @@ class Arrows:
         thin: factor on the default thickness of the arrows.
 
     Attributes:
-        largest: largest force so far [N].
+        largest: largest of the forces that were drawn last [N].
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Arrows:
         size: float,
         thin: float = 1.0,
     ) -> None:
-        self._size, self.largest = size, 0.0
+        self._size, self.largest, self._so_far = size, 0.0, 0.0
         self._nodes = {
             kind: space.add_arrows(
                 f"{group}/{kind}",
@@ -54,13 +54,22 @@ class Arrows:
             for kind, colour in colours.items()
         }
 
-    def draw(self, forces: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]) -> None:
-        """Draw the forces of each kind: end points (k, 3) in the units of the view, and force vectors (k, 3) [N]."""
+    def draw(
+        self, forces: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], *, noise: float = 0.0
+    ) -> None:
+        """Draw the forces of each kind.
+
+        Args:
+            forces: dict from a kind to end points (k, 3) in the units of the view, and force vectors (k, 3) [N].
+            noise: size [N] of forces that are errors of the solve; these have no arrow, and set no scale.
+        """
         sizes = {kind: np.linalg.norm(vectors, axis=1) for kind, (_, vectors) in forces.items()}
-        self.largest = max(self.largest, *(float(each.max(initial=0.0)) for each in sizes.values()))
+        self.largest = max((float(each.max(initial=0.0)) for each in sizes.values()), default=0.0)
+        if self.largest > noise:
+            self._so_far = max(self._so_far, self.largest)
         for kind, (ends, vectors) in forces.items():
-            node, wanted = self._nodes[kind], sizes[kind] > _LEAST_SHARE * self.largest
+            node, wanted = self._nodes[kind], sizes[kind] > max(noise, _LEAST_SHARE * self._so_far)
             node.visible = bool(wanted.any())
             if node.visible:
-                shafts = vectors[wanted] * (_LONGEST * self._size / self.largest)
+                shafts = vectors[wanted] * (_LONGEST * self._size / self._so_far)
                 node.points = np.stack([ends[wanted] - shafts, ends[wanted]], axis=1).astype(np.float32)

@@ -71,8 +71,12 @@ class _Plot:
                 data=table,
                 series=({"label": "t [s]"}, *curves),
                 scales={"x": {"time": False}},
-                axes=({}, {"size": 64}),  # numbers such as -0.025 are cut by the usual 50 pixels
+                # Numbers such as -0.025 are cut by the usual 50 pixels.
+                axes=(
+                    {"label": "t [s]", "labelSize": 18, "size": 34},
+                    {"size": 64},
+                ),
                 legend={"show": True, "live": False},
-                height=150,
+                height=168,
             )
         self._drawn = name

@@ -54,6 +54,12 @@ _GRAIN = 2e-3
 """Smallest distance between two points of a trace, divided by the body's size."""
 _TOUCHED = 0.7
 """After a viewer's drag, a control keeps the viewer's pose for this time [s]."""
+_NOISE = 0.5
+"""Size of a reaction that is an error of the solve, divided by Young's modulus, the square of the body's size, and the
+error estimate: a clamped bar of rubber that ought to pull with no force has 0.4.
+"""
+_ROUNDING = 1e-13
+"""Error estimate of a body in its rest shape, which has errors of rounding only."""
 _ORANGE = (240, 140, 20)
 _HELD = {"arrows": (40, 80, 200)}
 _TOUCHES = {"sticks": (25, 180, 50), "slips": (230, 25, 25)}
@@ -114,6 +120,7 @@ class Stage:
         self._rests = {handle.name: handle.centre(scene.mesh.vertices) for handle in scene.handles}
         self._touched: dict[str, float] = {}
         self._bodily = [body.name for body in scene.rigid_bodies]
+        self._softest = min(material.young0 for material in scene.materials.values())
         self._controls = {handle.name: self._control(handle) for handle in scene.handles if _is_dragged(handle)}
         self._paths: dict[str, deque[NDArray[np.float64]]] = {name: deque(maxlen=_TRACE) for name in scene.probes}
         self._arrows = {
@@ -202,7 +209,7 @@ class Stage:
         return tuple(self._groups)
 
     def largest(self) -> dict[str, float]:
-        """Return a dict from a group of arrows to the largest force so far [N], which has the longest arrow."""
+        """Return a dict from a group of arrows to the largest of its present forces [N]."""
         return {name: arrows.largest for name, arrows in self._arrows.items()}
 
     def show(self, group: str, wanted: bool) -> None:
@@ -293,7 +300,7 @@ class Stage:
         if self._held:
             ends = np.array([handle.centre(view.positions) for handle in self._held])
             forces = np.array([view.wrenches[handle.name][:3] for handle in self._held])
-            self._arrows[REACTIONS].draw({"arrows": (self._scale * ends, forces)})
+            self._arrows[REACTIONS].draw({"arrows": (self._scale * ends, forces)}, noise=self._noise(view))
 
     def _draw_contacts(self, view: View) -> None:
         """Draw the force on each contact point as an arrow that ends at the point, in the colour of its kind."""
@@ -304,6 +311,11 @@ class Stage:
             slips = points["slips"] == 1
             parts = {"sticks": ~slips, "slips": slips}
             self._arrows[CONTACTS].draw({kind: (ends[part], forces[part]) for kind, part in parts.items()})
+
+    def _noise(self, view: View) -> float:
+        """Return the size of forces that may be an error of the solve [N]: stiffness times estimated distance."""
+        error = min(self._scene.solver.tolerance, view.record.error_estimate)
+        return _NOISE * self._softest * self._scene.mesh.size**2 * max(error, _ROUNDING)
 
 
 def _goal_of(probe: str) -> str:

@@ -40,7 +40,7 @@ class Status:
 
         Args:
             view: the last step, or None.
-            largest: dict from a group of arrows to the force of its longest arrow [N].
+            largest: dict from a group of arrows to the largest of its forces [N].
             viewers: number of connected browsers.
         """
         rows = {"state": self._doing()} if view is None else self._rows(view, largest, viewers)
@@ -52,12 +52,12 @@ class Status:
         record, pace = view.record, self._pace()
         return {
             "state": self._doing(),
-            "time": f"{record.time:.3f} s, " + (f"{pace[1]:.0f} steps/s" if pace else "no steps"),
+            "time": f"{record.time:.3f} s" + (f", {pace[1]:.0f} steps/s" if pace else ""),
             "real time": f"&times; {pace[0]:.2f}" if pace else "-",
             "solve": f"{record.iterations} iterations, error estimate {record.error_estimate:.1e}",
             "converged": "yes" if record.converged else _bad(f"no: {record.message}"),
             "least det F": f"{record.min_det:.3f}",
-            **{f"longest of {name}": f"{force:.3g} N" for name, force in largest.items()},
+            **{f"largest of {name}": f"{force:.3g} N" for name, force in largest.items()},
             "viewers": str(viewers),
         }
 

@@ -16,6 +16,12 @@ from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.shells import shell_numbers, shells
 from gdfe_ros.mesh.tet_faces import flat_quads, six_node_volume
 
+NO_CAVITY = (
+    "the body has no closed cavity, so that there is no chamber; if it has air with an inlet, close the inlet, e.g. by "
+    "a second solid that touches the body (docs/cad.md)"
+)
+"""Remark on a body in which a user may expect a chamber."""
+
 
 @dataclass(frozen=True, eq=False)
 class Cavity:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.cavities import Cavity, find_cavities
+from gdfe_ros.mesh.cavities import NO_CAVITY, Cavity, find_cavities
 from gdfe_ros.mesh.cheaper_cells import cheaper_hexahedra
 from gdfe_ros.mesh.importer import examine_mesh
 from gdfe_ros.mesh.mesh import Mesh
@@ -136,7 +136,18 @@ def _solids(path: Path, size: float | None) -> Inspection:
     if unit_defects(diagonal := float(np.linalg.norm(bounds[1] - bounds[0])), None):
         text = f"the body's diagonal is {diagonal:g} m; usual for a soft robot: {SHORTEST:g} to {LONGEST:g} m"
         defects.append(f"{text}; remedy: export it again, in the unit in which it was drawn")
-    return Inspection(path, facts + found.facts, defects + found.defects, found.remarks, surface=found)
+    remarks = [*found.remarks, *_air(facts)]
+    return Inspection(path, facts + found.facts, defects + found.defects, remarks, surface=found)
+
+
+def _air(facts: list[tuple[str, str]]) -> list[str]:
+    """Return a list with a remark on chambers if no solid of a STEP file, with these facts, has a cavity of its own."""
+    solids = [text for name, text in facts if name.startswith("solid ")]
+    if any("no cavity" not in text for text in solids):
+        return []
+    if len(solids) > 1:
+        return ["no solid has a cavity, but solids that touch may enclose air: `gdfe new` counts the chambers"]
+    return [NO_CAVITY]
 
 
 def _extent(vertices: NDArray[np.float64]) -> list[tuple[str, str]]:

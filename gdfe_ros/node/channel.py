@@ -80,11 +80,11 @@ class Channel:
         return self._count()
 
     def due(self, step: Step) -> bool:
-        """Return whether to publish a step. A repeated step is published only for new subscribers that lack it."""
+        """Return whether to publish a step. A repeated step is published only for subscribers that lack it."""
         if step.again:
             untold = self._newcomers or self.latest < step.record.step
-            return untold and self._count() > self._own
-        return step.first or self.wanted
+            return untold and (step.stored or self._count() > self._own)
+        return step.first or step.stored or self.wanted
 
     def missed(self, *, thorough: bool = False) -> bool:
         """Return whether there are new subscribers since the last call, or any that lack the last message.

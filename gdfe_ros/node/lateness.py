@@ -31,7 +31,7 @@ class Lateness:
     def __init__(self) -> None:
         self._throttle, self._mark = Throttle(), _Mark()
 
-    def look(self, pace: Pace | None, *, steps: int, rate: float, at: float) -> str | None:
+    def look(self, pace: Pace | None, *, steps: int, rate: float, at: float, slewing: bool = False) -> str | None:
         """Return the text of a warning; None if the steps are not late, or a warning was given a moment ago.
 
         Args:
@@ -39,6 +39,7 @@ class Lateness:
             steps: number of steps so far.
             rate: requested steps per second of wall time [Hz].
             at: simulation time [s].
+            slewing: whether `slew_time` delays a command.
         """
         if pace is None:
             return None
@@ -52,6 +53,8 @@ class Lateness:
         reached = made / (made / rate + late)
         figures = f"rate asked {rate:.4g} Hz, reached {reached:.4g} Hz, late by {pace.late:.3f} s so far"
         remedy = "remedy: a lower rate with a larger dt, a coarser mesh, or a deadline"
+        if slewing:
+            remedy += "; a command crosses its range in slew_time / dt steps, with a smaller slew_time in fewer"
         return self._told("late", at, f"falls behind wall time: {figures}; {remedy}")
 
     def _told(self, subject: str, at: float, text: str) -> str | None:

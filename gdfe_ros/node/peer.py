@@ -18,22 +18,27 @@ from std_msgs.msg import String
 
 from gdfe_ros.bounded_text import load_json_object
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface.topics import TF
 from gdfe_ros.node.message_text import fill
 from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.process import make_executor
-from gdfe_ros.node.qos import interface_class
+from gdfe_ros.node.qos import installed, interface_class
 from gdfe_ros.spelling import did_you_mean
 
 PATIENCE = 10.0
 """Longest wait until a topic or service is found, and until subscribers acknowledge a message [s]."""
 SETTLING = 0.2
-"""Longest time between the arrivals of the first and the last stored message of a topic [s]."""
+"""Longest time until a node has discovered a new subscription [s]."""
+GREETING = 0.5
+"""Time [s] within which a node publishes its present state to a new subscriber, after an older one that was stored."""
 REFUSING = 0.5
 """Time [s] in which a node refuses a command that it received."""
 UNCHANGED = 4.0
 """If the discovered graph lacks a name and has not changed for this time [s], the name is reported as missing."""
 WHOLE = 1.0
 """If the discovered graph has not changed for this time [s], it is listed."""
+FRAMES = ("/tf", "/tf_static")
+"""Topics that the simulation publishes only if the messages of tf2_msgs are installed."""
 _LONGEST = 300
 """Largest number of shown characters of a name of another node."""
 
@@ -118,7 +123,7 @@ class Peer:
         others, kind = self._endpoints(topic, self._node.get_publishers_info_by_topic, "publishes")
         self._node.create_subscription(kind, topic, received.append, matching_qos(others, offered=False))
         self._wait(lambda: received, patience)
-        self._wait(lambda: False, SETTLING)
+        self._wait(lambda: False, GREETING)
         del received[:-1]  # a late subscriber receives the last ten, but the caller wants the latest only
         yield from self._taken(received, topic, patience)
 
@@ -281,6 +286,8 @@ class Peer:
         return interface_class(found[0])
 
     def _nobody(self, text: str, given: str, names: Sequence[str], kind: str) -> str:
+        if given in FRAMES and not installed(TF.type):
+            text += ": the simulation publishes frames only with tf2_msgs, which ROS from Python wheels lacks"
         listed = ", ".join(shorten(name, _LONGEST) for name in names) or "none"
         return f"{text} in ROS domain {self._domain}; {did_you_mean(given, names)}{kind}: {listed}"
 

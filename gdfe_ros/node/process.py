@@ -20,7 +20,7 @@ from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedEx
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
-from gdfe_ros.entry import catch_endings
+from gdfe_ros.entry import NODE_ENDINGS, catch_endings
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.managed import Faults, ManagedNode
 
@@ -69,11 +69,12 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
 
     Args:
         make_nodes: function that makes the nodes; its argument is an event that a signal sets. Each node must have a
-            method ``close``.
+            method ``close``, and may have an attribute ``status``.
         args: arguments of the command line; None: those of the process.
 
     Returns:
-        Exit status: 0, or 2 if the nodes cannot be made, e.g. because the value of a parameter is not allowed.
+        Exit status: the largest ``status`` of a node, usually 0; or 2 if the nodes cannot be made, e.g. because the
+        value of a parameter is not allowed.
     """
     stopping = threading.Event()
     _catch_signals(stopping)
@@ -100,7 +101,7 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return max((getattr(node, "status", 0) for node in nodes), default=0)
 
 
 def answer_arguments(name: str, usage: str, args: Sequence[str] | None = None) -> int | None:
@@ -173,4 +174,4 @@ def _catch_signals(stopping: threading.Event) -> None:
             first.append(now)
             stopping.set()
 
-    catch_endings(catch)
+    catch_endings(catch, always=NODE_ENDINGS)

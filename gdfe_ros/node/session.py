@@ -90,7 +90,8 @@ class SimulationSession:
         self._transforms = Transforms(node, self._lead, **told) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
         self.outputs = TopicOutputs(run)
-        self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver)
+        store = node.guarded(self._store, "publishing a step for later subscribers")
+        self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver, store=store)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, self.bags, changed=self._change_moduli)
@@ -204,7 +205,11 @@ class SimulationSession:
         """Check for commands to unknown names, late, long and failed steps, and subscribers without the last state."""
         self.strays.look()
         text = self._lateness.look(
-            self.run.pace, steps=self.stepper.count, rate=self.run.timing().rate, at=self.simulation.time
+            self.run.pace,
+            steps=self.stepper.count,
+            rate=self.run.timing().rate,
+            at=self.simulation.time,
+            slewing=self.stepper.slew.moving,
         )
         for each in (text, self._solves.look(self.run.last), self._solves.wait(self.stepper.work)):
             if each is not None:
@@ -383,7 +388,11 @@ class SimulationSession:
             self._telling = True
             self.stepper.post_reading(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
 
-    def _deliver_again(self) -> None:
+    def _store(self) -> None:
+        """Publish the last step on all topics on which it was not published, for subscribers that come later."""
+        self._deliver_again(stored=True)
+
+    def _deliver_again(self, *, stored: bool = False) -> None:
         """Publish the last step again, also during a step: until it ends, only the arms' joints are ahead of it."""
         self._telling, last = False, self.run.last
         if last is None:
@@ -391,7 +400,7 @@ class SimulationSession:
         again = observe(self.simulation, Demand(poses=not (self.stepper.stepping and self.scene.arms)))
         if self.stepper.stepping:
             again |= {"joints": last.joints, "links": last.links}
-        self.courier.put(replace(last, first=False, again=True, **again | {"wanted": True}))
+        self.courier.put(replace(last, first=False, again=True, stored=stored, **again | {"wanted": True}))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
         """Replace the simulation by one with other moduli, in equilibrium or, with dynamics, in the present motion."""

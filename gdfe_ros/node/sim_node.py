@@ -38,6 +38,8 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _DIAGNOSTICS_PERIOD = 1.0
+AUTOSTART_FAILED = 1
+"""Exit status of a node that ends because `autostart` failed."""
 _GREETING_PERIOD = 0.2
 """Longest time until a late subscriber gets the present state of an idle node [s]."""
 _RECONNECTION = 1.0
@@ -64,6 +66,7 @@ class SimNode(ManagedNode):
     def __init__(self, interrupted: threading.Event | None = None, **options: Any) -> None:
         super().__init__(NODE_NAME, **options)
         self.session: SimulationSession | None = None
+        self.status = 0
         self._problem = ""
         self._prepared: Simulation | Exception | None = None
         self._settings = NodeParameters(self)
@@ -268,13 +271,20 @@ class SimNode(ManagedNode):
             self.configure_later().add_done_callback(lambda done: self._activate_after(done.result()))
 
     def _activate_after(self, configured: TransitionCallbackReturn) -> None:
-        if configured is not TransitionCallbackReturn.SUCCESS:
+        if configured is TransitionCallbackReturn.SUCCESS:
+            if self.trigger_activate() is TransitionCallbackReturn.SUCCESS:
+                return
+            self.get_logger().error("autostart: the node is configured, but could not be activated")
+        if self._settings["required"]:
+            self.get_logger().error("autostart failed; the process ends, because the parameter `required` is true")
+            self.status = AUTOSTART_FAILED
+            self._interrupted.set()
+        elif configured is not TransitionCallbackReturn.SUCCESS:
             self.get_logger().error(
                 "autostart failed; the node keeps running, unconfigured. Correct the parameters, then: "
-                f"gdfe lifecycle {self.get_fully_qualified_name()} configure, then activate"
+                f"gdfe lifecycle {self.get_fully_qualified_name()} configure, then activate; "
+                "the parameter `required` ends the process instead"
             )
-        elif self.trigger_activate() is not TransitionCallbackReturn.SUCCESS:
-            self.get_logger().error("autostart: the node is configured, but could not be activated")
 
     def _tell_refusal(self, source: str, refusal: Refusal) -> None:
         """Publish a refusal for clients that wait for the step of the refused command."""

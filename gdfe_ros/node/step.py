@@ -57,6 +57,8 @@ class Step:
         first: whether the step only delivers a state, e.g. after an activation or a reset. Such a state is published
             even without subscribers, because a subscriber that is discovered later receives it.
         again: whether the step was published before and is repeated for new subscribers.
+        stored: whether it is published without subscribers, too: the middleware stores it for later ones, who would
+            else first receive an older state and wait for a long solve.
         wanted: whether a subscriber or a bag needs any part of the step.
         fields: function that evaluates the element fields in the publishing thread; None if they are not needed.
         obstacles: pose of each obstacle; always given, because commands may be in the obstacles' frames.
@@ -73,6 +75,7 @@ class Step:
     log_time: int
     first: bool = False
     again: bool = False
+    stored: bool = False
     wanted: bool = True
     fields: Callable[[], ElementFields] | None = None
     obstacles: Mapping[str, Pose] = field(default_factory=dict)

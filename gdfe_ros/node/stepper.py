@@ -40,6 +40,10 @@ class StepFailure(GdfeError):
 
 _GRACE = 0.5
 """A solve that must end is ended once it has taken longer than this time [s]; a shorter solve is completed."""
+_LONG = 0.1
+"""A step that takes longer than this time [s] is published without subscribers, too, and the step before it, meanwhile:
+later subscribers receive at once what the middleware stores. After shorter steps, the node itself tells them.
+"""
 _MOST_RETRIES = 20
 """Largest number of successive steps without a new command that continue an unconverged solve. Steps that a deadline
 ended are not counted.
@@ -53,6 +57,8 @@ class SteppingThread:
         run: owner of the simulation.
         demand: function that returns the outputs of the next step that are needed.
         deliver: function that receives each step; it may block to slow the stepping.
+        store: function that publishes the last step without subscribers; called once during a step that takes long.
+            None: steps are not published without subscribers.
 
     Attributes:
         changed: condition that wakes the thread; its lock guards the inbox.
@@ -74,8 +80,9 @@ class SteppingThread:
         demand: Callable[[], Demand],
         *,
         deliver: Callable[[Step], None],
+        store: Callable[[], None] | None = None,
     ) -> None:
-        self._run, self._demand, self._deliver = run, demand, deliver
+        self._run, self._demand, self._deliver, self._store = run, demand, deliver, store
         self._drive, self.slew = CommandAssembler(run), Slew(run.scene.actuators)
         self.changed = threading.Condition()
         self.count = 0
@@ -88,7 +95,7 @@ class SteppingThread:
         self._origin = 0
         self._jobs: deque[tuple[Callable[[], object], Future]] = deque()
         self._readings: deque[Callable[[], None]] = deque()
-        self._retries = 0
+        self._retries, self._stored = 0, True
         self._rated = any(math.isfinite(actuator.rate) for actuator in run.scene.actuators)
         self.stepping = self._stopping = self._draining = self._paused = False
         self._thread: threading.Thread | None = None
@@ -187,6 +194,9 @@ class SteppingThread:
         self.rounds += 1
         while self._readings:
             self._readings.popleft()()
+        if self._store is not None and not self._stored and time.monotonic() - self.work[1] > _LONG:
+            self._stored = True
+            self._store()
         return bool(self._stopping or self._urgent) and time.monotonic() - self.work[1] > _GRACE
 
     def pause(self, paused: bool) -> None:
@@ -366,7 +376,7 @@ class SteppingThread:
         stamp, place = run.stamp(simulation.time + dt, early), run.parameters["cut_after"]
         limits = {"cut_after": place if place >= 0 else None, "interrupted": self.must_end}
         limits["deadline"] = run.parameters["deadline"] or None
-        self.work, self.rounds = (f"a step to {simulation.time + dt:.9g} s", time.monotonic()), 0
+        self.work, self.rounds, self._stored = (f"a step to {simulation.time + dt:.9g} s", time.monotonic()), 0, False
         try:
             result = simulation.step(command, dt=dt, **limits)
         except OverlapError as error:
@@ -386,7 +396,10 @@ class SteppingThread:
         record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
         self._retries = 0 if orders or result.converged or record.cut else self._retries + 1
         log_time = self._origin + to_nanoseconds(result.time)
-        step = Step(record=record, result=result, log_time=log_time, first=first, **observe(simulation, demand))
+        if stored := self._store is not None and result.wall_time > _LONG:
+            demand = Demand()
+        told = {"log_time": log_time, "first": first, "stored": stored}
+        step = Step(record=record, result=result, **told, **observe(simulation, demand))
         run.log_time = log_time
         self.count, self.begin = self.count + 1, Begin.LAST
         self.solving += result.wall_time

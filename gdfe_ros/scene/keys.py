@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -33,6 +34,26 @@ def describe_key(location: KeyPath) -> str:
         return f"needed: {field.description}"
     choices = get_args(field.annotation)
     return f"allowed: {', '.join(map(str, choices))}" if choices else f"needed: {field.annotation.__name__}"
+
+
+def unit_of(key: str) -> str:
+    """Return the unit of the number at a dotted key of a scene, e.g. ``materials.skin.young``; empty if it has none."""
+    return _unit(SceneModel, key.split("."))
+
+
+def _unit(annotation: Any, parts: Sequence[str]) -> str:
+    """Return the unit of the number at a path below an annotation; of alternatives, the first that has the path."""
+    annotation = _bare(annotation)
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin in (Union, UnionType):
+        return next(filter(None, (_unit(choice, parts) for choice in arguments)), "")
+    if origin in (dict, list, tuple):
+        return _unit(arguments[1 if origin is dict else 0], parts[1:])
+    field = annotation.model_fields.get(parts[0]) if parts and _is_model(annotation) else None
+    if field is None:
+        return ""
+    quantity = find_quantity(field)
+    return quantity.unit if quantity is not None else _unit(field.annotation, parts[1:])
 
 
 def find_quantity(place: FieldInfo | Any) -> Quantity | None:

@@ -45,7 +45,7 @@ class Painter:
             raise GdfeError(f"{text}; remedy: pip install 'gdfe_ros[gym]'") from error
         self._simulation = simulation
         self._surface = DrawnSurface(simulation.mesh)
-        self._plotter = self._library.Plotter(off_screen=True, window_size=(WIDTH, HEIGHT), lighting="light kit")
+        self._plotter = self._open()
         self._plotter.set_background("white")
         self._aim()
 
@@ -71,6 +71,16 @@ class Painter:
     def close(self) -> None:
         """Release the memory of the picture."""
         self._plotter.close()
+
+    def _open(self) -> Any:
+        """Return a plotter; VTK's warning that there is no X server is left out, because it draws without one."""
+        logger = import_module("vtkmodules.vtkCommonCore").vtkLogger
+        before = logger.GetCurrentVerbosityCutoff()
+        logger.SetStderrVerbosity(logger.VERBOSITY_ERROR)
+        try:
+            return self._library.Plotter(off_screen=True, window_size=(WIDTH, HEIGHT), lighting="light kit")
+        finally:
+            logger.SetStderrVerbosity(before)
 
     def _aim(self) -> None:
         simulation = self._simulation

@@ -42,6 +42,7 @@ from gdfe_ros.simulation import Command
 from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
 from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
 from gdfe_ros.testing.consumed import ACTUATION
+from gdfe_ros.testing.deadlock import Deadlock
 from gdfe_ros.testing.process import NodeProcess
 from gdfe_ros.testing.state import Moment, PublishedState, moment_of, unpack
 
@@ -90,7 +91,8 @@ class Simulator:
         self.name = f"{namespace}/{NODE_NAME}"
         self.context = rclpy.Context()
         self._client: Client | None = None
-        self._own = inputs is None
+        self._own, self._spinning = inputs is None, False
+        self._awaited = list(self._inputs() if inputs is None else inputs)
         self._process = NodeProcess(
             {
                 "scene": str(scene),
@@ -99,7 +101,7 @@ class Simulator:
                 "clock": "lockstep",
                 # Stamps in simulation time: runs are bitwise equal, and a controller reads the time from any message.
                 "publish_clock": "clock" not in (parameters or {}),
-                "command_set": list(self._inputs() if inputs is None else inputs) or [""],
+                "command_set": self._awaited or [""],
                 "record": bag is not None,
                 "bag_path": str(bag or ""),
                 **(parameters or {}),
@@ -181,16 +183,45 @@ class Simulator:
         message = self._jacobians[-1]
         return np.array(message.data).reshape([dimension.size for dimension in message.layout.dim])
 
-    def spin(self, node: Node, *, steps: int) -> list[PublishedState]:
-        """Spin a controller node of the same ``context`` for a number of steps; return a state for each step."""
+    def spin(self, node: Node, *, steps: int, silence: float = 60.0) -> list[PublishedState]:
+        """Spin a controller node of the same ``context`` for a number of steps; return a state for each step.
+
+        Args:
+            node: the controller.
+            steps: number of steps.
+            silence: longest time for which the simulation may wait for a command of the controller [s].
+
+        Raises:
+            CommandError: the simulation refuses a command.
+            GdfeError: no controller publishes an input, or sends a command in time; or the simulation ended or did not
+                respond.
+        """
         states: list[PublishedState] = []
-        self._listeners.append(states.append)
+        self._refusals.clear()
+        topics = [f"{self.name}/{key}" for key in self._awaited]
+        deadlock = Deadlock(self._node, self.name, topics, node, silence=silence)
+
+        def take(state: PublishedState) -> None:
+            deadlock.progress()
+            states.append(state)
+
+        def ended() -> bool:
+            if len(states) < steps and self._refusals:
+                raise CommandError(self._refusals[0])
+            if len(states) < steps and (reason := deadlock.reason()):
+                raise GdfeError(f"{len(states)} of {steps} steps were made: {reason}")
+            return len(states) >= steps
+
+        self._listeners.append(take)
+        self._spinning = True
         self._client.executor.add_node(node)
         try:
-            self._wait(lambda: len(states) >= steps, f"{steps} steps")
+            self._wait(ended, f"{steps} steps")
         finally:
             self._client.executor.remove_node(node)
-            self._listeners.remove(states.append)
+            self._listeners.remove(take)
+            self._spinning = False
+            deadlock.close()
         return states[:steps]
 
     def __enter__(self) -> Simulator:
@@ -263,14 +294,14 @@ class Simulator:
     def _hear(self, message: String) -> None:
         """Store a refusal by the node: of a teleport into an overlap, or of a message from one of this object's topics.
 
-        A refusal for an overlap does not prevent the step.
+        While a controller spins, its messages count, too. A refusal for an overlap does not prevent the step.
         """
         entries = json.loads(message.data)
         text = f"command on {entries['source']} refused: {entries['message']}"
         own = [*self._targets.values(), *self._puts.values(), *([self._actuation] if self._actuation else [])]
         if entries["reason"] == Reason.OVERLAP.value:
             self._overlaps.append(text)
-        elif entries["source"] in [publisher.topic_name for publisher in own]:
+        elif self._spinning or entries["source"] in [publisher.topic_name for publisher in own]:
             self._refusals.append(text)
 
     def _inputs(self) -> list[str]:

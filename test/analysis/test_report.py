@@ -179,6 +179,42 @@ def test_a_single_line_is_named_at_its_axis(make_bag: Callable[..., Path], tmp_p
         assert chart["data"][0]["name"] in f"{chart['title']} {chart['layout']['yaxis']['title']['text']}"
 
 
+def test_every_axis_has_its_quantity_and_unit(make_bag: Callable[..., Path], tmp_path: Path) -> None:
+    """Each vertical axis names a quantity, with a unit or as a number for each step, and no title ends in a colon."""
+    write_report(make_bag(), tmp_path / "report.html")
+    for chart in _data(tmp_path / "report.html", "chart-data"):
+        label = chart["layout"]["yaxis"]["title"]["text"]
+        assert re.search(r"[a-z].* (\[[^\]]+\]|a step)$|^equivalent strain$", label), (chart["title"], label)
+        assert not chart["title"].rstrip().endswith(":")
+
+
+def test_a_legend_of_two_rows_is_above_the_curves(browser: Any, make_bag: Callable[..., Path], tmp_path: Path) -> None:
+    """In a chart with names too long for one row, no part of the legend is below the upper edge of the plot."""
+    write_report(make_bag(), tmp_path / "report.html")
+    page = tmp_path / "long.html"
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    charts = _data(tmp_path / "report.html", "chart-data")
+    line = next(chart for chart in charts if chart["title"] == "Reaction forces")
+    line["data"] = [line["data"][0] | {"name": f"a curve with a rather long name, number {k}"} for k in range(4)]
+    line["layout"]["showlegend"] = True
+    start, end = '<script type="application/json" id="chart-data">', "</script>"
+    head, _, rest = text.partition(start)
+    page.write_text(head + start + json.dumps([line]) + end + rest.partition(end)[2], encoding="utf-8")
+    browser.get(page.as_uri())
+    boxes = WebDriverWait(browser, PATIENCE).until(
+        lambda chrome: chrome.execute_script(
+            "const chart = document.getElementById('chart-0');"
+            "const legend = chart && chart.querySelector('.legend'), plot = chart && chart.querySelector('.xy');"
+            "if (!legend || !plot || legend.getBoundingClientRect().height < 30) return null;"
+            "const parts = [chart, legend, chart.querySelector('.gridlayer')];"
+            "const found = parts.map((each) => each.getBoundingClientRect());"
+            "return [found[1].bottom, found[2].top, found[0].top, found[1].top]"
+        )
+    )
+    assert boxes[0] <= boxes[1] + 2.0
+    assert boxes[3] >= boxes[2]
+
+
 def test_the_page_opens_on_the_frame_of_most_strain(make_bag: Callable[..., Path], tmp_path: Path) -> None:
     """For a tip that is lifted and lowered, page and picture show the highest lift first."""
     bag, page = make_bag(heights=[0.0, 0.05, 0.1, 0.05, 0.0]), tmp_path / "report.html"

@@ -52,6 +52,18 @@ def test_a_mesh_file_becomes_a_scene(tmp_path: Path) -> None:
     assert Simulation(scene).probe_positions()["tip"] == pytest.approx([0.1, 0.0, 0.0], abs=1e-9)
 
 
+def test_a_body_without_cavity_is_not_called_ready(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a closed cavity, the command says why there is no chamber, and does not send to a run that fails."""
+    trimesh.creation.box((0.06, 0.02, 0.02)).export(tmp_path / "bar.stl")
+    given = ["new", str(tmp_path / "bar.yaml"), "--from", str(tmp_path / "bar.stl"), "--size", "0.02"]
+    assert main(given) == 0
+    said = capsys.readouterr().out
+    assert "chambers: 0" in said
+    assert "close the inlet" in said
+    assert "next: add actuators or loads, and a program" in said
+    assert Simulation(load_scene(tmp_path / "bar.yaml")).probe_positions()["tip"] == pytest.approx([0.03, 0, 0])
+
+
 def test_what_does_not_fit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """An existing scene file, and a cavity outside of the body, are refused."""
     (tmp_path / "there.yaml").write_text("name: mine")
@@ -89,6 +101,7 @@ def test_a_least_size_is_written_into_the_scene(tmp_path: Path) -> None:
     ("suffix", "sizes", "told"),
     [
         ("stl", ["--size", "0"], "--size = 0; allowed is a number: 0 < largest edge of the tetrahedra [m] <= 1"),
+        ("stl", ["--size", "4"], "0 < largest edge of the tetrahedra [m] <= 1; 4 mm are 0.004"),
         ("stl", ["--least-size", "-1"], "--least-size = -1; allowed is a number: 0 < smallest edge"),
         ("stl", ["--size", "nan"], "--size = nan; allowed is a number: 0 < "),
         ("stl", ["--least-size", "nan"], "--least-size = nan; allowed is a number: 0 < "),

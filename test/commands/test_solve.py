@@ -44,6 +44,19 @@ program: {duration: 1.0, actuators: {air: [{time: 0.0, value: 0.0}, {time: 1.0, 
 """A chamber of Ecoflex at 20 kPa; its pressure has its maximum at 8.3 kPa."""
 
 
+PRESSED = """
+name: pressed
+mesh: {bar: {size: [0.08, 0.02, 0.02], cells: [8, 2, 2]}}
+materials: {rubber: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
+regions: [{material: rubber}]
+handles: {base: {where: {face: x-}, fixed: true}}
+obstacles: {table: {box: {size: [0.03, 0.04, 0.02]}, at: [0.07, 0, -0.0201]}}
+sensors: {pad: {where: {face: z-}}}
+program: {duration: 1.0, obstacles: {table: [{time: 0.0}, {time: 1.0, translation: [0.0, 0.0, 0.002]}]}}
+"""
+"""A cantilever whose underside a box pushes up."""
+
+
 def _scene(folder: Path, iterations: int) -> str:
     path = folder / "pulled.yaml"
     path.write_text(BAR.replace("ITERATIONS", str(iterations)), encoding="utf-8")
@@ -111,3 +124,13 @@ def test_a_pressure_beyond_the_limit_names_limit_and_remedy(tmp_path: Path, caps
         assert result.converged
         pressures.append(result.actuators["air"].effort)
     assert max(pressures) == pressures[1] == pytest.approx(limit, rel=0.02)
+
+
+def test_the_table_has_the_readings_of_sensors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A contact sensor on the underside reads the force of the box that pushes it up, as the box' own row has it."""
+    (tmp_path / "pressed.yaml").write_text(PRESSED, encoding="utf-8")
+    assert main(["solve", str(tmp_path / "pressed.yaml"), "--steps", "2"]) == 0
+    rows = {name: forces for name, forces in re.findall(r"│ ([\w ]+): force +│ ([^│]+)│", capsys.readouterr().out)}
+    read, pushed = (np.array(rows[name].split(), dtype=float) for name in ("sensor pad", "table"))
+    assert read[2] > 1e-3
+    np.testing.assert_allclose(read, pushed, atol=1e-4 * read[2])

@@ -20,7 +20,9 @@ from std_srvs.srv import Trigger
 
 from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface.topics import TF
 from gdfe_ros.node.message_text import fill, parse, show
+from gdfe_ros.node.qos import installed
 from gdfe_ros.testing import NodeProcess
 
 
@@ -113,6 +115,18 @@ def test_a_transition_is_requested(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["lifecycle", "/gdfe_sim", "deactivate"]) == 0
     assert capsys.readouterr().out.startswith("/gdfe_sim: inactive; transitions: cleanup, activate")
     assert main(["lifecycle", "/gdfe_sim", "activate"]) == 0
+
+
+@pytest.mark.usefixtures("node")
+def test_frames_that_wheels_cannot_publish_are_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without tf2_msgs, echo of /tf says why no node publishes it; with them, it prints the frames."""
+    status = main(["echo", "/tf_static"])
+    seen = capsys.readouterr()
+    if installed(TF.type):
+        assert (status, seen.err) == (0, "")
+    else:
+        assert status == BAD_INPUT
+        assert "only with tf2_msgs, which ROS from Python wheels lacks" in " ".join(seen.err.split())
 
 
 def test_texts_of_a_stranger_cannot_command_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:

@@ -123,3 +123,17 @@ def test_recordings_that_are_not_there(write_scene: Callable, write_table: Calla
     assert "does not exist" in refused(write_scene(), "none.csv", *VARY)
     assert "no such recording; recordings: run" in refused(write_scene(), write_table(), *VARY, "--holdout", "walk")
     assert "nothing is left to fit" in refused(write_scene(), write_table(), *VARY, "--holdout", "run")
+
+
+def test_commands_out_of_range(write_scene: Callable, refused: Callable, tmp_path: Path) -> None:
+    """A command in the wrong unit is refused with its values, the allowed range, and the match file as the place."""
+    actuators = "actuators: {air: {cable: {points: [[0, 0, 0.008], [0.08, 0, 0.008]], range: [0, 5]}}}\n"
+    scene = write_scene(Path(write_scene()).read_text() + actuators)
+    (tmp_path / "run.csv").write_text("time,pull_N,z\n0,0,0\n1,2,1\n")
+    match = _match(
+        tmp_path,
+        "compare: {tip: {probe: tip, columns: {z: z}, unit: mm}}\ncommands: {air: {column: pull_N, unit: kgf}}\n",
+    )
+    said = refused(scene, tmp_path / "run.csv", *VARY, *match)
+    assert "recording run: the commands of 'air' are from 0 to 19.6133; allowed: 0 <= tension [N] <= 5" in said
+    assert "the `unit` of this command in the match file" in said

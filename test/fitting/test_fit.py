@@ -17,7 +17,9 @@ from benchmarks.chromium import PATIENCE, start
 from gdfe_ros.cli import main
 from gdfe_ros.fitting.match_schema import CompareModel
 from gdfe_ros.fitting.matched import matched_observable
+from gdfe_ros.fitting.verdict import percent
 from gdfe_ros.scene import load_scene
+from gdfe_ros.scene.keys import unit_of
 
 YOUNG, VISCOSITY = "materials.rubber.young", "dynamics.damping.viscosity"
 
@@ -45,8 +47,13 @@ def test_a_modulus_comes_back_from_a_table(
     assert "Plotly.newPlot" in page
     assert "do not include the error of the mesh" in page
     assert '"text":"time [s]"' in page
+    assert '"text":"tip.z [m]"' in page
+    assert '"text":"residual [m]"' in page
+    assert re.search(r"<td>[\d.]+ Pa</td>", page)
     assert len((out / "residuals.csv").read_text().splitlines()) == 1 + 3 * 30
-    assert "warning" not in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "warning" not in printed
+    assert re.search(r"\d Pa .*\d m ", printed, re.DOTALL)
     _require_whole_charts(out / "fit.html")
 
 
@@ -126,6 +133,33 @@ def test_a_held_out_recording_is_predicted(
     printed = capsys.readouterr().out
     assert "soft, tip: held out and predicted to" in printed
     assert "predicted" in (out / "fit.html").read_text(encoding="utf-8")
+
+
+def test_a_model_that_explains_nothing_is_told(
+    write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
+) -> None:
+    """A column with the wrong sign is fitted as well as it can be, and a warning names units, signs and columns."""
+    match = tmp_path / "match.yaml"
+    match.write_text("compare: {tip: {probe: tip, column: tip.z, along: [0, 0, -1], unit: mm, displacement: true}}\n")
+    given = ("--match", match, "--vary", f"{YOUNG}=5e4..8e5", "--out", tmp_path / "out")
+    assert _fit(write_scene(), write_table(), *given) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"the misfit is [1-9]\d\d? % of the motion", printed)
+    assert "check units, signs and columns" in printed
+
+
+@pytest.mark.parametrize(
+    ("fraction", "text"), [(0.0123, "1.2 %"), (0.14, "14 %"), (0.996, "99.6 %"), (1.0, "100 %"), (12.3456, "1235 %")]
+)
+def test_percentages_have_no_exponent(fraction: float, text: str) -> None:
+    """Fractions from small to large are percentages in plain digits."""
+    assert percent(fraction) == text
+
+
+def test_parameters_have_the_unit_of_their_key() -> None:
+    """Keys of materials, lists, dynamics and names without a unit have the unit of the scene's schema."""
+    keys = (YOUNG, "mesh.bar.size.0", "dynamics.damping.viscosity", "materials.rubber.poisson", "nothing.there")
+    assert [unit_of(key) for key in keys] == ["Pa", "m", "Pa s", "", ""]
 
 
 def test_structure_is_told(write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any) -> None:

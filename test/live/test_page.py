@@ -251,6 +251,45 @@ def test_an_obstacle_of_triangles_is_shown(live: Callable[..., Any], tmp_path: P
     np.testing.assert_allclose(np.linalg.norm(shape, axis=1), 0.1, rtol=1e-5)
 
 
+def test_a_refused_value_does_not_stay_in_the_control(live: Callable[..., Any]) -> None:
+    """A value beyond a slider's range is refused, and the slider of the viewer goes back to the present command."""
+    page = live()
+    viewer = page.look()
+    label = "lower, tension [N]"
+    uuid = viewer.controls[label]["uuid"]
+    viewer.move(label, 1.5)
+    viewer.wait(lambda: page.session.simulation.commands["lower"] == 1.5, "the command")
+    viewer.values[uuid] = 1e6  # what a browser shows after somebody has typed it
+    viewer.move(label, 1e6)
+    viewer.wait(lambda: viewer.values[uuid] == 1.5, "the command in the slider")
+    viewer.wait(lambda: viewer.notes, "the refusal")
+    assert "lower, tension [N]: 1000000.0 is given; allowed: a number from 0 to 2" in viewer.notes[-1]
+
+
+def test_the_state_has_the_present_forces(live: Callable[..., Any]) -> None:
+    """With the weight off, the largest reaction falls to nearly zero, and no force is left that has an arrow."""
+    viewer = live().look()
+    viewer.wait(lambda: viewer.nodes["/reactions/arrows"]["visible"], "the arrow of the weight")
+    viewer.move("weight, factor [1]", 0.0)
+    viewer.wait(lambda: not viewer.nodes["/reactions/arrows"]["visible"], "no arrow")
+    viewer.wait(lambda: _reaction(viewer) < 0.02, "the present reaction")
+    assert not viewer.nodes["/reactions/arrows"]["visible"]
+
+
+def test_errors_of_a_solve_have_no_arrow(live: Callable[..., Any]) -> None:
+    """Tendons that pull between points of the body leave reactions of the solve's error: they have no arrow."""
+    page = live(body=PULLED_INSIDE)
+    session, viewer = page.session, Viewer(page.page.address())
+    page.viewers.append(viewer)
+    viewer.wait(lambda: "converged" in viewer.text(), "the page")  # the undeformed body gets no further frame
+    viewer.move("left, tension [N]", 1.0)
+    viewer.wait(lambda: session.simulation.commands["left"] == 1.0 and session.simulation.settled, "the pull")
+    viewer.wait(lambda: _reaction(viewer) > 0.0, "its reaction")
+    force = np.linalg.norm(session.last.result.reactions["base"][:3])
+    assert 0.0 < force < 1e-3
+    assert not viewer.nodes["/reactions/arrows"]["visible"]
+
+
 def test_contact_forces_push_from_without(live: Callable[..., Any]) -> None:
     """With a floor pressed against the bar, the force arrows end at the contact points and sum to the reaction."""
     page = live(motion=TOUCHING.replace("-0.0101]", "-0.0101], friction: 1.0"))
@@ -478,6 +517,22 @@ def _arrows(viewer: Viewer) -> Any:
     nodes = [viewer.nodes[f"/contact_forces/{kind}"] for kind in ("sticks", "slips")]
     seen = [node["points"].reshape(-1, 2, 3) for node in nodes if node["visible"]]
     return np.concatenate([np.zeros((0, 2, 3)), *seen])
+
+
+PULLED_INSIDE = """
+name: pulled_inside
+mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [6, 1, 1]}}
+materials: {rubber: {law: neo_hookean, young: 0.5e6, poisson: 0.45}}
+regions: [{material: rubber}]
+handles: {base: {where: {face: x-}, fixed: true}}
+actuators: {left: {cable: {points: [[0.02, 0.008, 0], [0.08, 0.008, 0]], range: [0, 2]}}}
+"""
+"""A bar with a tendon between two of its points, so that the base holds it without a force."""
+
+
+def _reaction(viewer: Viewer) -> float:
+    """Return the largest reaction [N] in the state."""
+    return float(re.search(r"largest of reactions</td><td>([-+.\de]+) N", viewer.text())[1])
 
 
 def _largest(viewer: Viewer) -> float:

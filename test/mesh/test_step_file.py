@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gdfe_ros.mesh.cavities import NO_CAVITY
+from gdfe_ros.mesh.inspection import inspect_file
 from gdfe_ros.mesh.step_file import solid_facts, step_facts, step_surface, step_walls
 
 
@@ -35,6 +37,13 @@ def test_solids_have_volumes_bounds_and_cavities(layered: Path, hollow: Path) ->
     assert layer[1].endswith("z 0.008 to 0.01")
     ((_, text),) = solid_facts(hollow, *step_surface(hollow))
     assert text.startswith("7e-06 m^3, cavities 1e-06 m^3, x 0 to 0.02")
+
+
+def test_a_file_without_cavity_gets_a_remark(step: Path, layered: Path, hollow: Path) -> None:
+    """A single solid without cavity has no chamber, two solids may enclose air together, a hollow one needs no word."""
+    assert NO_CAVITY in inspect_file(step).remarks
+    assert any("solids that touch may enclose air" in text for text in inspect_file(layered).remarks)
+    assert not any("cavity" in text for text in inspect_file(hollow).remarks)
 
 
 def test_each_solid_has_its_own_walls(layered: Path) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from typing import Any
@@ -117,6 +118,20 @@ def test_late_joiners_get_the_last_state_during_a_long_step(newcomer: _Newcomer,
     got = {topic: newcomer.listen(topic, kind) for topic, kind in _TOPICS.items()}
     newcomer._wait(lambda: all(_lifted(messages) for messages in got.values()))
     assert newcomer._status["steps"] == "2"
+
+
+def test_the_stored_state_is_the_last_one_during_a_long_step(newcomer: _Newcomer, start: Callable) -> None:
+    """After steps that nobody saw, a subscriber first receives, during a long step, the state before this step."""
+    fine = ["mesh.bar.cells=[60, 14, 14]", "solver.tolerance=1e-12", "solver.max_iterations=100000"]
+    start(scene="bend5", scene_overrides=fine, clock="lockstep")
+    newcomer.wait_for_steps(1)
+    _lift(newcomer, 0.1)
+    newcomer.wait_for_steps(2)
+    _lift(newcomer, 0.2, turned=True)
+    newcomer._wait(lambda: re.search("[1-9] rounds of iterations", newcomer._status.get("working on", "")))
+    got = {topic: newcomer.listen(topic, _TOPICS[topic]) for topic in ("mesh", "strain", "markers")}  # store the last
+    newcomer._wait(lambda: all(got.values()))
+    assert all(_lifted(messages[:1]) for messages in got.values())
 
 
 def _lifted(messages: list[Any]) -> bool:

@@ -37,7 +37,10 @@ def test_a_warning_has_what_was_asked_and_reached() -> None:
     text = lateness.look(_Pace(overruns=9, late=0.1), steps=20, rate=100.0, at=0.2)
     assert text.startswith("the simulation, at 0.2 s, falls behind wall time")
     assert "rate asked 100 Hz, reached 50 Hz, late by 0.100 s so far" in text
+    assert "slew_time" not in text
     assert lateness.look(_Pace(overruns=20, late=0.3), steps=30, rate=100.0, at=0.3) is None
+    slow = Lateness().look(_Pace(overruns=9, late=0.1), steps=20, rate=100.0, at=0.2, slewing=True)
+    assert "a command crosses its range in slew_time / dt steps, with a smaller slew_time in fewer" in slow
     text = lateness.look(_Pace(behind=2.0), steps=40, rate=100.0, at=0.4)
     assert text.startswith("the simulation, at 0.4 s, is 2.000 s behind the clock")
 

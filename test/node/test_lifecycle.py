@@ -41,6 +41,14 @@ def test_a_missing_scene_leaves_the_node_up_to_try_again(client: Any, start: Cal
     assert client.diagnostics()["state"] == "active"
 
 
+def test_a_required_scene_that_is_missing_ends_the_process(start: Callable) -> None:
+    """With `required`, a node with an unknown scene ends with status 1 after it has listed the known ones."""
+    process = start(scene="nosuch", required=True)
+    assert process.wait() == 1
+    assert "does not exist; scenes: " in process.log
+    assert "because the parameter `required` is true" in process.log
+
+
 def test_all_defects_of_a_scene_are_named_at_once(client: Any, start: Callable, tmp_path: Path) -> None:
     """All ten defects of a scene are in the log, and the node keeps running."""
     path = tmp_path / "bad.yaml"

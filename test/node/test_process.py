@@ -10,6 +10,8 @@ _CODE = """
 import os, signal, sys, threading
 from gdfe_ros.node import process
 process._INSIST = float(sys.argv[1])
+if "ignored" in sys.argv:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 stopping = threading.Event()
 process._catch_signals(stopping)
 os.kill(os.getpid(), signal.SIGINT)
@@ -19,9 +21,9 @@ print("goes on")
 """
 
 
-def _run(insist: float) -> subprocess.CompletedProcess[str]:
+def _run(insist: float, *more: str) -> subprocess.CompletedProcess[str]:
     """Run a process that gets two signals; the second one counts if it comes later than ``insist`` [s]."""
-    command = [sys.executable, "-c", _CODE, str(insist)]
+    command = [sys.executable, "-c", _CODE, str(insist), *more]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
 
@@ -36,3 +38,9 @@ def test_a_later_signal_ends_the_process_at_once() -> None:
     done = _run(-1.0)
     assert (done.returncode, done.stdout) == (128 + 15, "")
     assert done.stderr == "ended at once; `gdfe recover` completes a bag that was cut off\n"
+
+
+def test_a_signal_ends_a_node_that_a_script_has_started() -> None:
+    """SIGINT that was ignored at the start, as in the background of a shell script, leads to an orderly end, too."""
+    done = _run(60.0, "ignored")
+    assert (done.returncode, done.stdout) == (0, "goes on\n"), done.stderr

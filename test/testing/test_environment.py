@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -372,6 +373,20 @@ def test_pictures_without_a_window() -> None:
     assert _env(BAR).render() is None
     with pytest.raises(GdfeError, match="render_mode is 'human'; allowed: None, 'rgb_array'"):
         _env(BAR, render_mode="human")
+
+
+def test_pictures_without_a_display_come_without_a_warning(tmp_path: Path) -> None:
+    """On a machine without a display, a picture is drawn, and VTK's warning about the X server is left out."""
+    (tmp_path / "bar.yaml").write_text(BAR, encoding="utf-8")
+    code = (
+        "import sys; from gdfe_ros.testing import make_env; env = make_env(sys.argv[1], render_mode='rgb_array'); "
+        "env.reset(seed=0); print(env.render().shape)"
+    )
+    without = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
+    command = [sys.executable, "-c", code, str(tmp_path / "bar.yaml")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True, env=without)
+    assert done.stdout == "(480, 640, 3)\n"
+    assert "X server" not in done.stderr
 
 
 def test_gymnasium_checks_pictures() -> None:

@@ -207,6 +207,39 @@ def test_a_node_closes_the_loop() -> None:
     np.testing.assert_allclose([state.poses["tip"].translation[2] for state in states], 1e-3 * np.arange(1, 51))
 
 
+class _Talker(Node):
+    """Commands a displacement [m] of the tip once it sees the mesh, on a topic of the simulation's node."""
+
+    def __init__(self, simulator: Simulator, *, topic: str, height: float) -> None:
+        super().__init__("talker", context=simulator.context)
+        self._publisher = self.create_publisher(PoseStamped, f"{simulator.name}/{topic}", 10)
+        self._height = height
+        self.create_subscription(PointCloud2, f"{simulator.name}/mesh", self._see, LATCHED)
+
+    def _see(self, mesh: PointCloud2) -> None:
+        message = PoseStamped()
+        message.pose.position.z = self._height
+        if self._height:
+            self._publisher.publish(message)
+
+
+@pytest.mark.parametrize(
+    ("topic", "height", "kind", "text"),
+    [
+        ("goals", 0.01, GdfeError, r"waits for a message on \S+/handles/tip/target, which no .* publishes \S*goals"),
+        ("handles/tip/target", 0.0, GdfeError, r"waits for ~/handles/tip/target for 7 s, and no controller has sent"),
+        ("handles/tip/target", 1e6, CommandError, r"handles/tip/target refused"),
+    ],
+)
+def test_a_controller_that_closes_no_loop_is_given_up(topic: str, height: float, kind: type, text: str) -> None:
+    """A node on another topic, one that is silent, and one whose command is refused end the spin, with the reason."""
+    with Simulator("bend5", overrides=COARSE, inputs=["handles/tip/target"]) as simulator:
+        talker = _Talker(simulator, topic=topic, height=height)
+        with pytest.raises(kind, match=text):
+            simulator.spin(talker, steps=3, silence=7.0)
+        talker.destroy_node()
+
+
 def test_what_is_wrong_is_said(tmp_path: Path) -> None:
     """An unknown handle, and a file in place of the bag, raise the node's own errors."""
     with Simulator("bend5", overrides=COARSE) as simulator, pytest.raises(CommandError, match="no handle 'tipp'"):

@@ -13,7 +13,7 @@ from gdfe_ros.actuators import Mode
 from gdfe_ros.analysis.bag_steps import RECORD
 from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.analysis.report.energies import energy_balance
-from gdfe_ros.analysis.report.history import JOINTS, RunHistory
+from gdfe_ros.analysis.report.history import CONTACTS, JOINTS, RunHistory
 from gdfe_ros.scene import Scene
 
 MOST_POINTS = 3000
@@ -24,12 +24,12 @@ _AXES = "xyz"
 _CABLE = (Mode.TENSION, Mode.LENGTH, Mode.SHORTENING)
 _CHAMBER = (Mode.PRESSURE, Mode.VOLUME)
 _ACTUATION = (
-    ("Tensions", "N", "effort", _CABLE),
-    ("Lengths of cables", "m", "position", _CABLE),
-    ("Pressures", "Pa", "effort", _CHAMBER),
-    ("Volumes of chambers", "m^3", "position", _CHAMBER),
-    ("Growth", "", "position", (Mode.GROWTH,)),
-    ("Forces of grips", "N", "effort", (Mode.GRIP,)),
+    ("Tensions", "tension [N]", "effort", _CABLE),
+    ("Lengths of cables", "length [m]", "position", _CABLE),
+    ("Pressures", "pressure [Pa]", "effort", _CHAMBER),
+    ("Volumes of chambers", "volume [m^3]", "position", _CHAMBER),
+    ("Growth", "growth [1]", "position", (Mode.GROWTH,)),
+    ("Forces of grips", "force [N]", "effort", (Mode.GRIP,)),
 )
 
 Chart = dict[str, Any]
@@ -46,22 +46,22 @@ def all_charts(history: RunHistory, scene: Scene, *, dt: float, paced: bool = Fa
     """
     charts = [
         *_motion(history, scene),
-        _vector_chart(history, "Reaction forces", "wrench.force"),
-        _vector_chart(history, "Reaction moments", "wrench.torque"),
-        _vector_chart(history, "Forces on contact sensors", "wrench.force", sensors=True),
-        _vector_chart(history, "Moments on contact sensors", "wrench.torque", sensors=True),
+        _vector_chart(history, "Reaction forces", "force [N]", "wrench.force"),
+        _vector_chart(history, "Reaction moments", "moment [N m]", "wrench.torque"),
+        _vector_chart(history, "Forces on contact sensors", "force [N]", "wrench.force", sensors=True),
+        _vector_chart(history, "Moments on contact sensors", "moment [N m]", "wrench.torque", sensors=True),
         *_actuators(history, scene),
         *_others(history),
         _strain(history),
-        _lines(history, "Strain energy", "J", {"strain energy": history.responses["step_record", "energy"]}),
-        _lines(history, "Energies of the motion", "J", history.energies),
-        _lines(history, "Balance of energy", "J", energy_balance(history)),
-        _lines(history, "Least det F", "", {"least det F": history.responses["step_record", "min_det"]}),
-        _cost(history, "Solver iterations", "a step", {"iterations": history.costs["iterations"]}),
+        _lines(history, "Strain energy", "energy [J]", {"strain energy": history.responses["step_record", "energy"]}),
+        _lines(history, "Energies of the motion", "energy [J]", history.energies),
+        _lines(history, "Balance of energy", "energy [J]", energy_balance(history)),
+        _lines(history, "Least det F", "[1]", {"least det F": history.responses["step_record", "min_det"]}),
+        _cost(history, "Solver iterations", "iterations a step", {"iterations": history.costs["iterations"]}),
         _residuals(history, scene.solver.tolerance),
         _times(history, dt),
-        *([_cost(history, "Lateness", "[s]", {"late by": history.lateness()})] if paced else []),
-        _cost(history, "Skipped work", "a step", _named(history.costs, "skipped.")),
+        *([_cost(history, "Lateness", "late by [s]", {"late by": history.lateness()})] if paced else []),
+        _cost(history, "Skipped work", "times a step", _named(history.costs, "skipped.")),
     ]
     return [chart for chart in charts if chart["data"]]
 
@@ -86,34 +86,46 @@ def _motion(history: RunHistory, scene: Scene) -> list[Chart]:
         topic = f"{sections[name]}/{name}/pose"
         found = {f"found {axis}": history.responses.get((topic, f"pose.position.{axis}")) for axis in _AXES}
         series |= {label: values for label, values in found.items() if values is not None}
-        charts.append(_lines(history, f"Position of {name}, from rest", "m", series))
+        charts.append(_lines(history, f"Position of {name}, from rest", "displacement [m]", series))
         if np.any(table[:, 3:]):
             turns = {f"commanded {axis}": np.rad2deg(table[:, 3 + place]) for place, axis in enumerate(_AXES)}
-            charts.append(_lines(history, f"Rotation vector of {name}", "deg", turns))
-    if history.commands:
-        charts.append(_lines(history, "Commands", "", history.commands))
+            charts.append(_lines(history, f"Rotation vector of {name}", "component [deg]", turns))
+    groups: dict[str, dict[str, list[float]]] = {}
+    labels = _command_labels(scene)
+    for name, values in history.commands.items():
+        groups.setdefault(labels.get(name, ""), {})[name] = values
+    for label, series in groups.items():
+        title = "Commands" if len(groups) == 1 else f"Commands: {label.partition(' [')[0]}"
+        charts.append(_lines(history, title, label, series))
     return charts
 
 
-def _vector_chart(history: RunHistory, title: str, stem: str, *, sensors: bool = False) -> Chart:
+def _command_labels(scene: Scene) -> dict[str, str]:
+    """Return dict from actuator, load or joint of an arm to the quantity and unit of its command."""
+    labels = {each.name: f"{each.mode.value} [{each.mode.unit or 1}]" for each in scene.actuators}
+    labels |= {each.name: "factor on the load [1]" for each in scene.loads}
+    return labels | {joint.name: f"position of the joint [{joint.unit}]" for arm in scene.arms for joint in arm.joints}
+
+
+def _vector_chart(history: RunHistory, title: str, label: str, stem: str, *, sensors: bool = False) -> Chart:
     series = {
         f"{topic.split('/')[1]} {field[-1]}": values
         for (topic, field), values in history.responses.items()
         if field.startswith(f"{stem}.") and topic.startswith("sensors/") == sensors
     }
-    return _lines(history, title, unit_of(f"{stem}.x"), series)
+    return _lines(history, title, label, series)
 
 
 def _actuators(history: RunHistory, scene: Scene) -> list[Chart]:
     """Return charts of actuators; cables and chambers have separate charts because their units differ."""
     charts = []
-    for title, unit, field, modes in _ACTUATION:
+    for title, label, field, modes in _ACTUATION:
         series = {
             actuator.name: history.responses[JOINTS, f"{field}.{place}"]
             for place, actuator in enumerate(scene.actuators)
             if actuator.mode in modes and (JOINTS, f"{field}.{place}") in history.responses
         }
-        charts.append(_lines(history, title, unit, series))
+        charts.append(_lines(history, title, label, series))
     return charts
 
 
@@ -121,13 +133,16 @@ def _others(history: RunHistory) -> list[Chart]:
     """Return charts of all other published numbers; the components of a vector are in one chart."""
     charts: dict[tuple[str, str], dict[str, list[float]]] = {}
     for (topic, field), values in history.responses.items():
-        if topic not in (RECORD, JOINTS) and not topic.endswith(("/pose", "/wrench")):
+        if topic not in (RECORD, JOINTS, CONTACTS) and not topic.endswith(("/pose", "/wrench")):
             stem, _, part = field.rpartition(".")
             charts.setdefault((topic, stem), {})[part] = values
-    return [
-        _lines(history, f"{topic.replace('/', ' ')}: {stem.rpartition('.')[2]}", unit_of(f"{stem}.x"), series)
-        for (topic, stem), series in charts.items()
-    ]
+    counts = {field: values for (topic, field), values in history.responses.items() if topic == CONTACTS}
+    found = [_lines(history, "Points in contact", "number [1]", counts)]
+    for (topic, stem), series in charts.items():
+        quantity = stem.rpartition(".")[2].replace("_", " ")
+        label = f"{quantity} [{unit_of(f'{stem}.x') or 1}]"
+        found.append(_lines(history, f"{topic.replace('/', ' ')}: {quantity}", label, series))
+    return found
 
 
 def _strain(history: RunHistory) -> Chart:
@@ -159,7 +174,7 @@ def _strain(history: RunHistory) -> Chart:
 def _residuals(history: RunHistory, tolerance: float) -> Chart:
     solved = np.array(history.costs["iterations"]) > 0.0
     values = np.where(solved, history.costs["error_estimate"], np.nan)
-    chart = _cost(history, "Error estimate over the body's size", "", {"error_estimate": values})
+    chart = _cost(history, "Error estimate over the body's size", "[1]", {"error estimate": values})
     chart["data"] += _level(history, tolerance, "tolerance")
     chart["layout"]["yaxis"]["type"] = "log"
     return chart
@@ -179,8 +194,11 @@ def _level(history: RunHistory, value: float, name: str) -> list[dict[str, Any]]
     return [{"type": "scatter", "mode": "lines", "name": name, "x": ends, "y": [value, value], "line": line}]
 
 
-def _lines(history: RunHistory, title: str, unit: str, series: dict[str, Sequence[float]]) -> Chart:
-    """Return a chart of series over time, thinned to every n-th step; zero or negligible series are left out."""
+def _lines(history: RunHistory, title: str, label: str, series: dict[str, Sequence[float]]) -> Chart:
+    """Return a chart of series over time, thinned to every n-th step; zero or negligible series are left out.
+
+    ``label`` is the quantity at the axis, with its unit.
+    """
     stride = _stride(len(history.time))
     kept = slice(stride - 1, None, stride) if stride > 1 else slice(None)
     moving = {name: np.asarray(values, dtype=float)[kept] for name, values in series.items()}
@@ -188,7 +206,7 @@ def _lines(history: RunHistory, title: str, unit: str, series: dict[str, Sequenc
     scale = max((np.nanmax(np.abs(values)) for values in moving.values()), default=0.0)
     # A component that is only rounding noise is left out, because it would fill the legend.
     moving = {name: values for name, values in moving.items() if np.nanmax(np.abs(values)) > 1e-9 * scale}
-    return _chart(title, f"[{unit}]" if unit else "", _traces(np.array(history.time)[kept], moving))
+    return _chart(title, label, _traces(np.array(history.time)[kept], moving))
 
 
 def _cost(history: RunHistory, title: str, label: str, series: dict[str, Sequence[float]]) -> Chart:

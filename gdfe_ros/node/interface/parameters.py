@@ -26,6 +26,12 @@ PARAMETERS = (
         change=Changeable.START,
     ),
     ParameterSpec(
+        name="required",
+        default=False,
+        meaning="if `autostart` fails, end the process with status 1, e.g. for a script or a container",
+        change=Changeable.START,
+    ),
+    ParameterSpec(
         name="clock",
         default="wall",
         choices=("wall", "fast", "lockstep", "external"),

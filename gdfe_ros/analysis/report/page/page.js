@@ -175,7 +175,7 @@ function drawCharts() {
   return Promise.all(charts.map((chart, place) => {
     const layout = {
       margin: { l: 64, r: 12, t: 6, b: 42 }, font: { size: 12 }, hovermode: "closest",
-      legend: { orientation: "h", y: 1.12 }, ...chart.layout,
+      legend: { orientation: "h", y: 1.02, yanchor: "bottom" }, ...chart.layout,
     };
     return Plotly.newPlot(`chart-${place}`, chart.data, layout, { responsive: true, displayModeBar: false });
   }));
