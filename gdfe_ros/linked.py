@@ -33,6 +33,7 @@ from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.funcdesc import FunctionDescriptor
 from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime.nrt import rtsys
 from numba.core.typed_passes import AnnotateTypes
 
 from gdfe_ros.compilations import compilations
@@ -179,8 +180,13 @@ class LinkedCache(FunctionCache):
     _lock: int | None = None
 
     def load_overload(self, signature: Any, context: Any) -> CompileResult | None:
-        """Return the kernel; if it has to be compiled, None, and other processes wait until `release`."""
-        found = super().load_overload(signature, context)
+        """Return the kernel; if it has to be compiled, None, and other processes wait until `release`.
+
+        Numba would import all that it can compile first, which takes half as long as to load the kernels of a scene.
+        """
+        rtsys.initialize(context)
+        with self._guard_against_spurious_io_errors():
+            found = self._load_overload(signature, context)
         if found is None and self._lock is None:
             self._impl.locator.ensure_cache_path()
             self._lock = lock_file(f"{self._cache_file._index_path}.lock")
