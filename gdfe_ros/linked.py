@@ -251,12 +251,14 @@ class LeaveOutReferences(AnalysisPass):
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        """Switch the counts off, unless the function returns an array or an instruction may make one."""
+        """Switch the counts off, unless the function returns an array, may make one, or runs in threads."""
+        if state.flags.auto_parallel.enabled:
+            return False
         instructions = (each for block in state.func_ir.blocks.values() for each in block.body)
         found = [variable for each in instructions for variable in self._made(each)]
         kinds = [state.return_type, *(state.typemap[each.name] for each in found)]
         models = state.targetctx.data_model_manager
-        if state.flags.auto_parallel.enabled or any(models[each].contains_nrt_meminfo() for each in kinds):
+        if any(models[each].contains_nrt_meminfo() for each in kinds):
             return False
         state.flags.nrt, state.targetctx = False, state.targetctx.subtarget(enable_nrt=False)
         return True
@@ -266,9 +268,9 @@ class LeaveOutReferences(AnalysisPass):
         """Return the variables for whose arrays the instruction may need memory."""
         if isinstance(instruction, (ir.SetItem, ir.StaticSetItem)):
             return (instruction.value,)
-        value = getattr(instruction, "value", None)
-        if not isinstance(instruction, ir.Assign) or not isinstance(value, ir.Expr):
+        if not isinstance(instruction, ir.Assign) or not isinstance(instruction.value, ir.Expr):
             return ()
+        value = instruction.value
         if value.op == "getitem":
             return (value.index,)
         return () if value.op in PARTS or value.op == "static_getitem" else (instruction.target,)
