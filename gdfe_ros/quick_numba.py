@@ -31,14 +31,16 @@ _depth = [0]
 
 
 def flags_equal(self: TargetConfig, other: object) -> bool:
-    """Return whether two sets of flags are equal; flags that are set alike need no look at the defaults."""
-    if self is other:
-        return True
+    """Return whether two sets of flags are equal; flags that neither sets need no look at the defaults."""
     if not isinstance(other, TargetConfig):
         return NotImplemented
-    if type(self) is type(other) and self._values == other._values:
+    if type(self) is not type(other):
+        return self.values() == other.values()
+    mine, its = self._values, other._values
+    if mine == its:
         return True
-    return self.values() == other.values()
+    defaults = ((name, self.options[name].default) for name in mine.keys() | its.keys())
+    return all(mine.get(name, default) == its.get(name, default) for name, default in defaults)
 
 
 def flags_hash(self: TargetConfig) -> int:

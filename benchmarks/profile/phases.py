@@ -16,7 +16,7 @@ from typing import Any
 
 from benchmarks.profile.machine import fastest
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.descent.arc import follow_arc
+from gdfe_ros.solver.descent.arc import follow_arc_once
 from gdfe_ros.solver.descent.loop import FOLLOWED, STRAIGHT, Metric
 from gdfe_ros.solver.descent.search import advance
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
@@ -156,7 +156,7 @@ class Counts:
             EVALUATIONS: lambda: advance(problem, work, True),
             SOLVES: lambda: _solve(problem, work, metric),
             ROTATIONS: lambda: _rotate(problem, work, metric),
-            ARCS: lambda: follow_arc(problem, work, metric),
+            ARCS: lambda: follow_arc_once(problem, work, metric),
         }
         return {phase: (self._counts[phase], function) for phase, function in works.items()}
 

@@ -13,14 +13,13 @@ from gdfe_ros import Command, Simulation, load_scene
 
 CHAMBER = 1e-9 * Arm().section * (Arm().length - Arm().solid)
 """Drawn volume of a chamber [m^3]."""
-HOOPS = load_scene(NAME).fibres[0].families[0]
-"""The lines of the hoops on the wall. They measure the circumference of an arm without hoops, too."""
 
 
 def _circumference(positions: NDArray[np.float64]) -> float:
-    """Return the mean stretch of the wall along the hoops: the circumference divided by the drawn one."""
-    lines = np.einsum("fpa,fai->fpi", HOOPS.factors, positions[HOOPS.faces])
-    return float(np.average(np.linalg.norm(lines, axis=2), weights=HOOPS.areas))
+    """Return the mean stretch of the wall along the hoops, also without hoops: the circumference over the drawn one."""
+    hoops = load_scene(NAME).fibres[0].families[0]
+    lines = np.einsum("fpa,fai->fpi", hoops.factors, positions[hoops.faces])
+    return float(np.average(np.linalg.norm(lines, axis=2), weights=hoops.areas))
 
 
 def _inflated(model: str, pressures: list[float]) -> tuple[Simulation, NDArray[np.float64]]:

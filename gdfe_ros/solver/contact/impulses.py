@@ -18,7 +18,7 @@ from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, p
 from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ContactTerm
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
 from gdfe_ros.solver.contact.law import ROUNDING
-from gdfe_ros.solver.descent.loop import Metric, choose, precondition
+from gdfe_ros.solver.descent.loop import Metric, choose_once, precondition
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.unknowns import Unknowns, add_rows, gather_rigid_rows
@@ -200,7 +200,7 @@ class Impulses:
                 break
             self._hold(points, forces, problem, work)
             held = forces
-            found = choose(problem, work, metric, size, 2**62)
+            found = choose_once(problem, work, metric, size, 2**62)
             project(work.direction, points.rows, points.blocks, points.counts, ahead)
             enters = usable & ~joins & (points.places[:, 0] + ahead[:, 0] < -target)
             rough = self.left > max(faint, ROUGH * max(target, float(status["step"])))

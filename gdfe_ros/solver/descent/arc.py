@@ -81,7 +81,7 @@ def place_and_pull(problem, work, metric):
     return pull_to_arc(work.x, metric.x, problem.shape, metric.weight, metric.force)
 
 
-@kernel
+@internal
 def follow_arc(problem, work, metric):
     """Shorten the step d in ``work.direction`` to rotations of at most `MOST_TURN`, and write c to ``work.curve``.
 
@@ -104,3 +104,9 @@ def follow_arc(problem, work, metric):
     for n in range(free, len(work.u)):
         work.curve[n] = 0.0
     status.step = largest(work.direction) + largest(work.curve)
+
+
+@kernel
+def follow_arc_once(problem, work, metric):
+    """Do `follow_arc` for a caller in Python: an entry that few bodies need, and that takes a second to compile."""
+    follow_arc(problem, work, metric)

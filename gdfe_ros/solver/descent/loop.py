@@ -155,7 +155,7 @@ def is_exhausted(status):
     return status.plateau > MOST_FLAT
 
 
-@kernel
+@internal
 def choose(problem, work, metric, size, most):
     """Write the direction of the next step: 2 if it descends, 1 if not, 0 if the matrix has served ``most`` times."""
     status = work.status[0]
@@ -170,7 +170,7 @@ def choose(problem, work, metric, size, most):
     return 2 if choose_direction(problem, work, metric, size) else 1
 
 
-@kernel
+@internal
 def move(problem, work, metric, size, target, proven, descends):
     """Step along the chosen direction, unless it is so short that the minimisation ends; return whether it goes on."""
     status, first = work.status[0], size < 0.0  # not a literal: numba would compile another copy of `advance` for it
@@ -208,7 +208,7 @@ def move(problem, work, metric, size, target, proven, descends):
     return True
 
 
-@kernel
+@internal
 def start(problem, work):
     """Begin a minimisation: evaluate all terms at the unknowns."""
     begin(work.status[0])
@@ -240,3 +240,18 @@ def descend(problem, work, metric, size, target, proven, most, limit, begins):
         if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
             return iteration
     return limit
+
+
+# Entries for Python are functions of their own: each takes a second to compile, and only bodies in contact need them.
+
+
+@kernel
+def choose_once(problem, work, metric, size, most):
+    """Do `choose` for a caller in Python."""
+    return choose(problem, work, metric, size, most)
+
+
+@kernel
+def move_once(problem, work, metric, size, target, proven, descends):
+    """Do `move` for a caller in Python."""
+    return move(problem, work, metric, size, target, proven, descends)

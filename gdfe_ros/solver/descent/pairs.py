@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import vector_kernel
+from gdfe_ros.compiled import vector_internal, vector_kernel
 from gdfe_ros.solver.descent.workspace import Workspace, numbers
 
 
@@ -30,7 +30,7 @@ def inner(a, b):
     return total
 
 
-@vector_kernel
+@vector_internal
 def begin_recursion(work):
     """Write q of the first loop to ``work.step``."""
     status, q = work.status[0], work.step
@@ -45,7 +45,7 @@ def begin_recursion(work):
             q[n] -= share * y[n]
 
 
-@vector_kernel
+@vector_internal
 def end_recursion(work, z):
     """Complete ``z`` = M^-1 q to the product of the inverse Hessian and the gradient by the second loop."""
     status = work.status[0]
@@ -57,7 +57,7 @@ def end_recursion(work, z):
             z[n] += share * s[n]
 
 
-@vector_kernel
+@vector_internal
 def remember(work):
     """Add the pair of the last accepted step to the history, if its curvature is positive; return whether it is."""
     status, curvature = work.status[0], 0.0

@@ -198,7 +198,8 @@ def structure(indptr, indices, order, rank, first, row_start, parent):
     above, seen = np.full(count, -1), np.full(len(order), -1)
     child, sibling = np.full(count, -1), np.full(count, -1)
     for node in range(count):
-        owner[first[node] : first[node + 1]] = node
+        for column in range(first[node], first[node + 1]):
+            owner[column] = node
     for node in range(count):
         found = row_start[node]
         for column in range(first[node], first[node + 1]):

@@ -166,7 +166,8 @@ def reduce_nodes(inverse, values, x, above, begin, end):
         u, v, w = local[:length], local[length : 2 * length], local[2 * length : 3 * length]
         for k in range(own):
             u[k], v[k], w[k] = x[3 * (start + k)], x[3 * (start + k) + 1], x[3 * (start + k) + 2]
-        u[own:], v[own:], w[own:] = 0.0, 0.0, 0.0
+        for k in range(own, length):
+            u[k], v[k], w[k] = 0.0, 0.0, 0.0
         pivots, scales = inverse.pivot[start : start + own], inverse.scale[start : start + own]
         reduce_rows(values, inverse.value_start[node], blank, pivots, scales, u, v, w, own)
         for k in range(own):
@@ -190,7 +191,8 @@ def expand_nodes(inverse, values, x, begin, end):
         u, v, w = local[:length], local[length : 2 * length], local[2 * length : 3 * length]
         for k in range(height):
             u[k], v[k], w[k] = x[3 * rows[k]], x[3 * rows[k] + 1], x[3 * rows[k] + 2]
-        u[height:], v[height:], w[height:] = 0.0, 0.0, 0.0
+        for k in range(height, length):
+            u[k], v[k], w[k] = 0.0, 0.0, 0.0
         pivots, scales = inverse.pivot[start : start + own], inverse.scale[start : start + own]
         expand_rows(values, inverse.value_start[node], blank, pivots, scales, u, v, w, own)
         for k in range(own):

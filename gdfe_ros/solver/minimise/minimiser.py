@@ -15,8 +15,8 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.impulses import Impulses
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.arc import follow_arc
-from gdfe_ros.solver.descent.loop import Metric, choose, descend, move, precondition, start
+from gdfe_ros.solver.descent.arc import follow_arc_once
+from gdfe_ros.solver.descent.loop import Metric, choose_once, descend, move_once, precondition
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.springs import Tangent
@@ -182,14 +182,14 @@ class Minimiser:
         """Do `descend` with contact: each step gets the contact forces with which it keeps the laws of contact."""
         impulses, key = self.impulses, (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.ways)
         if begins:
-            start(problem, work)
+            descend(problem, work, metric, size, target, proven, most, 0, begins)
         for iteration in range(limit):
             impulses.follow(problem, work)
-            found = choose(problem, work, metric, size, most)
+            found = choose_once(problem, work, metric, size, most)
             if found and impulses.approach(work):
                 found = impulses.answer(problem, work, metric, key, size, target)
             self._show(work, begins=True)  # other forces have another energy
-            if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
+            if found == 0 or not move_once(problem, work, metric, size, target, proven, found == 2):
                 return iteration
             if not impulses.settles(work):
                 numbers(work)["ended"] = Outcome.GIVEN_UP
@@ -204,7 +204,7 @@ class Minimiser:
         """Return the step (3 r,) [m] to the end of the arc that begins with ``step``, shortened as in `arc`."""
         work = task.active.workspace
         work.direction[...] = step
-        follow_arc(task.problem, work, self.metric(task.active))
+        follow_arc_once(task.problem, work, self.metric(task.active))
         return work.direction + work.curve
 
     def renew(self, task: Task) -> bool:

@@ -253,7 +253,8 @@ def terms_energy(x, table, force, size):
 
     The sum of the absolute values of the energy's summands [J] is written to ``size`` (1,).
     """
-    force[...] = 0.0
+    for i in range(len(force)):
+        force[i, 0], force[i, 1], force[i, 2] = 0.0, 0.0, 0.0
     size[0] = 0.0
     energy = 0.0
     for t in range(len(table.address)):
