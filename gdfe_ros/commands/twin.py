@@ -8,6 +8,7 @@ import math
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -148,18 +149,23 @@ def _require(arguments: argparse.Namespace) -> dict[str, str]:
             raise GdfeError(f"--{name} is {value!r}; allowed: {low:g} to {high:g}")
     if not 0 <= arguments.port <= 65535:
         raise GdfeError(f"--port is {arguments.port}; allowed: 1 to 65535, or 0 for no page")
-    kinds = [path.suffix for path in arguments.record]
-    if wrong := [path for path in arguments.record if path.suffix not in (".csv", ".mcap")]:
-        raise GdfeError(f"--record has {str(wrong[0])!r}; allowed: names that end with .csv or .mcap")
-    if len(set(kinds)) < len(kinds):
-        raise GdfeError(f"--record has several {kinds[0]} files; allowed: one .csv and one .mcap file")
-    if taken := [path for path in arguments.record if path.exists()]:
-        raise GdfeError(f"--record: {taken[0]} exists; name another file or remove it")
+    _require_files(arguments.record)
     pairs = [entry.partition("=") for entry in arguments.topics]
     wrong = [entry for entry, (probe, _, topic) in zip(arguments.topics, pairs, strict=True) if not (probe and topic)]
     if wrong:
         raise GdfeError(f"--topics has {wrong[0]!r}; allowed: PROBE=TOPIC, e.g. tip=/robot/tip_pose")
     return {probe: topic for probe, _, topic in pairs}
+
+
+def _require_files(paths: Sequence[Path]) -> None:
+    """Raise a `GdfeError` if the paths are not at most one new .csv file and one new .mcap file."""
+    kinds = [path.suffix for path in paths]
+    if wrong := [path for path in paths if path.suffix not in (".csv", ".mcap")]:
+        raise GdfeError(f"--record has {str(wrong[0])!r}; allowed: names that end with .csv or .mcap")
+    if len(set(kinds)) < len(kinds):
+        raise GdfeError(f"--record has several {kinds[0]} files; allowed: one .csv and one .mcap file")
+    if taken := [path for path in paths if path.exists()]:
+        raise GdfeError(f"--record: {taken[0]} exists; name another file or remove it")
 
 
 def _say(text: str) -> None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,8 @@ class HandleMotions:
         self._row = {handle.name: p for p, handle in enumerate(self._loose)}
         self._centres = {handle.name: handle.centre(body.rest) for handle in body.handles}
         self.turn = bool((body.unknowns.turn_row >= 0).any())
+        holding = {handle.name: self._centres[handle.name] for handle in body.handles if len(handle.vertices)}
+        self._bound = {} if self._loose or any(handle.slide is not None for handle in body.handles) else holding
 
     def base(self, poses: Mapping[str, Pose], last: Mapping[str, Pose], base: Vectors) -> Vectors:
         """Return ``base`` (n, 3) [m] with the handles moved from the poses ``last`` to ``poses``."""
@@ -66,19 +68,16 @@ class HandleMotions:
 
         The dict is empty if they do not, or if one of them is free to move by itself. Whole turns count.
         """
-        held = [handle.name for handle in self._body.handles if len(handle.vertices)]
-        pairs = [(poses[name], targets[name]) for name in held]
-        turns = [[b - a for a, b in zip(old.rotation, new.rotation, strict=True)] for old, new in pairs]
-        if not (turns and any(turns[0])) or any(math.dist(turn, turns[0]) > self.APART for turn in turns):
+        pairs = [(poses[name], targets[name]) for name in self._bound]
+        if not _turn_alike(pairs, self.APART):
             return {}
-        if self._loose or any(handle.slide is not None for handle in self._body.handles):
-            return {}
-        arms = [np.array([self._centres[name] + each[name].translation for name in held]) for each in (poses, targets)]
-        start, end = (each - each[0] for each in arms)
+        start, end = (
+            np.array([self._bound[name] + each[name].translation for name in self._bound]) for each in (poses, targets)
+        )
         rotations = np.array([new.turn_from(old) for old, new in pairs])
-        beside = np.abs(end - start @ rotations[0].T).max() / self._body.size
-        together = max(np.ptp(rotations, axis=0).max(), beside) <= self.APART
-        return {name: self._centres[name] for name in held} if together else {}
+        beside = (end - end[0]) - (start - start[0]) @ rotations[0].T
+        apart = max(np.ptp(rotations, axis=0).max(), np.abs(beside).max() / self._body.size)
+        return self._bound if apart <= self.APART else {}
 
     def frame(self, base: Vectors) -> HandlePositions:
         """Return the commanded positions ``base`` (n, 3) [m] and the handles' centres there, for the kernels."""
@@ -154,6 +153,12 @@ class HandleMotions:
         rotation = np.array(pose.rotation)
         rotation[list(handle.turning)] = 0.0
         return Pose(pose.translation, tuple(rotation))
+
+
+def _turn_alike(pairs: Sequence[tuple[Pose, Pose]], apart: float) -> bool:
+    """Return whether all rotation vectors change alike, by more than zero; a step asks this often."""
+    turns = [[b - a for a, b in zip(old.rotation, new.rotation, strict=True)] for old, new in pairs]
+    return bool(turns) and any(turns[0]) and all(math.dist(turn, turns[0]) <= apart for turn in turns)
 
 
 def _require_a_turn(handle: Handle, arms: Vectors, found: Vectors) -> None:
