@@ -328,6 +328,14 @@ class LinkedDispatcher(CPUDispatcher):
         return entry
 
 
+class InternalDispatcher(LinkedDispatcher):
+    """A compiled function without an entry for Python."""
+
+    def __call__(self, *_: Any) -> None:
+        """Raise a TypeError: numba would jump to address 0, and end the process."""
+        raise TypeError(f"{self.py_func.__qualname__} has no entry for Python; only other kernels may call it")
+
+
 class LinkedEntry(CFunc):
     """A compiled function for C that calls linked kernels, with a cache."""
 
@@ -362,7 +370,8 @@ def linked(*, cache: bool, **options: Any) -> Any:
             return function
         given = {"nopython": True, "boundscheck": None, **options}
         counted = CountedCompiler if cache else ReferencelessCompiler
-        dispatcher = LinkedDispatcher(function, targetoptions=given, pipeline_class=counted)
+        kind = InternalDispatcher if options.get("no_cpython_wrapper") else LinkedDispatcher
+        dispatcher = kind(function, targetoptions=given, pipeline_class=counted)
         if cache:
             dispatcher.enable_caching()
         return dispatcher

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gdfe_ros.compiled import inlined, kernel, vector_kernel
+from gdfe_ros.compiled import inlined, internal, kernel, vector_kernel
 from gdfe_ros.linked import linked
 
 
@@ -92,3 +92,15 @@ def test_references_are_counted_where_arrays_are_made(function: Any, counts: boo
     """Only a kernel that makes or returns an array counts references."""
     np.testing.assert_array_equal(function(np.arange(6.0).reshape(3, 2)), wanted)
     assert next(iter(function.overloads.values())).target_context.enable_nrt == counts
+
+
+def test_a_kernel_without_an_entry_for_python_says_so() -> None:
+    """A call from Python raises an error; it ended the process."""
+    with pytest.raises(TypeError, match="advance_one has no entry for Python; only other kernels may call it"):
+        advance_one(np.zeros(3))
+
+
+@internal
+def advance_one(x):
+    """Add one to ``x``."""
+    x += 1.0

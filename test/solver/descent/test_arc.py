@@ -31,7 +31,7 @@ def bent(angle: float) -> tuple[float, np.ndarray, np.ndarray]:
     moved = angle / LENGTH * np.stack([-x * z, 0.0 * x, 0.5 * x * x], axis=1)
     work.direction[...] = moved[body.unknowns.free].ravel()
     minimiser.begin(task.active, None)
-    arc.follow_arc(task.problem, work, minimiser.metric(equilibrium.whole))
+    arc.follow_arc_once(task.problem, work, minimiser.metric(equilibrium.whole))
     tip = np.flatnonzero((x == LENGTH) & (y == 0.0) & (z == 0.0))[0]
     row = body.unknowns.free.tolist().index(tip)
     linear = work.direction.reshape(-1, 3)[row]

@@ -4,12 +4,17 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.descent import pairs
 from gdfe_ros.solver.descent.workspace import Workspace, allocate
 
 ROWS, MEMORY = 5, 4
+# Only kernels may call the functions of the package.
+remember = njit(lambda work: pairs.remember(work))
+begin_recursion = njit(lambda work: pairs.begin_recursion(work))
+end_recursion = njit(lambda work, z: pairs.end_recursion(work, z))
 
 
 def workspace() -> Workspace:
@@ -26,7 +31,7 @@ def stiffness() -> NDArray[np.float64]:
 def give(work: Workspace, s: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
     """Pass a step and the change of the gradient to the history; return whether it is remembered."""
     work.direction[...], work.old[...], work.gradient[...] = s, 0.0, y
-    return pairs.remember(work)
+    return remember(work)
 
 
 def test_the_recursion_is_the_bfgs_formula() -> None:
@@ -42,9 +47,9 @@ def test_the_recursion_is_the_bfgs_formula() -> None:
         inverse = left @ inverse @ left.T + np.outer(s, s) / (s @ y)
     gradient = random.standard_normal(3 * ROWS)
     work.gradient[...] = gradient
-    pairs.begin_recursion(work)
+    begin_recursion(work)
     z = initial @ work.step
-    pairs.end_recursion(work, z)
+    end_recursion(work, z)
     np.testing.assert_allclose(z, inverse @ gradient, rtol=1e-10)
 
 
