@@ -289,7 +289,8 @@ class Simulation:
             state = self.stepper.carry(state, vertices, moved)
         if rigid := {name: pose for name, pose in places.items() if name not in soft}:
             state = self.stepper.put(state, rigid)
-        require_soft_free(self.scene, state.poses, state.positions + self.origin, soft)
+        if soft:
+            require_soft_free(self.scene, state.poses, state.positions + self.origin, soft)
         return state
 
     def _require_grips(self, commands: Mapping[str, float], places: Collection[str]) -> None:

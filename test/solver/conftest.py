@@ -20,7 +20,7 @@ LAWS: dict[str, Material] = {
     "linear-0.499": Linear(young=1e5, poisson=0.499),
     "neo-hookean": NeoHookean(young=1e5, poisson=0.45),
     "neo-hookean-0.495": NeoHookean(young=1e5, poisson=0.495),
-    "stable-neo-hookean-0.495": StableNeoHookean(young=1e5, poisson=0.495),
+    "stable-neo-hookean-0.48": StableNeoHookean(young=1e5, poisson=0.48),
     "ogden": preset("ninjaflex", law=Law.OGDEN, poisson=0.4),
     "ogden-0.495": preset("cheetah", law=Law.OGDEN, poisson=0.495),
     "curve-polynomial": preset("cheetah", law=Law.CURVE, poisson=0.45),

@@ -2,7 +2,7 @@
 """Start of a step: linear extrapolation of a smooth motion, and harmonic extension of the handles' remaining motion.
 
 The harmonic extension of displacements moves vertices along chords. Between two handles, a large rotation then folds
-elements, and on fine meshes the way out takes hundreds of iterations. Handles that turn are therefore extended as
+elements, and on fine meshes unfolding takes hundreds of iterations. Handles that turn are therefore extended as
 screws. A rigid motion is a rotation about an axis in space and a translation along it: with the rotation vector w and
 the velocity v, it moves a point by x(s) = exp(s xi) x, xi x = w x x + v, from s = 0 to 1. A vertex moves by the screw
 whose (w, v) is the harmonic extension of those of the handles. If all handles move alike, the body moves rigidly.
@@ -121,7 +121,9 @@ class Predictor:
         if np.abs(screws[:, :3]).max() <= self.FAR:
             return self._matrix.extend(rest)
         points, parts = start[self._free], (screws[:, :3], screws[:, 3:])
-        return follow_screws(np.hstack([self._matrix.extend(part) for part in parts]), points) - points
+        moved = follow_screws(np.hstack([self._matrix.extend(part) for part in parts]), points) - points
+        beside = rest - (follow_screws(screws, here) - here)  # more than rounding if a handle deforms
+        return moved + self._matrix.extend(beside) if np.abs(beside).max() > self.STILL * self._size else moved
 
     def motion(self, old: State, new: State, change: NDArray[np.float64]) -> Motion:
         """Return the motion between two accepted states."""
