@@ -258,7 +258,7 @@ class Simulation:
         rests = not places and self._rests(moved.motions, targets, limited)
         if moves and not rests:
             require_countable(dt=dt, step=moves.step)
-        self.state = self.put(places)
+        self.state = self.put(places) if places else self.state
         self.targets, self.commands = targets, commands
         before, self._joints, self._cuts = self._joints, moved.motions, moved.cuts
         limit = Deadline.of(started, deadline, cut_after, interrupted)

@@ -60,24 +60,18 @@ def _refined(found: list[float]) -> Row:
 
 
 def _stretched() -> Row:
-    ratio = volume_ratio(solve(simulate("stretched_beam")))
-    return Row(
-        source="Newton, soft_beam_stretch",
-        path=f"{FOLDER}/example_soft_beam_stretch.py",
-        body="a beam with held ends is pulled to twice its length",
-        rule="volume within 10 % of the undeformed one",
-        figure=f"{100.0 * (ratio - 1.0):+.1f} %",
-        value=abs(ratio - 1.0),
-        bound=0.10,
-    )
+    return _kept_volume("stretch", "is pulled to twice its length", volume_ratio(solve(simulate("stretched_beam"))))
 
 
 def _twisted() -> Row:
-    ratio = volume_ratio(solve(simulate("twisted_beam"), 8))
+    return _kept_volume("twist", "is twisted by 180 degrees", volume_ratio(solve(simulate("twisted_beam"), 8)))
+
+
+def _kept_volume(test: str, motion: str, ratio: float) -> Row:
     return Row(
-        source="Newton, soft_beam_twist",
-        path=f"{FOLDER}/example_soft_beam_twist.py",
-        body="a beam with held ends is twisted by 180 degrees",
+        source=f"Newton, soft_beam_{test}",
+        path=f"{FOLDER}/example_soft_beam_{test}.py",
+        body=f"a beam with held ends {motion}",
         rule="volume within 10 % of the undeformed one",
         figure=f"{100.0 * (ratio - 1.0):+.1f} %",
         value=abs(ratio - 1.0),

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from gdfe_ros.live.surface import DrawnSurface
+from gdfe_ros.live.surface import AlternatingBody, DrawnSurface
 from gdfe_ros.mesh import HexMesh
 
 _GREEN = (30, 160, 60)
@@ -22,8 +22,6 @@ _POINT = 0.03
 class RealRobot:
     """Draws a robot in green, its body translucent.
 
-    As for the simulated body, two glTF objects are used in turn.
-
     Args:
         space: the scene of the page.
         mesh: the undeformed body.
@@ -35,8 +33,7 @@ class RealRobot:
         self._space, self._scale, self._size = space, scale, size
         self._surface = DrawnSurface(mesh, scale=scale, plain=np.array(_GREEN) / 255.0)
         self._surface.be_translucent(True)
-        self._bodies: list[viser.GlbHandle] = []
-        self._shown = 0
+        self._body: AlternatingBody | None = None
 
     def draw(
         self,
@@ -66,12 +63,8 @@ class RealRobot:
             self._draw_body(self._surface.pack(body, None))
 
     def _draw_body(self, frame: bytes) -> None:
-        if not self._bodies:
-            self._bodies = [
-                self._space.add_glb(f"{_ROOT}/body/{place}", frame, visible=not place) for place in range(2)
-            ]
+        if self._body is None:
+            self._body = AlternatingBody(self._space, f"{_ROOT}/body", frame)
             return
-        # The object that was filled at the last call has been read by now: show it, and fill the other one.
-        self._bodies[1 - self._shown].visible, self._bodies[self._shown].visible = True, False
-        self._bodies[self._shown].glb_data = frame
-        self._shown = 1 - self._shown
+        self._body.turn()  # the object that was filled at the last call has been read by now
+        self._body.fill(frame)

@@ -25,7 +25,7 @@ from gdfe_ros.live.arrows import Arrows
 from gdfe_ros.live.chambers import Chambers
 from gdfe_ros.live.real_robot import RealRobot
 from gdfe_ros.live.solids import Solids
-from gdfe_ros.live.surface import DrawnSurface
+from gdfe_ros.live.surface import AlternatingBody, DrawnSurface
 from gdfe_ros.live.view import View
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.node.interface.scene_topics import is_commanded
@@ -98,23 +98,9 @@ class Stage:
         server.initial_camera.look_at, server.initial_camera.position = first_view(scene)
         self._light()
         first = self.surface.pack(scene.mesh.vertices, np.zeros(self.surface.count))
-        self._bodies = [self._space.add_glb(f"/body/{place}", first, visible=not place) for place in range(2)]
-        self._shown, self._time = 0, 0.0
+        self._body, self._time = AlternatingBody(self._space, "/body", first), 0.0
         self._held = [handle for handle in scene.handles if not isinstance(handle, Obstacle)]
-        self._touching = bool(contact_names(scene.handles, scene.self_contact))
-        there = {
-            HANDLES: any(map(_is_dragged, scene.handles)),
-            PROBES: scene.probes,
-            REACTIONS: self._held,
-            CONTACTS: self._touching,
-            SOLIDS: any(isinstance(each, Obstacle) and not isinstance(each, ArmLink) for each in scene.handles),
-            ARMS: scene.arms,
-            CHAMBERS: any(isinstance(each, Chamber) for each in scene.actuators),
-            GROUND: not any(isinstance(each, Obstacle) and isinstance(each.form, Plane) for each in scene.handles),
-        }
-        self._groups = {
-            name: self._space.add_frame(_path(name), show_axes=False) for name, wanted in there.items() if wanted
-        }
+        self._groups = {name: self._space.add_frame(_path(name), show_axes=False) for name in _groups_of(scene)}
         if GROUND in self._groups:
             self._add_ground()
         self._rests = {handle.name: handle.centre(scene.mesh.vertices) for handle in scene.handles}
@@ -149,13 +135,11 @@ class Stage:
 
     def draw(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> None:
         """Send a frame, which stays hidden until `turn` shows it."""
-        self._bodies[1 - self._shown].glb_data = self.surface.pack(positions, shares)
+        self._body.fill(self.surface.pack(positions, shares))
 
     def turn(self) -> None:
         """Show the frame that was sent last, and hide the other one."""
-        self._bodies[1 - self._shown].visible = True
-        self._bodies[self._shown].visible = False
-        self._shown = 1 - self._shown
+        self._body.turn()
 
     def mark(self, view: View) -> None:
         """Move probes, obstacles, rigid bodies, links and arrows to their positions after a step."""
@@ -304,7 +288,7 @@ class Stage:
 
     def _draw_contacts(self, view: View) -> None:
         """Draw the force on each contact point as an arrow that ends at the point, in the colour of its kind."""
-        if self._touching:
+        if CONTACTS in self._groups:
             points = view.contacts()
             ends = self._scale * np.stack([points[name] for name in "xyz"], axis=1)
             forces = np.stack([points[f"f{name}"] + points[f"t{name}"] for name in "xyz"], axis=1)
@@ -321,6 +305,21 @@ class Stage:
 def _goal_of(probe: str) -> str:
     """Return the name of a probe's control, distinct from the names of handles."""
     return f"goals/{probe}"
+
+
+def _groups_of(scene: Scene) -> list[str]:
+    """Return the groups of objects that a scene has."""
+    there = {
+        HANDLES: any(map(_is_dragged, scene.handles)),
+        PROBES: scene.probes,
+        REACTIONS: any(not isinstance(each, Obstacle) for each in scene.handles),
+        CONTACTS: contact_names(scene.handles, scene.self_contact),
+        SOLIDS: any(isinstance(each, Obstacle) and not isinstance(each, ArmLink) for each in scene.handles),
+        ARMS: scene.arms,
+        CHAMBERS: any(isinstance(each, Chamber) for each in scene.actuators),
+        GROUND: not any(isinstance(each, Obstacle) and isinstance(each.form, Plane) for each in scene.handles),
+    }
+    return [name for name, wanted in there.items() if wanted]
 
 
 def _is_dragged(handle: Handle) -> bool:

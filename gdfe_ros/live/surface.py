@@ -10,6 +10,7 @@ import json
 import struct
 
 import numpy as np
+import viser
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.colour_map import colour
@@ -34,6 +35,30 @@ def _linear(colours: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 _LINEAR = _linear(colour(np.linspace(0.0, 1.0, 256)))
+
+
+class AlternatingBody:
+    """Two glTF objects of a page: one is shown while the other one is filled, so that no half-read frame is seen.
+
+    Args:
+        space: the scene of the page.
+        path: path of the objects in it.
+        first: the frame that is shown first.
+    """
+
+    def __init__(self, space: viser.SceneApi, path: str, first: bytes) -> None:
+        self._bodies = [space.add_glb(f"{path}/{place}", first, visible=not place) for place in range(2)]
+        self._shown = 0
+
+    def fill(self, frame: bytes) -> None:
+        """Send a frame, which stays hidden until `turn` shows it."""
+        self._bodies[1 - self._shown].glb_data = frame
+
+    def turn(self) -> None:
+        """Show the frame that was sent last, and hide the other one."""
+        self._bodies[1 - self._shown].visible = True
+        self._bodies[self._shown].visible = False
+        self._shown = 1 - self._shown
 
 
 class DrawnSurface:

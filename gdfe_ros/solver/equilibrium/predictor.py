@@ -177,10 +177,7 @@ def find_screw(
     """
     start, end = here.mean(axis=0), there.mean(axis=0)
     arms, moved = here - start, there - end
-    if np.abs(moved - arms).max() <= LEAST_TURN * np.abs(arms).max():
-        return np.concatenate([np.zeros(3), end - start])
-    spread = np.linalg.svd(moved.T @ arms, compute_uv=False)
-    if not spread[1] > LEAST_TURN * spread[0]:
+    if np.abs(moved - arms).max() <= LEAST_TURN * np.abs(arms).max() or _are_on_a_line(arms, moved):
         return np.concatenate([np.zeros(3), end - start])
     turn = Rotation.align_vectors(moved, arms)[0]
     vector = turn.as_rotvec()
@@ -190,6 +187,11 @@ def find_screw(
     # exp(xi) moves a point by (J - I) x + J_l v; J_l is invertible below a whole turn.
     left = np.stack([_apply_left_jacobian(vector, axis) for axis in np.eye(3)], axis=1)
     return np.concatenate([vector, np.linalg.solve(left, end - turn.apply(start))])
+
+
+def _are_on_a_line(arms: NDArray[np.float64], moved: NDArray[np.float64]) -> bool:
+    spread = np.linalg.svd(moved.T @ arms, compute_uv=False)
+    return not spread[1] > LEAST_TURN * spread[0]
 
 
 def follow_screws(screws: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:

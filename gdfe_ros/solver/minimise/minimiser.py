@@ -182,7 +182,7 @@ class Minimiser:
         """Do `descend` with contact: each step gets the contact forces with which it keeps the laws of contact."""
         impulses, key = self.impulses, (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.ways)
         if begins:
-            descend(problem, work, metric, size, target, proven, most, 0, begins)
+            descend(problem, work, metric, size, target, proven, most, 0, begins)  # only evaluates all terms
         for iteration in range(limit):
             impulses.follow(problem, work)
             found = choose_once(problem, work, metric, size, most)

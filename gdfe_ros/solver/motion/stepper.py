@@ -201,12 +201,11 @@ class MotionStepper:
 
     def _let_go(self, found: State, vertices: NDArray[np.int32], *, before: State) -> State:
         """Return ``found``, in which ``vertices`` are at other places than ``before``, with accelerations and work."""
-        found, state = self.released(found, vertices), before
-        before = self.actuation.balance(state.positions, state.commands)
-        after = self.actuation.balance(found.positions, state.commands)
-        kinetic = [self._accounts.energies(each, self.velocities(each))["kinetic"] for each in (state, found)]
-        work = state.ledger.work + after.potential - before.potential + kinetic[1] - kinetic[0]
-        return found.with_(balance=after, ledger=changed(found.ledger, work=work))
+        found = self.released(found, vertices)
+        first, last = (self.actuation.balance(each.positions, before.commands) for each in (before, found))
+        kinetic = [self._accounts.energies(each, self.velocities(each))["kinetic"] for each in (before, found)]
+        work = before.ledger.work + last.potential - first.potential + kinetic[1] - kinetic[0]
+        return found.with_(balance=last, ledger=changed(found.ledger, work=work))
 
     def released(self, state: State, vertices: NDArray[np.int32]) -> State:
         """Return ``state`` in which ``vertices``, which do not move, have the accelerations by their forces."""
