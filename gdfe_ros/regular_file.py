@@ -7,6 +7,7 @@ the folder that is meant.
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import stat
@@ -58,6 +59,22 @@ def _require_regular(status: os.stat_result, path: Path, most: int) -> None:
         raise OSError(f"{path} is no regular file; allowed: no folder, pipe, socket or device")
     if status.st_size > most:
         raise OSError(f"{path} has {status.st_size} bytes; allowed: up to {most}")
+
+
+def defect_of(path: Path) -> str:
+    """Return why no file can have this path: a name is too long, or has a null character; empty if one can."""
+    try:
+        os.lstat(path)
+    except ValueError as error:
+        return str(error)
+    except OSError as error:
+        return os.strerror(error.errno) if error.errno == errno.ENAMETOOLONG else ""
+    return ""
+
+
+def is_file(path: Path) -> bool:
+    """Return whether a path leads to a file; one that no file can have does not."""
+    return not defect_of(path) and path.is_file()
 
 
 def path_inside(folder: Path, name: str) -> Path:

@@ -12,9 +12,10 @@ import pytest
 
 from gdfe_ros.analysis.export.columns import Columns
 from gdfe_ros.analysis.export.table import write_csv
+from gdfe_ros.arms.meshes import find_mesh
 from gdfe_ros.checkpoint import load_state, save_state, write_state
 from gdfe_ros.csv_cells import quoted
-from gdfe_ros.errors import GdfeError, MeshError, SceneError
+from gdfe_ros.errors import ArmError, GdfeError, MeshError, SceneError
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.regular_file import path_inside, read_bytes, read_text, require_regular
@@ -131,3 +132,43 @@ def test_a_cell_is_no_formula(tmp_path: Path, text: str) -> None:
 def test_a_number_is_no_formula(value: object) -> None:
     """Numbers with a sign, and other texts, stay as they are."""
     assert quoted(value) == value
+
+
+@pytest.mark.parametrize("name", ["a\\0b", 300 * "a", 5000 * "a/" + "b"], ids=["null", "long name", "long path"])
+@pytest.mark.parametrize(
+    "entry",
+    [
+        "mesh: {file: %s.msh}",
+        "mesh: {file: %s.inp}",
+        "mesh: {voxels: {surface: %s.stl, cell: 0.01}}",
+        "mesh: {tets: {step: %s.step, size: 0.01}}",
+        "skin: {file: %s.stl}",
+        "obstacles: {wall: {mesh: {file: %s.stl}}}",
+        "arm: {urdf: %s.urdf}",
+    ],
+)
+def test_a_path_that_no_file_can_have_is_a_defect(name: str, entry: str) -> None:
+    """A null character or a name that is too long is named, by each key with a path; it was an error of Python."""
+    path, _, end = entry.partition("%s")
+    suffix = end.partition("}")[0].partition(",")[0]
+    text = f'{path}"/tmp/{name}{suffix}"{end.removeprefix(suffix)}'
+    with pytest.raises(SceneError, match=r"no file can have this path: (File|embedded null)") as error:
+        scene_from_text(text)
+    assert len(str(error.value)) < 2000
+
+
+def test_names_in_files_may_be_impossible(tmp_path: Path) -> None:
+    """A scene's path, an include of Abaqus, and a mesh or package of a URDF that no file can have are not found."""
+    with pytest.raises(SceneError, match="no file can have this path"):
+        load_scene(f"{300 * 'a'}.yaml")
+    with pytest.raises(MeshError, match="no file can have this path"):
+        read_mesh(tmp_path / f"{300 * 'a'}.msh")
+    (tmp_path / "a.inp").write_text(f"*Heading\n*Include, input={300 * 'a'}\n")
+    with pytest.raises(MeshError, match="there is no such file"):
+        read_mesh(tmp_path / "a.inp")
+    for uri in (300 * "a", f"package://{300 * 'a'}/a.stl", "package://a/a%00.stl"):
+        with pytest.raises(ArmError, match="the mesh is missing"):
+            find_mesh(uri, folder=tmp_path, packages={})
+    for uri in ("package://[a/a.stl", "file://[a"):
+        with pytest.raises(ArmError, match="this is no URI"):
+            find_mesh(uri, folder=tmp_path, packages={})

@@ -15,9 +15,12 @@ from scipy.spatial import ConvexHull, QhullError
 from gdfe_ros.errors import ArmError, MeshError
 from gdfe_ros.mesh.shells import shell_numbers
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
+from gdfe_ros.regular_file import defect_of, is_file
 
 DEBRIS = 1e-6
 """Least volume of a convex piece of a collision mesh, divided by that of the largest piece."""
+_LONGEST = 200
+"""Largest number of characters of a URI or path in an error."""
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 """Vertices (n, 3) [m], and triangles (t, 3)."""
 LINK_SUFFIXES = (*SUFFIXES, ".dae", ".glb", ".gltf")
@@ -36,19 +39,22 @@ def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
     Raises:
         ArmError: there is no such file; the error lists the searched places.
     """
-    parts = urlparse(uri)
+    try:
+        parts = urlparse(uri)
+    except ValueError as error:  # e.g. a bracket that is not closed
+        raise ArmError(uri[:_LONGEST], [f"this is no URI: {error}; allowed: package://, file://, or a path"]) from error
     if parts.scheme == "package":
         candidates = [base / unquote(parts.path).lstrip("/") for base in _package(parts.netloc, folder, packages)]
-        remedy = f"remedy: `packages: {{{parts.netloc}: <folder of that package>}}` in the scene"
+        remedy = f"remedy: `packages: {{{parts.netloc[:_LONGEST]}: <folder of that package>}}` in the scene"
     elif parts.scheme in ("", "file"):
         candidates, remedy = [folder / unquote(parts.path)], "remedy: copy the mesh there, or correct its filename"
     else:
         raise ArmError(uri, [f"its scheme is {parts.scheme!r}; allowed: package://, file://, or a path"])
     for path in candidates:
-        if path.is_file():
+        if is_file(path):
             return path
-    places = ", ".join(map(str, candidates[:3])) + (", ..." if len(candidates) > 3 else "")
-    raise ArmError(uri, [f"the mesh is missing ({places}); {remedy}"])
+    places = ", ".join(str(path)[:_LONGEST] for path in candidates[:3]) + (", ..." if len(candidates) > 3 else "")
+    raise ArmError(uri[:_LONGEST], [f"the mesh is missing ({places}); {remedy}"])
 
 
 def _package(name: str, folder: Path, packages: Mapping[str, Path]) -> list[Path]:
@@ -61,7 +67,9 @@ def _package(name: str, folder: Path, packages: Mapping[str, Path]) -> list[Path
         return [packages[name]]
     above = (folder, *folder.parents)
     prefixes = [prefix for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
-    named = [path for path in above if path.name == name] + [path / name for path in above if (path / name).is_dir()]
+    below = [path / name for path in above]
+    named = [path for path in above if path.name == name]
+    named += [path for path in below if not defect_of(path) and path.is_dir()]
     return [*named, *(Path(prefix) / "share" / name for prefix in prefixes), *above]
 
 

@@ -97,7 +97,7 @@ class Gate:
 
 def _tokens(request: Request, port: int) -> list[str]:
     """Return the tokens in the address and in the cookie of a request."""
-    found = parse_qs(urlsplit(request.path).query).get(_KEY, [])
+    found = parse_qs(request.path.partition("?")[2]).get(_KEY, [])
     for header in request.headers.get_all("Cookie"):
         try:
             cookies: Mapping[str, Any] = SimpleCookie(header)

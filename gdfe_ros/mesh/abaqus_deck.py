@@ -13,7 +13,7 @@ from pathlib import Path
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.existing_file import LARGEST
-from gdfe_ros.regular_file import read_bytes
+from gdfe_ros.regular_file import is_file, read_bytes
 
 MOST_INCLUDES = 100
 """Largest number of files that may be included; more is a file that includes itself."""
@@ -68,9 +68,9 @@ def _blocks(path: Path, heading: str, included: list[Path]) -> Iterator[Block]:
             continue
         other = path.parent / block.name("INPUT")
         included.append(other)
-        if not other.is_file() or len(included) > MOST_INCLUDES:
-            why = "there is no such file" if not other.is_file() else "it includes itself"
-            text = f"line {number}: *{block.keyword.title()} of {block.name('INPUT')!r}: {why}"
+        if not is_file(other) or len(included) > MOST_INCLUDES:
+            why = "there is no such file" if not is_file(other) else "it includes itself"
+            text = f"line {number}: *{block.keyword.title()} of {block.name('INPUT')[:200]!r}: {why}"
             raise MeshError(heading, [f"{text}; remedy: put it beside this file"])
         if block.keyword == "INCLUDE":
             yield from _blocks(other, heading, included)

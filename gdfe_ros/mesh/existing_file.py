@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.regular_file import require_regular
+from gdfe_ros.regular_file import defect_of, require_regular
 
 LARGEST = 500_000_000
 """Largest size of a mesh file [bytes]."""
@@ -18,6 +18,8 @@ def require_file(path: Path, heading: str) -> None:
     Raises:
         MeshError: the path is a folder, a pipe or a device, or there is nothing, or the file is too large.
     """
+    if defect := defect_of(path):
+        raise MeshError(heading, [f"no file can have this path: {defect}"])
     if path.is_dir():
         raise MeshError(heading, ["this is a folder; remedy: the path of a file in it"])
     if not path.exists():

@@ -25,6 +25,11 @@ def step_bounds(path: str | Path) -> NDArray[np.float64]:
     return _facts(path)["bounds"]
 
 
+def step_volume(path: str | Path) -> float:
+    """Return the volume [m^3] of a STEP file's solids."""
+    return float(_facts(path)["volume"])
+
+
 def step_facts(path: str | Path) -> list[tuple[str, str]]:
     """Return pairs (name, value) of texts about a STEP file: kind, solids, surfaces, bounds in metres, volume."""
     raw = _facts(path)

@@ -31,8 +31,8 @@ def path_of(uri: str, suffixes: Collection[str], *, code: int) -> Path:
     Raises:
         Refused: it is neither, or has another suffix; its code is ``code``.
     """
-    parts, path = urlparse(uri), Path(unquote(urlparse(uri).path))
-    if parts.scheme not in ("", "file") or path.suffix.lower() not in suffixes:
+    scheme, path = _parts(uri)
+    if scheme not in ("", "file") or path.suffix.lower() not in suffixes:
         raise Refused(code, f"uri is {uri[:200]!r}; allowed: file:///path or a path, to a file {', '.join(suffixes)}")
     return path
 
@@ -42,13 +42,22 @@ def files_in(sources: Sequence[str], suffixes: Collection[str]) -> tuple[list[Pa
     found: list[Path] = []
     wrong = [f"{len(sources) - _MOST_SOURCES} more than {_MOST_SOURCES}"] if len(sources) > _MOST_SOURCES else []
     for source in sources[:_MOST_SOURCES]:
-        folder = Path(unquote(urlparse(source).path))
+        folder = _parts(source)[1]
         try:
             each = (path for path in folder.iterdir() if path.suffix.lower() in suffixes and path.is_file())
             found += sorted(islice(each, _MOST_FILES))
         except (OSError, ValueError) as error:  # no folder, not readable, or no path
             wrong.append(f"{source[:200]!r} ({error})")
     return found, f"sources that cannot be listed: {', '.join(wrong)}" if wrong else ""
+
+
+def _parts(uri: str) -> tuple[str, Path]:
+    """Return scheme and path of a URI; the scheme is not "file" if the text is no URI."""
+    try:
+        parts = urlparse(uri)
+    except ValueError:  # e.g. a bracket that is not closed
+        return "no URI", Path(uri)
+    return parts.scheme, Path(unquote(parts.path))
 
 
 def offer_spawnables(node: ManagedNode) -> None:

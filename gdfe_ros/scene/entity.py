@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.description import Geometry, GeometryKind, Link
 from gdfe_ros.arms.urdf import parse_urdf
-from gdfe_ros.errors import ArmError, SceneError
+from gdfe_ros.errors import ArmError, MeshError, SceneError
 from gdfe_ros.scene.document import parse_document
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.mesh_schema import MeshModel
@@ -31,6 +31,12 @@ PLACED = ("at", "rotation_deg")
 _TITLE = ("name", "description")
 MOST_CELLS = 20_000
 """Largest number of cells of a generated soft body that joins."""
+SMALLEST, BIGGEST = 1e-3, 10.0
+"""Smallest and largest size of a soft body that joins, divided by the size of the scene's body.
+
+The tolerance of a step belongs to the largest body. Bodies of a ten-thousandth of it leave steps wrong by several
+tolerances.
+"""
 LARGEST = 100_000
 """Largest number of characters of a body's description."""
 _MOST_VALUES = 1000
@@ -116,23 +122,45 @@ def _soft(data: Mapping[str, Any], where: str) -> Entity:
     if unfit:
         raise SceneError(where, [f"materials has {', '.join(unfit)}; allowed: letters, digits and _, a letter first"])
     entry = {**mesh, "skin": data["skin"]} if "skin" in data else dict(mesh)
-    if "regions" in data:
-        entry["regions"] = data["regions"]
+    made_of = {"": material}
+    if materials is not None:
+        entry["regions"] = data.get("regions")
+        made_of = _used(materials, entry["regions"], where)
+    elif "regions" in data:
+        raise SceneError(
+            where, ["it has material and regions; remedy: `materials` with `regions`, or `material` alone"]
+        )
     _require_few_cells(mesh, where)
-    made_of = {"": material} if materials is None else materials
     name = data.get("name", "")
     found = {"name": name if isinstance(name, str) else "", "entry": entry, "materials": made_of}
     return Entity(**found, origin=np.zeros(3), axes=np.eye(3))
 
 
+def _used(materials: Mapping[str, Any], regions: Any, where: str) -> dict[str, Any]:
+    """Return the materials that regions name; the others would stay in the scene when the body leaves it.
+
+    Raises:
+        SceneError: the regions are no list, or one names a material that is not the body's own.
+    """
+    if not isinstance(regions, list):
+        raise SceneError(
+            where, [f"regions is {regions!r}; allowed: a list, e.g. [{{material: {next(iter(materials), 'gel')}}}]"]
+        )
+    names = [str(each["material"]) for each in regions if isinstance(each, dict) and "material" in each]
+    if foreign := [name for name in names if name not in materials]:
+        allowed = ", ".join(map(str, materials)) or "none"
+        raise SceneError(where, [f"regions has the material {foreign[0]!r}; allowed: its own materials: {allowed}"])
+    return {name: each for name, each in materials.items() if name in names}
+
+
 def _require_few_cells(mesh: Mapping[str, Any], where: str) -> None:
     """Raise SceneError if a generated mesh has too many cells for a request of a stranger."""
     try:
-        count = getattr(MeshModel.model_validate(dict(mesh)).chosen[1], "count", 0)
-    except ValidationError:
+        count = MeshModel.model_validate(dict(mesh)).count
+    except (ValidationError, MeshError):
         return  # loading the scene with this entry names the defects
     if count > MOST_CELLS:
-        raise SceneError(where, [f"its mesh has about {count} cells; allowed for a body that joins: {MOST_CELLS}"])
+        raise SceneError(where, [f"its mesh has about {count:.6g} cells; allowed for a body that joins: {MOST_CELLS}"])
 
 
 def with_body(scene: Scene, name: str, entity: Entity, *, origin: NDArray[np.float64], turn: Rotation) -> Scene:
@@ -156,11 +184,33 @@ def with_body(scene: Scene, name: str, entity: Entity, *, origin: NDArray[np.flo
     if taken := [each for each in given.values() if each in scene.materials]:
         raise SceneError(f"scene {scene.name}", [f"material {taken[0]!r} exists; remedy: another name for the body"])
     if "regions" in entry:
-        entry["regions"] = [_renamed(region, given) for region in entry["regions"] or ()]
+        entry["regions"] = [_renamed(region, given) for region in entry["regions"]]
     elif given:
         entry["material"] = next(iter(given.values()))
     overrides = {f"materials.{given[own]}": material for own, material in (entity.materials or {}).items()}
-    return scene_from_text(scene.source, origin=scene.name, overrides={**overrides, f"{entity.section}.{name}": entry})
+    joined = scene_from_text(
+        scene.source, origin=scene.name, overrides={**overrides, f"{entity.section}.{name}": entry}
+    )
+    if entity.materials is not None:
+        _require_fitting(joined, name, reads="file" in entry)
+    return joined
+
+
+def _require_fitting(scene: Scene, name: str, *, reads: bool) -> None:
+    """Raise SceneError if a soft body has too many cells, or is much smaller or larger than the scene's body.
+
+    ``reads``: its mesh is that of a file, which may have more cells than one that is made.
+    """
+    parts, defects = scene.mesh.parts, []
+    mesh = parts[name].mesh
+    if not reads and mesh.n_cells > MOST_CELLS:
+        defects.append(f"its mesh has {mesh.n_cells} cells; allowed for a body that joins: {MOST_CELLS}")
+    own = max(part.mesh.size for each, part in parts.items() if each not in scene.soft_bodies)
+    if not SMALLEST * own <= mesh.size <= BIGGEST * own:
+        allowed = f"{SMALLEST * own:.3g} to {BIGGEST * own:.3g} m, because the scene's body has {own:.3g} m"
+        defects.append(f"its size is {mesh.size:.3g} m; allowed for a body that joins: {allowed}")
+    if defects:
+        raise SceneError(f"body {name}", defects)
 
 
 def _renamed(region: Any, names: Mapping[str, str]) -> Any:

@@ -20,7 +20,7 @@ from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.form import TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.errors import SceneError
-from gdfe_ros.regular_file import read_text
+from gdfe_ros.regular_file import defect_of, is_file, read_text
 from gdfe_ros.scene.actuation import build_actuators, build_loads, build_masses, build_probes, neutral_commands
 from gdfe_ros.scene.arms import build_arms, joint_starts, require_arms
 from gdfe_ros.scene.builder import assign_materials, build_handles, build_materials, build_program, require_held
@@ -299,9 +299,11 @@ def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path).expanduser()
     if isinstance(name_or_path, str) and path.suffix not in _SUFFIXES and len(path.parts) == 1:
         named = _scenes_dir() / f"{name_or_path}.yaml"
-        path = named if named.is_file() else path
-    if path.is_file():
+        path = named if is_file(named) else path
+    if is_file(path):
         return path
+    if defect := defect_of(path):
+        raise SceneError(f"scene {str(path)[:80]}...", [f"no file can have this path: {defect}"])
     names, files = scene_names(), {file.stem: str(file) for file in path.parent.glob("*.y*ml")}
     word = closest(path.stem, [*files, *names])
     hint = f"did you mean {files.get(word, word)!r}? " if word is not None else ""

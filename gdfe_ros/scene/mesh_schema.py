@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -10,12 +11,16 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
+from gdfe_ros.mesh.contact_skin import is_closed
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mesh import MeshPart
+from gdfe_ros.mesh.mesher_process import expected_cells
 from gdfe_ros.mesh.mirror import mirrored
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
+from gdfe_ros.mesh.shells import shells
+from gdfe_ros.mesh.step_file import step_volume
 from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
-from gdfe_ros.mesh.voxels import CutCubes, read_voxels
+from gdfe_ros.mesh.voxels import CutCubes, examine_surface, read_voxels
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, RingModel, SphereShellModel, TubeModel
 from gdfe_ros.scene.paths import FilePath
@@ -50,6 +55,11 @@ class VoxelsModel(Entry):
         "with the stiffness and mass of the part that is inside",
     )
 
+    @property
+    def count(self) -> float:
+        """Approximate number of cells; raise `MeshError` if the surface cannot be read."""
+        return _volume(self.surface, self.scale) / self.cell**3
+
     def build(self) -> HexMesh:
         """Return the mesh."""
         return read_voxels(self.surface, cell=self.cell, scale=self.scale, cells=self.cells)
@@ -77,6 +87,12 @@ class TetsModel(Choice):
         if self.scale is not None and self.surface is None:
             raise ValueError("scale belongs to `surface`; a STEP file states its unit; remove it here")
         return self
+
+    @property
+    def count(self) -> float:
+        """Approximate number of cells; raise `MeshError` if the file cannot be read."""
+        volume = _volume(self.surface, self.scale) if self.step is None else step_volume(self.step)
+        return expected_cells(volume, self.size)
 
     def build(self) -> TetMesh:
         """Return the mesh."""
@@ -135,6 +151,16 @@ class MeshModel(Choice):
             return (kind, self.tets.chosen[0])
         return (kind, "surface") if kind == "voxels" else (kind,)
 
+    @property
+    def count(self) -> float:
+        """Approximate number of cells of a mesh that is made, not read; 0 if the mesh is in a file or packed.
+
+        Raises:
+            MeshError: the surface or solid that is filled cannot be read.
+        """
+        value = self.chosen[1]
+        return 0 if isinstance(value, (str, Path)) else value.count
+
     def build(self) -> Mesh:
         """Return the mesh.
 
@@ -178,3 +204,11 @@ class PlacedMeshModel(MeshModel):
     def pose(self) -> dict[str, Any]:
         """The keys of this entry that move the mesh after `build`."""
         return {**super().pose, "at": list(self.at), "rotation_deg": list(self.rotation_deg)}
+
+
+def _volume(surface: Path, scale: float | None) -> float:
+    """Return the volume [m^3] in a surface; that of the box around it if it is open."""
+    vertices, triangles, _ = examine_surface(surface, scale=scale, closed=False)
+    if not is_closed(triangles):
+        return float(np.prod(np.ptp(vertices, axis=0)))
+    return shells(vertices, triangles).volume

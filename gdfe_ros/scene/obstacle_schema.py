@@ -25,9 +25,9 @@ from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.rotation import RotationQuantity
 from gdfe_ros.scene.where_schema import WhereModel
 
-_LENGTH = Quantity("length along z", "m", above=0.0, most=1e6)
-_RADIUS = Quantity("radius", "m", above=0.0, most=1e6)
-_SIZE = Quantity("edges [x, y, z]", "m", above=0.0, most=1e6, count=3)
+_LENGTH = Quantity("length along z", "m", least=1e-9, most=1e6)
+_RADIUS = Quantity("radius", "m", least=1e-9, most=1e6)
+_SIZE = Quantity("edges [x, y, z]", "m", least=1e-9, most=1e6, count=3)
 _NORMAL = Quantity("normal of a plane, out of the obstacle [x, y, z]", least=-1e6, most=1e6, count=3)
 _AT = Quantity(
     "initial position [x, y, z] of its centre; for a plane, of any of its points; for a mesh, of the file's origin",
@@ -41,8 +41,8 @@ _ROTATION = RotationQuantity(
     most=36000,
     count=3,
 )
-_DENSITY = Quantity("density", "kg/m^3", above=0.0, most=1e6)
-_MASS = Quantity("mass, instead of the density", "kg", above=0.0, most=1e6)
+_DENSITY = Quantity("density", "kg/m^3", least=1e-9, most=1e6)
+_MASS = Quantity("mass, instead of the density", "kg", least=1e-15, most=1e6)
 _SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
 _CELL = Quantity(
     "spacing of the grid that stores the distances to the surface; default: 1/64 of its longest edge",

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from gdfe_ros.extras import robots_extra
+from gdfe_ros.regular_file import defect_of
 
 INSTALLED = "pip://"
 """Begin of the path of an installed file: ``pip://<package>/<path of the file in the package's RECORD>``."""
@@ -25,16 +26,21 @@ def resolve_path(value: Any, info: ValidationInfo) -> Path:
         info: pydantic's information; its `context` has the `folder` of the scene file, None for a scene given as text.
 
     Raises:
-        PydanticCustomError: the value is no text, a relative path without a folder, or in a package that is missing.
+        PydanticCustomError: the value is no text, a relative path without a folder, in a package that is missing, or
+            one that no file can have.
     """
     folder = (info.context or {}).get("folder")
     if not isinstance(value, str):
         raise PydanticCustomError("path", "allowed is the path of a file, relative to the folder of the scene")
     if value.startswith(INSTALLED):
-        return _installed(*value.removeprefix(INSTALLED).partition("/")[::2])
-    if folder is None and not Path(value).is_absolute():
+        path = _installed(*value.removeprefix(INSTALLED).partition("/")[::2])
+    elif folder is None and not Path(value).is_absolute():
         raise PydanticCustomError("path", "a scene given as text has no folder: give a full path")
-    return Path(folder or "/") / value
+    else:
+        path = Path(folder or "/") / value
+    if defect := defect_of(path):
+        raise PydanticCustomError("path", "no file can have this path: {defect}", {"defect": defect})
+    return path
 
 
 def _installed(package: str, path: str) -> Path:

@@ -8,19 +8,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.errors import OverlapError, SceneError
+from gdfe_ros.mesh.generators import bar
+from gdfe_ros.mesh.packing import pack_mesh
 from gdfe_ros.node.remodelling import take_over
-from gdfe_ros.scene import load_scene, scene_from_text
-from gdfe_ros.scene.entity import read_entity, with_body, without_bodies
+from gdfe_ros.scene import entity, load_scene, scene_from_text
+from gdfe_ros.scene.entity import Entity, read_entity, with_body, without_bodies
 from gdfe_ros.share import share_dir
 from gdfe_ros.simulation import Simulation
 
 GEL = "{law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1070}"
-CUBE = f"{{bar: {{size: [0.03, 0.03, 0.03], cells: [2, 2, 2]}}, material: {GEL}}}"
+BAR = "{bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]}}"
+CUBE = f"{BAR[:-1]}, material: {GEL}}}"
 PLACE, TURN = np.array([0.3, 0.0, 0.2]), Rotation.from_rotvec([0.0, 0.0, 0.5])
+
+
+def _entity(mesh: dict) -> Entity:
+    return read_entity(yaml.safe_dump({**mesh, "material": yaml.safe_load(GEL)}))
 
 
 def _changed(slab: Path, **changes: object) -> str:
@@ -99,6 +107,59 @@ def test_a_soft_body_does_not_join_where_something_is(slab: Path) -> None:
     new = Simulation(with_body(scene, "gel", cube, origin=below, turn=Rotation.identity()))
     with pytest.raises(OverlapError, match=r"soft body 'gel' is .* inside of obstacle"):
         take_over(simulation, new)
+
+
+def test_materials_leave_with_their_body(slab: Path) -> None:
+    """A material that no region names does not join: it would stay, and the same body could not join again."""
+    plain, two = (
+        load_scene(slab),
+        f"{BAR[:-1]}, materials: {{core: {GEL}, skin: {GEL}}}, regions: [{{material: core}}]}}",
+    )
+    for _ in range(2):
+        scene = with_body(plain, "gel", read_entity(two), origin=PLACE, turn=TURN)
+        assert list(scene.materials) == [*plain.materials, "gel_core"]
+        plain = without_bodies(scene, ["gel"])
+
+
+def test_a_packed_body_joins(slab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A body of an embedded mesh joins; its cells are counted after it is unpacked."""
+    scene, packed = load_scene(slab), _entity({"embedded": pack_mesh(bar((0.03, 0.03, 0.03), (2, 2, 2)))})
+    joined = with_body(scene, "gel", packed, origin=PLACE, turn=TURN)
+    assert joined.mesh.parts["gel"].mesh.n_cells == 8
+    monkeypatch.setattr(entity, "MOST_CELLS", 7)
+    with pytest.raises(SceneError, match="its mesh has 8 cells; allowed for a body that joins: 7"):
+        with_body(scene, "gel", packed, origin=PLACE, turn=TURN)
+
+
+@pytest.mark.parametrize("edge", [1e-5, 5.0])
+def test_a_body_of_another_size_does_not_join(slab: Path, edge: float) -> None:
+    """Beside a body of 10 um, steps of the scene's body were wrong by five tolerances; a large one loosens them."""
+    cube = _entity({"bar": {"size": [edge] * 3, "cells": [2, 2, 2]}})
+    with pytest.raises(SceneError, match=r"its size is .* allowed for a body that joins: .*, because the scene's body"):
+        with_body(load_scene(slab), "gel", cube, origin=PLACE, turn=TURN)
+
+
+@pytest.mark.parametrize("mesh", ["voxels: {{surface: {}, cell: 3.0e-4}}", "tets: {{surface: {}, size: 1.0e-3}}"])
+def test_a_filled_surface_of_too_many_cells_is_not_made(tmp_path: Path, mesh: str) -> None:
+    """Cubes and tetrahedra are counted before they are made: 1e6 of them took minutes and gigabytes."""
+    trimesh.creation.box((0.03, 0.03, 0.03)).export(path := tmp_path / "cube.stl")
+    with pytest.raises(SceneError, match=r"its mesh has about .* cells; allowed for a body that joins: 20000"):
+        read_entity(f"{{{mesh.format(path)}, material: {GEL}}}")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("materials: {x: {}}, regions: [{material: x}, {material: soft}]", "'soft'; allowed: its own materials: x"),
+        ("materials: {x: {}}, regions: 5", "regions is 5; allowed: a list"),
+        ("materials: {x: {}}", "regions is None; allowed: a list"),
+        ("material: {}, regions: [{material: soft}]", "it has material and regions"),
+    ],
+)
+def test_a_body_that_joins_has_its_own_materials(text: str, reason: str) -> None:
+    """With a material of the scene it could not leave again, because its leaving took this material along."""
+    with pytest.raises(SceneError, match=reason):
+        read_entity(f"{BAR[:-1]}, {text}}}")
 
 
 @pytest.mark.parametrize(
