@@ -68,8 +68,9 @@ def require_soft_free(scene: Scene, poses: Mapping[str, Pose], positions: Array,
         name: replace(part.mesh, vertices=positions[_vertices(part)]) for name, part in parts_of(scene.mesh).items()
     }
     placed = placed_now(scene.handles, poses, positions)
-    surface = outline(flat_quads(scene.mesh.surface()), scene.mesh.touching, positions[: scene.mesh.n_vertices])
     for name in names:
+        # Of this body only: a rigid body that rests elsewhere may press into another surface.
+        surface = outline(flat_quads(parts[name].surface()), parts[name].touching, parts[name].vertices)
         for one in placed:
             depth = -float(one.seen_from(parts[name].vertices)[0].min())
             if depth > TOUCHING * scene.mesh.parts[name].mesh.size:

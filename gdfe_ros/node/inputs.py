@@ -192,11 +192,7 @@ class Inputs:
     def _take(self, item: Input, topic: str, kind: type, data: bytes) -> None:
         if self.inbox is None:
             raise Refusal(Reason.INACTIVE, "the node is not active; it takes commands after `activate`")
-        require_small(data)
-        try:
-            message = deserialize_message(data, kind)
-        except Exception as error:  # rclpy does not document the exceptions
-            raise Refusal(Reason.MALFORMED, f"the bytes are not a valid {item.spec.type}: {error!r}") from error
+        message = read_message(data, kind)
         order = item.check(message)
         if item.stamped:
             run, values = self._run, self._run.parameters
@@ -216,6 +212,20 @@ class Inputs:
                 pursuit.displace(order)
             self._heard.add(key)
             self.inbox.put(key, order)
+
+
+def read_message(data: bytes, kind: type) -> Any:
+    """Return the message of a class that bytes contain.
+
+    Raises:
+        Refusal: the bytes are too many, or no such message.
+    """
+    require_small(data)
+    try:
+        return deserialize_message(data, kind)
+    except Exception as error:  # rclpy does not document the exceptions
+        text = f"the bytes are not a valid {kind.__module__.partition('.')[0]}/msg/{kind.__name__}: {error!r}"
+        raise Refusal(Reason.MALFORMED, text) from error
 
 
 def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:

@@ -59,10 +59,17 @@ class RefusalLog:
     Args:
         warn: function that receives the text of a warning.
         tell: function that receives the source and the refusal of each refused command at once; None: not called.
+        noun: name of what is refused, in the warnings.
     """
 
-    def __init__(self, warn: Callable[[str], object], tell: Callable[[str, Refusal], object] | None = None) -> None:
-        self._warn, self._tell, self._throttle = warn, tell, Throttle()
+    def __init__(
+        self,
+        warn: Callable[[str], object],
+        tell: Callable[[str, Refusal], object] | None = None,
+        *,
+        noun: str = "command",
+    ) -> None:
+        self._warn, self._tell, self._noun, self._throttle = warn, tell, noun, Throttle()
         self._lock = threading.Lock()
         self._taken = 0
         self._refused: Counter[Reason] = Counter()
@@ -79,7 +86,7 @@ class RefusalLog:
         if self._tell is not None:
             self._tell(source, refusal)
         if (more := self._throttle.due((source, refusal.reason))) is not None:
-            self._warn(f"command on {source} refused: {shorten(str(refusal), LONGEST)}{more}")
+            self._warn(f"{self._noun} on {source} refused: {shorten(str(refusal), LONGEST)}{more}")
 
     def counts(self) -> dict[str, int]:
         """Return the counts for /diagnostics: commands accepted, refused, and refused for each reason so far."""

@@ -24,10 +24,9 @@ from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.twin.comparison import Deviation
+from gdfe_ros.twin.comparison import FRAME, Deviation
 
 _NODE = "gdfe_twin"
-_FRAME = "base_link"
 _POINT, _TEXT = "geometry_msgs/msg/PointStamped", "std_msgs/msg/String"
 _MODULI = "moduli"
 
@@ -102,7 +101,7 @@ class TwinBag:
     def _put(self, role: str, kind: str, values: Values, stamp: float) -> None:
         moment = _nanoseconds(stamp)
         with self._packing:
-            data = self._messages.pack(kind, values, moment, _FRAME)
+            data = self._messages.pack(kind, values, moment, FRAME)
         self._recorder.record(_full(role), data, moment)
 
 

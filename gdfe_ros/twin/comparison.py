@@ -10,9 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+FRAME = "base_link"
+"""Frame of the scene; measured positions are taken as given in it."""
 _KEPT = 600
 """Number of states that are kept, and of measurements that wait for the state of their time."""
-_LATEST = 5.0
+LATEST = 5.0
 """A measurement is dropped if the simulation has no state of its time within this time [s]."""
 
 
@@ -91,8 +93,8 @@ class ProbeComparison:
         """
         found, later = [], []
         for stamp, probe, place in self._waiting:
-            if now - stamp > _LATEST or not self._samples or stamp < self._samples[0].stamp:
-                if now - stamp <= _LATEST:
+            if now - stamp > LATEST or not self._samples or stamp < self._samples[0].stamp:
+                if now - stamp <= LATEST:
                     later.append((stamp, probe, place))
                 continue
             if stamp > self._samples[-1].stamp and not (idle and stamp <= now):

@@ -16,11 +16,14 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.live.view import View
-from gdfe_ros.node.orders import ActuatorOrder
+from gdfe_ros.node.numbers import require_finite
+from gdfe_ros.node.orders import ActuatorOrder, require_near
+from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.node.remodelling import moduli_of
+from gdfe_ros.node.throttle import Throttle
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.spelling import did_you_mean
-from gdfe_ros.twin.comparison import Deviation, ProbeComparison, Sample
+from gdfe_ros.twin.comparison import LATEST, Deviation, ProbeComparison, Sample
 from gdfe_ros.twin.estimator import ModulusEstimator
 
 if TYPE_CHECKING:
@@ -84,6 +87,7 @@ class Twin:
     ) -> None:
         _require(simulation, moduli)
         self._names, self._told, self._warn = tuple(moduli), told, warn
+        self._throttle = Throttle()
         self._noise, self._delay = noise, delay
         self._estimator, self._comparison = ModulusEstimator(len(self._names)), ProbeComparison(dt, window)
         self._lock, self._changed, self._change = threading.Lock(), 0.0, None
@@ -124,10 +128,24 @@ class Twin:
         self.session.command("commands", ActuatorOrder(dict(values)))
 
     def measure(self, stamp: float, probe: str, place: NDArray[np.float64]) -> None:
-        """Add a measured position (3,) [m] of a probe with its stamp [s]; what is not finite is ignored."""
-        if np.isfinite(place).all() and np.isfinite(stamp):
-            with self._lock:
-                self._comparison.measure(stamp - self._delay, probe, place)
+        """Add a measured position (3,) [m] of a probe with its stamp [s].
+
+        Raises:
+            Refusal: a number is not finite, the position is far from the undeformed body, or the stamp is more than
+                `LATEST` before or after the present time. One such position would spoil the moduli for a minute.
+        """
+        scene = self.session.scene
+        require_finite(position=place.tolist())
+        require_near(tuple((place - scene.probes[probe].at(scene.mesh.vertices)[0]).tolist()), scene.mesh.size)
+        late = time.time() - stamp
+        if abs(late) > LATEST:
+            text = (
+                f"its stamp is {abs(late):.6g} s {'before' if late > 0.0 else 'after'} this machine's clock; allowed: "
+            )
+            reason = Reason.STALE if late > 0.0 else Reason.AHEAD
+            raise Refusal(reason, f"{text}{LATEST:g} s; remedy: synchronise the clocks, or leave the stamp 0")
+        with self._lock:
+            self._comparison.measure(stamp - self._delay, probe, place)
 
     def update(self) -> list[Deviation]:
         """Compare the measurements that have come since the last call, and change the moduli if it is time to."""
@@ -165,17 +183,20 @@ class Twin:
         try:
             found = simulation.sensitivities([f"probes.{name}" for name in probes], parameters)
         except GdfeError as error:  # e.g. at a saddle: this state says nothing about the modulus
-            self._warn(f"no derivatives at {simulation.time:.2f} s: {error}")
+            self._warn_seldom("no derivatives", error)
             return None
         scale = np.array([moduli[name] for name in self._names])
         return {name: found.matrix[3 * i : 3 * i + 3] * scale for i, name in enumerate(probes)}
 
     def _adapt(self, now: float) -> None:
         """Give the simulation the estimated moduli, if they differ enough and the last change is done."""
-        if self._change is not None and self._change.done():
-            change, self._change = self._change, None
-            if (error := change.exception()) is not None:
-                self._warn(f"the moduli were not changed: {error}")
+        if self._change is not None and self._change[0].done():
+            (change, step), self._change = self._change, None
+            if (error := change.exception()) is None:
+                with self._lock:
+                    self._estimator.settle(step)
+            else:
+                self._warn_seldom("the moduli were not changed", error)
         if not self._names or self._change is not None or now - self._changed < _PERIOD:
             return
         with self._lock:
@@ -184,9 +205,13 @@ class Twin:
             return
         wanted = {name: young * float(np.exp(d)) for (name, young), d in zip(self.moduli.items(), step, strict=True)}
         with self._lock:
-            self._estimator.settle(step)
             self._comparison.forget()
-        self._changed, self._change = now, self.session.set_moduli(wanted)
+        self._changed, self._change = now, (self.session.set_moduli(wanted), step)
+
+    def _warn_seldom(self, subject: str, error: BaseException) -> None:
+        """Report an error that may come with every step, at most once in five seconds for each subject."""
+        if (more := self._throttle.due(subject)) is not None:
+            self._warn(f"{subject}: {error}{more}")
 
     def _write(self, found: Sequence[Deviation]) -> None:
         if self._bag is not None:

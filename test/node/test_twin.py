@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 import subprocess
 import sys
@@ -24,6 +25,7 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.twin.comparison import ProbeComparison, Sample
 from gdfe_ros.twin.estimator import ModulusEstimator
+from gdfe_ros.twin.remote.robot import Robot
 from gdfe_ros.twin.twin import Twin
 
 ARM = """
@@ -154,3 +156,73 @@ def test_unsuitable_scenes_are_refused() -> None:
     bare = Simulation(scene_from_text(ARM.partition("probes")[0]))
     with pytest.raises(GdfeError, match="has no probes"):
         Twin(bare)
+
+
+def _stamped(at: float, x: float = 0.12, frame: str = "") -> PoseStamped:
+    message = PoseStamped()
+    message.header.frame_id = frame
+    message.header.stamp.sec, message.header.stamp.nanosec = int(at), int(at % 1.0 * 1e9)
+    message.pose.position.x = x
+    return message
+
+
+def test_what_a_robot_sends_wrongly_is_refused_with_its_reason(ros: Any) -> None:
+    """NaN, far places, other clocks, unknown commands and large messages change nothing; each has one warning."""
+    texts: list[str] = []
+    twin = Twin(Simulation(scene_from_text(ARM)), moduli=["soft"], noise=1.0, warn=texts.append)
+    node = ros.node("camera")
+    poses = node.create_publisher(PoseStamped, "/camera/tip", 100)
+    orders = node.create_publisher(JointState, "/robot/orders", 100)
+    robot = Robot(twin, commands="/robot/orders", measured={"tip": "/camera/tip"}, patience=60.0, warn=texts.append)
+    try:
+        twin.start()
+        while not (poses.get_subscription_count() and orders.get_subscription_count() and twin.session.last):
+            time.sleep(0.05)
+        wrong = [_stamped(0.0, x) for x in (math.nan, math.inf, 1e300, 2.0)]
+        for message in (*wrong, *(_stamped(time.time() - late) for late in (-60.0, 60.0, 1e6))):
+            poses.publish(message)
+            time.sleep(0.1)  # the subscription keeps the last five
+        orders.publish(JointState(name=["tendon"], effort=[math.inf]))
+        orders.publish(JointState(name=["jaw"], effort=[1.0]))
+        orders.publish(JointState(name=["tendon" * 200000], effort=[1.0]))
+        end = time.monotonic() + 60.0
+        while twin.compared < 3:
+            assert time.monotonic() < end, texts
+            poses.publish(_stamped(0.0, 0.1201, "camera"))
+            time.sleep(0.1)
+            twin.update()
+    finally:
+        robot.close()
+        twin.stop()
+    assert np.linalg.norm(twin.latest["tip"].measured) == pytest.approx(0.1201)
+    assert twin.moduli["soft"] == pytest.approx(1e5)
+    for reason in (
+        "must be finite",
+        "1e+300 m from rest; allowed: 1.23 m",
+        "after this machine's clock; allowed: 5 s",
+        "before this machine's clock; allowed: 5 s",
+        "tendon: inf is not a finite",
+        "no actuator jaw",
+        "bytes; allowed: up to 1000000",
+        "have the frame 'camera'",
+    ):
+        assert sum(reason in text for text in texts) == 1, (reason, texts)
+
+
+def test_a_modulus_that_was_not_taken_is_not_counted_as_taken(tmp_path: Path) -> None:
+    """While a bag of the page is written, moduli stay; the deviations that ask for another one are not forgotten."""
+    texts: list[str] = []
+    twin = Twin(Simulation(scene_from_text(ARM)), moduli=["soft"], warn=texts.append)
+    twin._estimator.add(0.0, [0.0, 0.0, 0.01], [[0.0], [0.0], [-0.02]], 1e-3)
+    wanted = twin._estimator.correction.copy()
+    twin.start()
+    try:
+        twin.session.record(tmp_path / "bag").result(timeout=60.0)
+        twin.update()
+        twin._change[0].exception(timeout=60.0)
+        twin._changed = math.inf  # no second trial
+        twin.update()
+    finally:
+        twin.stop()
+    assert any("the moduli were not changed: a bag is being written" in text for text in texts)
+    assert twin._estimator.correction == pytest.approx(wanted)

@@ -12,6 +12,7 @@ import trimesh
 import yaml
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import OverlapError, SceneError
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.mesh.packing import pack_mesh
@@ -20,6 +21,7 @@ from gdfe_ros.scene import entity, load_scene, scene_from_text
 from gdfe_ros.scene.entity import Entity, read_entity, with_body, without_bodies
 from gdfe_ros.share import share_dir
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.soft_places import require_soft_free
 
 GEL = "{law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1070}"
 BAR = "{bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]}}"
@@ -107,6 +109,21 @@ def test_a_soft_body_does_not_join_where_something_is(slab: Path) -> None:
     new = Simulation(with_body(scene, "gel", cube, origin=below, turn=Rotation.identity()))
     with pytest.raises(OverlapError, match=r"soft body 'gel' is .* inside of obstacle"):
         take_over(simulation, new)
+
+
+def test_a_soft_body_joins_while_a_rigid_one_is_pressed_into_another_surface(slab: Path) -> None:
+    """Only the new body's place is tested: a part that has sunk into the slab is its contact's matter."""
+    scene = with_body(load_scene(slab), "gel", read_entity(CUBE), origin=PLACE, turn=TURN)
+    part = next(iter(scene.rigid_bodies))
+    simulation = Simulation(scene)
+    positions = simulation.state.positions + simulation.origin
+    poses = dict.fromkeys([each.name for each in scene.handles], Pose())
+    middle = scene.mesh.parts["mesh"].mesh.bounds.mean(axis=0)
+    positions[part.vertices] += middle - positions[part.vertices].mean(axis=0)
+    require_soft_free(scene, poses, positions, ["gel"])
+    positions[part.vertices] += PLACE - middle
+    with pytest.raises(OverlapError, match="part"):
+        require_soft_free(scene, poses, positions, ["gel"])
 
 
 def test_materials_leave_with_their_body(slab: Path) -> None:

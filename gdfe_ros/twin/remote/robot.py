@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from threading import Event, Thread
 from typing import Any
 
@@ -12,15 +13,18 @@ import numpy as np
 import rclpy
 from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.context import Context
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.actuator_orders import ActuatorOrders
 from gdfe_ros.node.eventless import EventlessNode
+from gdfe_ros.node.inputs import read_message
+from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.refusals import Refusal, RefusalLog
+from gdfe_ros.twin.comparison import FRAME
 from gdfe_ros.twin.twin import Twin
 
 _TYPES = {"geometry_msgs/msg/PoseStamped": PoseStamped, "geometry_msgs/msg/PointStamped": PointStamped}
@@ -50,7 +54,8 @@ class Robot:
         warn: Callable[[str], None],
     ) -> None:
         self._twin, scene = twin, twin.session.scene
-        self._refusals = RefusalLog(warn)
+        self._warn, self._refusals = warn, RefusalLog(warn, noun="message")
+        self._framed: set[str] = set()
         joints = [joint for arm in scene.arms for joint in arm.joints]
         self._orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads], joints)
         self._context = Context()
@@ -61,11 +66,9 @@ class Robot:
         except GdfeError:
             self._destroy()
             raise
-        self._node.create_subscription(JointState, commands, self._command, 10)
+        self._listen(commands, JointState, self._command, 10)
         for probe, topic in measured.items():
-            self._node.create_subscription(
-                kinds[probe], topic, lambda message, probe=probe: self._measure(probe, message), qos_profile_sensor_data
-            )
+            self._listen(topic, kinds[probe], partial(self._measure, probe, topic), qos_profile_sensor_data)
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
         self._ending = Event()
@@ -99,13 +102,27 @@ class Robot:
             raise GdfeError(f"topic {name} has the type {kind}; allowed: {', '.join(_TYPES)}")
         return _TYPES[kind]
 
-    def _command(self, message: JointState) -> None:
-        try:
-            self._twin.command(self._orders.from_joint_state(message).values)
-        except Refusal as refusal:
-            self._refusals.refuse("the robot's commands", refusal)
+    def _listen(self, topic: str, kind: type, take: Callable[[Any], None], qos: QoSProfile | int) -> None:
+        """Pass the messages of a topic to ``take``; they come as bytes, so that large ones are refused unread."""
 
-    def _measure(self, probe: str, message: Any) -> None:
-        place, stamp = message.pose.position if hasattr(message, "pose") else message.point, message.header.stamp
-        seconds = stamp.sec + 1e-9 * stamp.nanosec
+        def receive(data: bytes) -> None:
+            try:
+                take(read_message(data, kind))
+            except Refusal as refusal:
+                self._refusals.refuse(topic, refusal)
+
+        self._node.create_subscription(kind, topic, receive, qos, raw=True)
+
+    def _command(self, message: JointState) -> None:
+        self._twin.command(self._orders.from_joint_state(message).values)
+
+    def _measure(self, probe: str, topic: str, message: Any) -> None:
+        place, header = message.pose.position if hasattr(message, "pose") else message.point, message.header
+        if header.frame_id not in ("", FRAME) and topic not in self._framed:
+            self._framed.add(topic)
+            frame = shorten(header.frame_id, 80)
+            self._warn(
+                f"positions on {topic} have the frame {frame!r}; they are taken as given in the scene's, {FRAME!r}"
+            )
+        seconds = header.stamp.sec + 1e-9 * header.stamp.nanosec
         self._twin.measure(seconds or time.time(), probe, np.array([place.x, place.y, place.z]))
