@@ -96,7 +96,9 @@ class Entities:
         """
         known = {each.name: each for each in self.all()}
         if name not in known:
-            raise Refused(ResultCode.NOT_FOUND, f"there is no body {name!r}; bodies: {', '.join(known) or 'none'}")
+            raise Refused(
+                ResultCode.NOT_FOUND, f"there is no body {name[:200]!r}; bodies: {', '.join(known) or 'none'}"
+            )
         return known[name]
 
     def _spawn(self, request: Any, response: Any) -> Future[Any]:

@@ -122,4 +122,5 @@ def _read(uri: str) -> str:
     try:
         return read_text(path, most=LARGEST)
     except (OSError, ValueError) as error:  # no regular file, no text, or no path
-        raise Refused(ResultCode.PARSE_ERROR, f"uri {uri!r} cannot be read as text: {error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise Refused(ResultCode.PARSE_ERROR, f"uri {uri[:200]!r} cannot be read as text: {reason}") from error

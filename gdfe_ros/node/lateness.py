@@ -72,9 +72,10 @@ class Solves:
     def look(self, last: Step | None) -> str | None:
         """Return the text of a warning if the last step did not converge; None if it did, or if it was reported before.
 
-        A step that a deadline ended is continued by the next one, and is not reported.
+        A step that a deadline ended is continued by the next one, and is not reported; nor is a state that was only
+        delivered, e.g. after a body has joined.
         """
-        if last is None or last.record.step == self._known:
+        if last is None or last.first or last.record.step == self._known:
             return None
         self._known = last.record.step
         result = last.result

@@ -24,15 +24,16 @@ _LONGEST_TEXT, _LONGEST_LIST = 4096, 1_000_000
 
 def shorten(text: str, most: int) -> str:
     """Return a text without its middle if it has more than ``most`` characters, and with control characters escaped."""
-    return _escape(_without_middle(text, most))
+    return _escape(without_middle(text, most))
 
 
 def plain_entry(text: object) -> str:
     """Return the text of an entry of the log: lines after the first are indented, so that none looks like an entry."""
-    return "\n    ".join(map(_escape, _without_middle(str(text), _LONGEST_ENTRY).split("\n")))
+    return "\n    ".join(map(_escape, without_middle(str(text), _LONGEST_ENTRY).split("\n")))
 
 
-def _without_middle(text: str, most: int) -> str:
+def without_middle(text: str, most: int) -> str:
+    """Return a text without its middle if it has more than ``most`` characters."""
     if len(text) <= most:
         return text
     half = most // 2

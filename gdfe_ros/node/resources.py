@@ -47,7 +47,7 @@ def files_in(sources: Sequence[str], suffixes: Collection[str]) -> tuple[list[Pa
             each = (path for path in folder.iterdir() if path.suffix.lower() in suffixes and path.is_file())
             found += sorted(islice(each, _MOST_FILES))
         except (OSError, ValueError) as error:  # no folder, not readable, or no path
-            wrong.append(f"{source[:200]!r} ({error})")
+            wrong.append(f"{source[:200]!r} ({getattr(error, 'strerror', None) or error})")
     return found, f"sources that cannot be listed: {', '.join(wrong)}" if wrong else ""
 
 

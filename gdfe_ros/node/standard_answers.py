@@ -8,7 +8,12 @@ from concurrent.futures import Future
 from enum import IntEnum
 from typing import Any
 
+from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.plain_log import without_middle
+
+_LONGEST = 4000
+"""Largest number of characters of a reason in an answer."""
 
 
 class ResultCode(IntEnum):
@@ -58,8 +63,11 @@ def done(response: Any) -> Any:
 
 
 def failed(response: Any, code: int, text: str) -> Any:
-    """Return the response with a code and the reason of a failure."""
-    response.result.result, response.result.error_message = int(code), text
+    """Return the response with a code and the reason of a failure.
+
+    The text may contain parts of the request. A null character in it would end it.
+    """
+    response.result.result, response.result.error_message = int(code), plain_lines(without_middle(text, _LONGEST))
     return response
 
 

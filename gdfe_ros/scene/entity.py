@@ -115,7 +115,7 @@ def _soft(data: Mapping[str, Any], where: str) -> Entity:
         raise SceneError(where, [f"it has {', '.join(map(str, rest))}; allowed for a body that joins: {allowed}"])
     _require_unplaced(mesh, where)
     material, materials = data.get("material"), data.get("materials")
-    if (material is None) == (materials is None) or not isinstance(materials or {}, dict):
+    if (material is None) == (materials is None) or not isinstance({} if materials is None else materials, dict):
         text = "give `material`, its law and parameters, or a mapping `materials` with `regions`"
         raise SceneError(where, [text])
     unfit = [str(name) for name in materials or {} if not NAME.fullmatch(str(name))]

@@ -45,7 +45,7 @@ _POISSON = Quantity(
     remedy="0.5 is incompressible; rubber has about 0.499",
 )
 _YOUNG = Quantity("Young's modulus", "Pa", above=0.0, below=1e13, remedy="in Pa: 1 MPa is 1.0e6")
-_DENSITY = Quantity("density", "kg/m^3", above=0.0, below=1e6)
+_DENSITY = Quantity("density", "kg/m^3", least=1e-9, below=1e6)
 _OMEGA = Quantity("shape factor for the policy relative, instead of the law's own", above=0.0, most=1.0)
 _MU = Quantity("moduli mu_i", "Pa", count=ANY)
 _ALPHA = Quantity("exponents alpha_i", least=-20.0, most=20.0, count=ANY)

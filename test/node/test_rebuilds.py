@@ -16,6 +16,8 @@ from gdfe_ros.testing import NodeProcess
 
 PACKAGES = ("tf2_msgs", "simulation_interfaces", "control_msgs")
 BOX = "{box: {size: [0.02, 0.02, 0.02]}, mass: 0.01}"
+CUBE = """{bar: {size: [0.02, 0.02, 0.02], cells: [2, 2, 2]},
+  material: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}"""
 ALL, OK = 255, 1
 _QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COUNTS = [40, pytest.param(500, marks=pytest.mark.slow)]
@@ -45,17 +47,18 @@ class _Asked:
         self._numbers = count()
 
     def spawn(self) -> str:
-        """Spawn a box high above the scene, and return its name."""
-        name = f"box{next(self._numbers)}"
+        """Spawn a rigid box or, each second time, a soft cube high above the scene, and return its name."""
+        number = next(self._numbers)
+        name = f"body{number}"
         request = self._srv.SpawnEntity.Request(name=name)
-        request.entity_resource.resource_string = BOX
+        request.entity_resource.resource_string = CUBE if number % 2 else BOX
         request.initial_pose.pose.position.z = 0.3
         result = self._client.call(self._srv.SpawnEntity, "spawn_entity", request).result
         assert result.result == OK, result.error_message
         return name
 
     def delete(self, name: str) -> None:
-        """Delete a spawned box."""
+        """Delete a spawned body."""
         result = self._client.call(self._srv.DeleteEntity, "delete_entity", self._srv.DeleteEntity.Request(entity=name))
         assert result.result.result == OK, result.result.error_message
 

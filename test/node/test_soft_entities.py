@@ -14,6 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.testing import NodeProcess
 
 CUBE = """{bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]},
   material: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1070}}"""
@@ -25,10 +26,10 @@ PLACE = (0.3, 0.0, 0.2)
 class _Bodies:
     """A client of the services for entities."""
 
-    def __init__(self, client: Any) -> None:
+    def __init__(self, client: Any, process: NodeProcess) -> None:
         from simulation_interfaces import msg, srv
 
-        self._client, self._srv, self._msg = client, srv, msg
+        self._client, self._srv, self._msg, self.process = client, srv, msg, process
 
     def ask(self, kind: str, service: str, **fields: Any) -> Any:
         request = getattr(self._srv, kind).Request(**fields)
@@ -63,9 +64,9 @@ class _Bodies:
 def bodies(client: Any, interfaces: Callable, start: Callable, slab: Path) -> _Bodies:
     """Give a client of the services of a node with a slab and a rigid part, in lockstep."""
     interfaces("simulation_interfaces")
-    start(scene=str(slab), clock="lockstep", dt=0.005)
+    process = start(scene=str(slab), clock="lockstep", dt=0.005)
     client.wait(client.records)
-    return _Bodies(client)
+    return _Bodies(client, process)
 
 
 def _steps(client: Any, count: int) -> None:
@@ -216,3 +217,38 @@ def test_a_soft_body_that_cannot_join_is_refused(
     assert bodies.names() == ["part"]
     _steps(client, 1)
     assert client.record().converged
+
+
+def test_answers_to_strange_requests_are_short_and_whole(client: Any, bodies: _Bodies) -> None:
+    """Names and URIs of a megabyte are not repeated, a null character does not end a reason, no reason is Python's."""
+    from simulation_interfaces import srv
+
+    long = bodies.ask("GetEntityState", "get_entity_state", entity="g" * 1_000_000).result.error_message
+    assert "bodies: part" in long
+    assert len(long) < 5000
+    for uri in ("x" * 1_000_000 + ".yaml", "file:///a%00b.yaml", "file://[", "//[/x.yaml", "/nowhere.yaml"):
+        for kind, service in (("SpawnEntity", "spawn_entity"), ("LoadWorld", "load_world")):
+            request = getattr(srv, kind).Request(**({"name": "gel"} if kind == "SpawnEntity" else {}))
+            (request.entity_resource if kind == "SpawnEntity" else request.world_resource).uri = uri
+            result = client.call(getattr(srv, kind), service, request).result
+            assert result.result != OK
+            assert len(result.error_message) < 5000
+            reasons = ("no file can", "File name too long", "null byte", "allowed: file", "No such file", "not exist")
+            assert any(reason in result.error_message for reason in reasons), result.error_message
+            assert not any(word in result.error_message for word in ("Error(", "Errno")), result.error_message
+
+
+def test_a_body_that_joins_is_no_step_that_fails(client: Any, bodies: _Bodies) -> None:
+    """The state after a spawn or a deletion says that no step has been made since, and the log warns of nothing."""
+    _steps(client, 3)
+    for change in (lambda: bodies.spawn("gel"), lambda: bodies.ask("DeleteEntity", "delete_entity", entity="gel")):
+        before = client.record().step
+        assert change().result.result == OK
+        client.wait(lambda before=before: client.record().step > before)
+        assert not client.record().converged
+        assert client.record().message == "bodies joined or left, and no step has been made since"
+        told = len(client.received["/diagnostics"])
+        client.wait(lambda told=told: len(client.received["/diagnostics"]) > told + 1)
+        _steps(client, 1)
+        assert client.record().converged
+    assert "did not converge" not in bodies.process.log

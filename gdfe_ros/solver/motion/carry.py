@@ -57,6 +57,9 @@ class Correspondence:
     loose: NDArray[np.intp]
 
 
+CHANGED = "bodies joined or left, and no step has been made since"
+
+
 def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> Snapshot:
     """Return a snapshot that continues a motion in a scene that differs in its rigid bodies and soft bodies only.
 
@@ -88,7 +91,10 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> S
         proved=None,
         anchor=None,
         summary=changed(
-            before.summary, converged=False, reactions=_known(before.summary.reactions, start.summary.reactions)
+            before.summary,
+            converged=False,
+            message=CHANGED,
+            reactions=_known(before.summary.reactions, start.summary.reactions),
         ),
         ledger=changed(before.ledger, failure=None, bound=None),
     )

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fuzzing of bodies that join a scene: any text is refused, or joins, moves and leaves the scene as it was."""
+
+from __future__ import annotations
+
+import copy
+import os
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.errors import ArmError, OverlapError, SceneError
+from gdfe_ros.node.remodelling import take_over
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene.entity import read_entity, with_body, without_bodies
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Simulation
+
+SCENE = """\
+name: small
+mesh: {bar: {size: [0.1, 0.1, 0.03], cells: [2, 2, 1]}}
+materials:
+  soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1.0e3}
+  body_hard: {law: linear, young: 1.0e6, poisson: 0.3, density: 1.0e3}
+regions: [{material: soft}, {material: body_hard, where: {box: {x: [0.05, 0.1]}}}]
+handles: {base: {where: {face: z-}, fixed: true}}
+dynamics: {step: 0.005}
+"""
+GEL = "{law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1.0e3}"
+BODIES = [
+    yaml.safe_load(text)
+    for text in (
+        f"{{bar: {{size: [0.03, 0.03, 0.03], cells: [2, 2, 2]}}, material: {GEL}}}",
+        f"{{name: ball, mesh: {{sphere: {{inner: 0.004, outer: 0.015, cells: [2, 1]}}}}, materials: {{skin: {GEL}, "
+        f"core: {GEL}}}, regions: [{{material: skin}}, {{material: core, where: {{box: {{x: [0, 1]}}}}}}]}}",
+        "{box: {size: [0.03, 0.03, 0.03]}, mass: 0.02, friction: 0.5}",
+        "{sphere: {radius: 0.02}, density: 1000}",
+    )
+]
+pytestmark = pytest.mark.usefixtures("limited")
+EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
+"""Random examples; 0 for a few fixed ones."""
+ODD = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-(10**20), 10**20),
+    st.floats(),
+    st.sampled_from([0, -1, 1e-300, 1e-170, 1e-15, 1e-5, 1e300, "soft", "body_hard", "", "a\0b", "a" * 5000, [], {}]),
+    st.lists(st.floats(), max_size=4),
+)
+
+
+def _places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Return the key path of every entry."""
+    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    return [place for key, value in items for place in ((*path, key), *_places(value, (*path, key)))]
+
+
+CHOICES = [(number, place) for number, body in enumerate(BODIES) for place in _places(body)]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """Return the scene that bodies join."""
+    return scene_from_text(SCENE)
+
+
+@given(st.sampled_from(CHOICES), ODD)
+@example((0, ("bar", "size")), [1e-5, 1e-5, 1e-5])
+@example((0, ("bar",)), {"embedded": "x"})
+@example((0, ("material", "density")), 1e-303)
+@example((1, ("materials",)), False)
+@example((1, ("regions",)), 5)
+@example((1, ("regions", 1, "material")), "body_hard")
+@example((2, ("mass",)), 1e-300)
+@example((3, ("radius",)), 1e-170)
+@settings(
+    max_examples=EXAMPLES or 60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+    derandomize=not EXAMPLES,
+)
+def test_a_body_with_one_odd_value(scene: Scene, choice: tuple[int, tuple[Any, ...]], value: Any) -> None:
+    """It is refused with a reason, or its first step converges to finite places, and it leaves nothing behind."""
+    number, place = choice
+    data = copy.deepcopy(BODIES[number])
+    target = data
+    for key in place[:-1]:
+        target = target[key]
+    target[place[-1]] = value
+    joined, reason = None, ""
+    try:
+        body = read_entity(yaml.safe_dump(data))
+        joined = with_body(scene, "body", body, origin=np.array([0.4, 0.0, 0.2]), turn=Rotation.identity())
+        new = Simulation(joined)
+        take_over(Simulation(scene), new)
+    except (ArmError, OverlapError, SceneError) as error:
+        joined, reason = None, str(error)
+    if joined is None:
+        assert 0 < len(reason) < 20000
+        return
+    result = new.step(dt=0.005)
+    assert np.isfinite(result.positions).all()
+    assert result.converged or result.message
+    assert list(without_bodies(joined, ["body"]).materials) == list(scene.materials)
