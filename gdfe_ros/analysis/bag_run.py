@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,7 @@ class BagRun:
         self._decode = array_decoder(self.reader.topics.values())
         self.roles = _roles(self.reader.topics.values())
         if self.reader.run is None or not self.topics(f"/{RECORD}"):
-            raise RecordingError(f"bag {path} was not recorded by sim_node; it has {sorted(self.reader.topics)}")
+            raise RecordingError(f"bag {path} {_what_it_is(self.reader.topics)}")
 
     @property
     def message_count(self) -> int:
@@ -131,3 +131,13 @@ def _last(items: Iterator[Any]) -> Any:
     if not kept:
         raise RecordingError("the bag holds no message of this topic")
     return kept[0]
+
+
+def _what_it_is(topics: Collection[str]) -> str:
+    """Return what a bag without step records is, and what can read it."""
+    if any(name.startswith("/gdfe_twin/") for name in topics):
+        text = "was recorded by gdfe twin, whose moduli change between steps, so that it has no step records"
+        return f"{text}; remedy: Foxglove, PlotJuggler or `gdfe fit SCENE BAG --match FILE` read its topics"
+    shown = [name[:80] for name in sorted(topics)[:8]] + [f"{len(topics) - 8} more"] * (len(topics) > 8)
+    remedy = "remedy: a bag of sim_node, gdfe demo or gdfe live; `gdfe fit` reads bags of other recorders"
+    return f"was not recorded by sim_node; its topics: {', '.join(shown) or 'none'}; {remedy}"

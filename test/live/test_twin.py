@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from benchmarks.live.viewer import Viewer, vertices_in
+from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.cli import main
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.live.page import Page
@@ -142,6 +143,8 @@ def test_table_and_bag_have_every_comparison(twin: Callable[..., Twin], tmp_path
     }
     for row, measured, compared in zip(rows, points["measured"], points["compared"], strict=True):
         assert [measured.x, compared.z] == pytest.approx([float(row["measured x [m]"]), float(row["simulated z [m]"])])
+    with pytest.raises(RecordingError, match="was recorded by gdfe twin, whose moduli change"):
+        BagRun(tmp_path / "twin.mcap")
     moduli = [json.loads(decode(each.type, each.data).data) for each in messages if each.topic == "/gdfe_twin/moduli"]
     assert [f"{each['soft']:.6g}" for each in (moduli[0], moduli[-1])] == [rows[0]["soft [Pa]"], rows[-1]["soft [Pa]"]]
 
