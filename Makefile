@@ -122,7 +122,8 @@ torture: $(ALL) $(VENV)/.extra-test
 # Then hostile scenes, bags, commands, messages, viewers and files; 500 rebuilds and 200 cycles of large scenes. With
 # JOBS=1 on a machine with a load of 8: 10, 12 and 34 minutes.
 HOSTILE := test/torture/test_fuzz_scenes.py test/torture/test_fuzz_bags.py test/torture/test_fuzz_commands.py \
-  test/torture/test_fuzz_bodies.py test/torture/test_fuzz_files.py test/node/test_fuzz_messages.py test/node/test_rebuilds.py test/live/test_gate.py \
+  test/torture/test_fuzz_files.py test/torture/test_fuzz_bodies.py test/node/test_fuzz_messages.py \
+  test/node/test_rebuilds.py test/node/test_soft_entities.py test/node/test_twin.py test/live/test_gate.py \
   test/analysis/test_hostile_bags.py
 manners: $(ALL) $(VENV)/.extra-test
 	@ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST $(BIN)/python test/manners
