@@ -172,3 +172,11 @@ def test_names_in_files_may_be_impossible(tmp_path: Path) -> None:
     for uri in ("package://[a/a.stl", "file://[a"):
         with pytest.raises(ArmError, match="this is no URI"):
             find_mesh(uri, folder=tmp_path, packages={})
+
+
+@pytest.mark.parametrize("package", ["evil; rm -rf x", "..", "", "a b", 300 * "a", "$(x)", "--index-url"])
+def test_no_scene_puts_a_command_into_a_remedy(package: str) -> None:
+    """The name of a package, which a remedy repeats after `pip install`, has only letters, digits, '.', '_' and '-'."""
+    with pytest.raises(SceneError, match="allowed: the name of a Python package") as error:
+        scene_from_text(f"arm: {{urdf: 'pip://{package}/a.urdf'}}")
+    assert "pip install" not in str(error.value)

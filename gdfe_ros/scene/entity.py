@@ -160,7 +160,7 @@ def _require_few_cells(mesh: Mapping[str, Any], where: str) -> None:
     except (ValidationError, MeshError):
         return  # loading the scene with this entry names the defects
     if count > MOST_CELLS:
-        raise SceneError(where, [f"its mesh has about {count:.6g} cells; allowed for a body that joins: {MOST_CELLS}"])
+        raise SceneError(where, [f"its mesh has about {count:.0f} cells; allowed for a body that joins: {MOST_CELLS}"])
 
 
 def with_body(scene: Scene, name: str, entity: Entity, *, origin: NDArray[np.float64], turn: Rotation) -> Scene:

@@ -16,6 +16,7 @@ from gdfe_ros.regular_file import defect_of
 
 INSTALLED = "pip://"
 """Begin of the path of an installed file: ``pip://<package>/<path of the file in the package's RECORD>``."""
+_PACKAGE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
 def resolve_path(value: Any, info: ValidationInfo) -> Path:
@@ -45,11 +46,17 @@ def resolve_path(value: Any, info: ValidationInfo) -> Path:
 
 def _installed(package: str, path: str) -> Path:
     """Return the path of a file of an installed package."""
+    if not _PACKAGE.fullmatch(package):  # its name is a part of a command that the user may paste
+        text = (
+            "'pip://' is followed by {package}; allowed: the name of a Python package, and / with the path of its file"
+        )
+        raise PydanticCustomError("package", text, {"package": repr(package[:80])})
     try:
         return Path(distribution(package).locate_file(path))
     except (PackageNotFoundError, ValueError) as error:
         extra = robots_extra(package)
-        remedy = f"pip install {package}" if extra is None else f"pip install 'gdfe_ros[{extra}]'"
+        own = f"pip install {package}, if you know and trust this package"
+        remedy = own if extra is None else f"pip install 'gdfe_ros[{extra}]'"
         text = "the package '{package}' is not installed; remedy: {remedy}"
         raise PydanticCustomError("package", text, {"package": package, "remedy": remedy}) from error
 
