@@ -47,6 +47,12 @@ MADE = [
     "finger_edu_description/robots/finger_edu.urdf",
     "double_pendulum_description/urdf/double_pendulum_continuous.urdf",
 ]
+AIRO = [
+    "arms/ur3e/ur3e",
+    "arms/ur5e/ur5e",
+    "grippers/robotiq_2f_85/urdf/robotiq_2f_85",
+]
+"""Files of airo-models, which are the makers' own."""
 
 
 @pytest.mark.parametrize("robot", MADE)
@@ -55,9 +61,36 @@ def test_kinematics_and_torques_are_pinocchios(robot: str) -> None:
     _compare(ROBOTS / robot)
 
 
-def test_kinematics_of_a_ur5e_are_pinocchios() -> None:
-    """The same for the UR5e of airo-models, whose prefix `drake` is not declared; ROS' own parser reads it, too."""
-    _compare(Path(distribution("airo-models").locate_file("airo_models/arms/ur5e/ur5e.urdf")))
+@pytest.mark.parametrize("robot", AIRO)
+def test_kinematics_of_arms_and_grippers_of_airo_are_pinocchios(robot: str) -> None:
+    """The same for the files of airo-models, whose prefix `drake` is not declared; ROS' own parser reads them, too."""
+    _compare(_of_airo(robot))
+
+
+@pytest.mark.parametrize("robot", ["ur3e", "ur5e"])
+def test_lengths_of_written_arms_are_the_makers(robot: str, tmp_path: Path) -> None:
+    """Each joint of the written file is where the maker's own file has it."""
+    made, given = (
+        LinkDynamics(parse_urdf(path.read_text(), velocity=1.0), LinkFrame(np.zeros(3), np.eye(3)))
+        for path in (write_arm(robot, tmp_path), _of_airo(f"arms/{robot}/{robot}"))
+    )
+    q = np.random.default_rng(1).uniform(-3.0, 3.0, 6)
+    ours, theirs = made.frames(q), given.frames(q)
+    links = [f"link_{number}" for number in range(2, 8)]
+    names = ["shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"]
+    for own, name in zip(links, names, strict=True):
+        np.testing.assert_allclose(ours[own].origin, theirs[name].origin, atol=1e-9)
+        np.testing.assert_allclose(ours[own].axes, theirs[name].axes, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("robot", "flange", "joints"), [("arms/ur3e/ur3e", "tool0", 6), (AIRO[2], "left_inner_finger_pad", 1)]
+)
+def test_an_arm_of_airo_carries_a_body(robot: str, flange: str, joints: int, tmp_path: Path) -> None:
+    """The makers' UR3e and 2F-85 load unchanged, with all their meshes."""
+    arm = load_scene(write_scene(tmp_path, _of_airo(robot), flange)).arms[0]
+    assert len(arm.joints) == joints
+    assert not [text for text in arm.remarks if "left out" in text]
 
 
 def test_kinematics_of_an_iiwa_are_pinocchios() -> None:
@@ -85,6 +118,10 @@ def test_a_written_arm_carries_a_body(robot: str, tmp_path: Path) -> None:
     arm = load_scene(write_scene(tmp_path, path, flange if robot != "2f85" else "left_finger_tip", more)).arms[0]
     assert len(arm.joints) == (1 if robot == "2f85" else 7 if robot in ("fr3", "gen3", "iiwa") else 6)
     assert any("left out of pictures" in text for text in arm.remarks) is (robot != "iiwa")
+
+
+def _of_airo(robot: str) -> Path:
+    return Path(distribution("airo-models").locate_file(f"airo_models/{robot}.urdf"))
 
 
 def _compare(path: Path) -> None:
