@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A silicone beam: sag, frequency and damping as recorded, as simulated, and according to linear beam theory."""
+"""A silicone beam: sag, frequency and damping as recorded and as simulated."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.signal import find_peaks
 
 from gdfe_ros.scene import load_scene
@@ -34,10 +33,6 @@ LASTS = 2.2
 """Duration of each recording and of each simulation [s]."""
 TARGETS = (0.05, 0.03, 0.20)
 """Goals of the comparison: largest relative differences of sag, frequency and damping ratio."""
-LENGTH, SIDE, DENSITY, POISSON, GRAVITY = 0.10, 0.03, 1070.0, 0.49, 9.81
-SHEAR_AREA = 5.0 / 6.0
-"""Shear area of a rectangle, divided by its area."""
-
 Curve = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Times [s] and heights [mm]."""
 
@@ -93,59 +88,7 @@ def measure_beam() -> dict[str, Any]:
             rows.append({"damping": name, "load": load, **found})
             if name == SHOWN:
                 shown[f"{load}"] = [[round(float(value), 4) for value in values] for values in curve]
-    return {"rows": rows, "swings": shown, "theory": beam_theory()}
-
-
-def beam_theory() -> list[dict[str, float]]:
-    """Return recorded and theoretical sag [mm] and frequency [Hz]; the modulus is fitted to the sag without load.
-
-    Two hypotheses can explain the recorded sag with a load. ``lever`` [m] is the distance beyond the end of the beam at
-    which the load would have to hang. ``softer`` is the factor by which the modulus would have to be multiplied.
-    ``frequency_lever`` and ``frequency_softer`` are the theoretical frequencies under these hypotheses.
-    """
-    recorded = {load: swings(*measured_beam(load))[:2] for load in LOADS}
-    young = brentq(lambda value: 1e3 * deflection(value, 0.0)[0][-1] - recorded[0][0], 1e4, 1e7)
-    rows = []
-    for load, (sag, frequency) in recorded.items():
-        mass = 1e-3 * load
-        row = {"load": load, "young": young, "sag": sag, "frequency": frequency}
-        row |= {"sag_theory": 1e3 * deflection(young, mass)[0][-1], "frequency_theory": first_frequency(young, mass)}
-        if load:
-            lever = brentq(lambda e: 1e3 * deflection(young, mass, e)[0][-1] - sag, -0.05, 0.05)  # noqa: B023
-            left = brentq(lambda share: 1e3 * deflection(share * young, mass)[0][-1] - sag, 0.1, 10.0)  # noqa: B023
-            row |= {"lever": lever, "frequency_lever": first_frequency(young, mass, lever)}
-            row |= {"softer": left, "frequency_softer": first_frequency(left * young, mass)}
-        rows.append({name: float(value) for name, value in row.items()})
-    return rows
-
-
-def deflection(young: float, mass: float, lever: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return sag [m] and slope along a Timoshenko beam under its own weight and that of a mass, (1001,) each.
-
-    Args:
-        young: Young's modulus [Pa].
-        mass: mass at the end [kg].
-        lever: distance of the mass beyond the end [m].
-    """
-    x, area = np.linspace(0.0, LENGTH, 1001), SIDE * SIDE
-    bend, shear = young * SIDE**4 / 12.0, SHEAR_AREA * area * young / (2.0 * (1.0 + POISSON))
-    weight, load = DENSITY * area * GRAVITY, mass * GRAVITY
-    sag = weight * x**2 * (6.0 * LENGTH**2 - 4.0 * LENGTH * x + x**2) / (24.0 * bend)
-    sag += load * x**2 * (3.0 * LENGTH - x + 3.0 * lever) / (6.0 * bend)
-    sag += (weight * (LENGTH * x - 0.5 * x**2) + load * x) / shear
-    slope = weight * (3.0 * LENGTH**2 * x - 3.0 * LENGTH * x**2 + x**3) / (6.0 * bend)
-    slope += load * (LENGTH * x - 0.5 * x**2 + lever * x) / bend
-    return sag, slope
-
-
-def first_frequency(young: float, mass: float, lever: float = 0.0) -> float:
-    """Return the first frequency [Hz] of the beam of `deflection`, by Rayleigh's quotient of its sag."""
-    sag, slope = deflection(young, mass, lever)
-    end, line = sag[-1] + lever * slope[-1], DENSITY * SIDE * SIDE * LENGTH / (len(sag) - 1)
-    inner = np.ones(len(sag))
-    inner[[0, -1]] = 0.5
-    work = line * (inner @ sag) + mass * end
-    return float(np.sqrt(GRAVITY * work / (line * (inner @ sag**2) + mass * end**2)) / (2.0 * np.pi))
+    return {"rows": rows, "swings": shown}
 
 
 def draw_swings(path: Path, shown: Mapping[str, Sequence[Sequence[float]]]) -> None:

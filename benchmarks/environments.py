@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from benchmarks.markdown import markdown_table
 from benchmarks.peers.peer import worker_environment
 from benchmarks.replay import figures, summed
-from benchmarks.report import options, write_report
+from benchmarks.report import run_script
 from gdfe_ros.scene import load_scene
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.testing import make_env, make_vector_env
@@ -190,15 +190,6 @@ def _step(env: SoftRobotEnv) -> StepResult:
     return env.simulation.result
 
 
-def _times(step: Callable[[], object], steps: int, longest: float = math.inf) -> list[float]:
-    """Return the times [s] of ``steps`` steps after one step to warm up; no step begins after ``longest`` [s]."""
-    step()
-    times: list[float] = []
-    while len(times) < steps and sum(times) < longest:
-        times.append(_seconds(step))
-    return times
-
-
 def _seconds(work: Callable[[], object]) -> float:
     begun = perf_counter()
     work()
@@ -214,16 +205,15 @@ def probe() -> dict[str, float]:
     return summed(found)
 
 
-def main() -> None:
-    """Run the measurement, write the report and print the table."""
-    given = options("benchmarks.environments", "Environments of Gymnasium.", "environments").parse_args()
-    report = [measure(scene) for scene in SCENES]
-    write_report(given.out, report, probe())
-    print(environment_table(report))
-
-
 if __name__ == "__main__":
     if len(sys.argv) == 4 and not sys.argv[1].startswith("-"):
         print(json.dumps(run_way(sys.argv[1], Way(sys.argv[2]), int(sys.argv[3]))))
     else:
-        main()
+        run_script(
+            "benchmarks.environments",
+            "Environments of Gymnasium.",
+            "environments",
+            measure=lambda: [measure(scene) for scene in SCENES],
+            tables=environment_table,
+            probe=probe,
+        )

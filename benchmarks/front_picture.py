@@ -16,13 +16,12 @@ COLOURS = {Solver.GDFE: "#1b6ca8", Solver.FELUPE: "#d1495b", Solver.CALCULIX: "#
 
 
 def draw_front(path: Path, results: Sequence[PeerResult]) -> None:
-    """Draw solve time against mean nodal error of every cold single-thread run; a line is the front of a solver."""
-    cold = [result for result in results if result.settings["threads"] == 1]
+    """Draw solve time against mean nodal error of every cold run; a line is the front of a solver."""
     figure = Figure(figsize=(11.0, 6.4), dpi=150, layout="constrained")
     axes = figure.subplots(2, 2).ravel()
     for axis, name in zip(axes, CaseName, strict=True):
         for solver in Solver:
-            here = [item for item in cold if item.solver is solver and item.scene == name.value]
+            here = [item for item in results if item.solver is solver and item.scene == name.value]
             here = [item for item in here if not item.mesh.endswith("relative")]
             if not here:
                 continue

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion: error against time on `drop` with several solvers, long runs, a measured beam, speed of robots.
+"""Motion: error against time on `drop` with several solvers, a measured beam, speed of robots.
 
 ``make bench-motion`` writes a report and two pictures into runs/bench, and prints the tables of docs/theory/motion.md.
 """
@@ -19,7 +19,7 @@ from benchmarks.drop import OURS, drop_settings, front, measure_ours, measure_pe
 from benchmarks.markdown import markdown_table
 from benchmarks.replay import STEPS as REPLAYED
 from benchmarks.replay import figures, first_steps, summed
-from benchmarks.report import options, write_report
+from benchmarks.report import run_script
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
@@ -37,49 +37,7 @@ FINE = 4
 """Number of cells across a bar from which a mesh is too fine for the probe."""
 LASTS = 0.5
 """Simulated time of each robot [s]."""
-LONG, LONG_STEP = 10.0, 0.005
-"""Simulated time and time step of the long run of `drop` [s]."""
-TURNS, SPIN, SPIN_STEP = 100, 20.0, 0.002
-"""A free spinning body: number of revolutions, angular velocity [rad/s], and time step [s]."""
-SPINNING = {
-    "mesh.bar": {"size": [0.10, 0.02, 0.02], "cells": [5, 1, 1]},
-    "materials.rubber.young": 1e6,
-    "handles": {},
-    "loads": {},
-    "program": None,
-    "probes": {},
-    "dynamics": {"scheme": "newmark", "step": SPIN_STEP, "spin": [0.0, 0.0, SPIN]},
-}
 COLOURS = {"gdfe_ros": "#1b6ca8", "MuJoCo": "#edae49", "CalculiX": "#66a182"}
-
-
-def measure_energy() -> dict[str, float]:
-    """Return the largest change of the total energy of `drop` with `newmark`, divided by the largest kinetic energy."""
-    simulation = Simulation(load_scene("drop", overrides={"dynamics.scheme": "newmark", "dynamics.step": LONG_STEP}))
-    total, kinetic = [], []
-    while simulation.time < LONG - 1e-9:
-        energy = simulation.step().energies
-        total.append(energy["kinetic"] + energy["elastic"] + energy["potential"])
-        kinetic.append(energy["kinetic"])
-    return {"seconds": LONG, "step": LONG_STEP, "strays": float(np.abs(total).max() / max(kinetic))}
-
-
-def measure_spin() -> dict[str, float]:
-    """Return the largest changes of angular momentum (relative) and linear momentum / (mass * rim speed) in a spin."""
-    simulation = Simulation(load_scene("drop", overrides=SPINNING))
-    mass, rest = simulation.stepper.mass, simulation.mesh.vertices
-    centre, weights = rest.mean(axis=0), np.asarray(mass.sum(axis=0)).ravel()
-    start = np.cross(rest - centre, mass @ np.cross([0.0, 0.0, SPIN], rest - centre)).sum(axis=0)
-    angular = linear = 0.0
-    while simulation.time < TURNS * 2.0 * np.pi / SPIN:
-        result = simulation.step()
-        momentum = mass @ result.velocities
-        away = result.positions - weights @ result.positions / weights.sum()
-        angular = max(angular, float(np.linalg.norm(np.cross(away, momentum).sum(axis=0) - start)))
-        linear = max(linear, float(np.linalg.norm(momentum.sum(axis=0))))
-    rim = weights.sum() * SPIN * 0.5 * simulation.mesh.size
-    scaled = {"angular": angular / float(np.linalg.norm(start)), "linear": linear / float(rim)}
-    return {"turns": TURNS, "step": SPIN_STEP, "per_turn": 2.0 * np.pi / SPIN / SPIN_STEP, **scaled}
 
 
 def measure_robot(name: str, step: float) -> dict[str, Any]:
@@ -120,25 +78,9 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     missing = "".join(f"\n\nNot measured: {text}." for text in report["missing"])
     return {
         "drop": markdown_table(heads, drops) + missing,
-        "long": _long_table(report["long"]),
         "beam": _beam_table(report["beam"]["rows"]),
-        "beam_theory": _theory_table(report["beam"]["theory"]),
         "moving": f"{markdown_table(('robot', *(f'h = {1e3 * step:g} ms' for step in STEPS)), robots)}\n\n{said}",
     }
-
-
-def _long_table(report: Mapping[str, Any]) -> str:
-    energy, spin = report["energy"], report["spin"]
-    step = f"{1e3 * energy['step']:g} ms"
-    turn = f"{1e3 * spin['step']:g} ms, {spin['per_turn']:.0f} a turn"
-    turns = f"a free body, {spin['turns']} turns"
-    rows = [
-        (f"`drop`, {energy['seconds']:g} s", step, "total energy over the largest kinetic",
-         f"{100 * energy['strays']:.2g} %", "0.5 %"),
-        (turns, turn, "angular momentum", f"{100 * spin['angular']:.2g} %", "0.1 %"),
-        (turns, turn, "linear momentum, over that of its rim", f"{spin['linear']:.1g}", "rounding"),
-    ]  # fmt: skip
-    return markdown_table(("run", "h", "conserved quantity", "largest deviation", "goal"), rows)
 
 
 def _beam_table(rows: list[dict[str, Any]]) -> str:
@@ -149,26 +91,6 @@ def _beam_table(rows: list[dict[str, Any]]) -> str:
     ]  # fmt: skip
     aimed = ["goal", "", *(f"±{100 * target:.0f} %" for target in TARGETS)]
     return markdown_table(("damping", "load", "sag [mm]", "frequency [Hz]", "damping ratio"), [*cells, aimed])
-
-
-def _theory_table(rows: list[dict[str, float]]) -> str:
-    def beside(row: Mapping[str, float], value: str, real: str) -> str:
-        return f"{row[value]:.3g} ({100 * (row[value] / row[real] - 1):+.1f} %)"
-
-    cells = []
-    for row in rows:
-        lever = softer = ""
-        if row["load"]:
-            lever = f"{1e3 * row['lever']:.1f} mm: {beside(row, 'frequency_lever', 'frequency')}"
-            softer = f"{100 * row['softer'] - 100:+.0f} %: {beside(row, 'frequency_softer', 'frequency')}"
-        sag = [f"{row['sag']:.3g}", beside(row, "sag_theory", "sag")]
-        frequency = [f"{row['frequency']:.3g}", beside(row, "frequency_theory", "frequency")]
-        cells.append([f"{row['load']:.0f} g", *sag, *frequency, lever, softer])
-    heads = (
-        "load", "sag [mm]", "sag by theory [mm]", "frequency [Hz]", "frequency by theory [Hz]", "with a lever",
-        "with a softer beam",
-    )  # fmt: skip
-    return markdown_table(heads, cells)
 
 
 def draw_front(path: Path, rows: list[dict[str, Any]]) -> None:
@@ -190,6 +112,23 @@ def draw_front(path: Path, rows: list[dict[str, Any]]) -> None:
     figure.savefig(path)
 
 
+def draw(folder: Path, report: Mapping[str, Any]) -> None:
+    """Draw the two pictures of a report into a folder."""
+    draw_front(folder / "motion_front.png", report["drop"])
+    draw_swings(folder / "beam.png", report["beam"]["swings"])
+
+
+def measure() -> dict[str, Any]:
+    """Return the data of all tables."""
+    peers, missing = measure_peers()
+    return {
+        "drop": [measure_ours(*row) for row in OURS] + peers,
+        "missing": missing,
+        "beam": measure_beam(),
+        "robots": [measure_robot(name, step) for name in ROBOTS for step in STEPS],
+    }
+
+
 def probe() -> dict[str, float]:
     """Return the figures of the first steps of `drop` on the coarser meshes, of the loaded beam, and of every robot."""
     found: dict[str, float] = {}
@@ -205,26 +144,13 @@ def probe() -> dict[str, float]:
     return summed(found)
 
 
-def main() -> None:
-    """Run the measurement, write report and pictures, and print the tables."""
-    parser = options("benchmarks.motion", "Motion: error against time, long runs, a measured beam, robots.", "motion")
-    parser.add_argument("--quick", action="store_true", help="coarse meshes, no peers, one step of each robot")
-    given = parser.parse_args()
-    peers, missing = ([], ["peers"]) if given.quick else measure_peers()
-    runs, steps = ([row for row in OURS if row[0][1] < FINE], STEPS[-1:]) if given.quick else (OURS, STEPS)
-    report = {
-        "drop": [measure_ours(*row) for row in runs] + peers,
-        "missing": missing,
-        "long": {"energy": measure_energy(), "spin": measure_spin()},
-        "beam": measure_beam(),
-        "robots": [measure_robot(name, step) for name in ROBOTS for step in steps],
-    }
-    write_report(given.out, report, probe())
-    pictures = given.pictures or given.out.parent
-    draw_front(pictures / "motion_front.png", report["drop"])
-    draw_swings(pictures / "beam.png", report["beam"]["swings"])
-    print("\n\n".join(all_tables(report).values()))
-
-
 if __name__ == "__main__":
-    main()
+    run_script(
+        "benchmarks.motion",
+        "Motion: error against time, a measured beam, robots.",
+        "motion",
+        measure=measure,
+        tables=all_tables,
+        probe=probe,
+        draw=draw,
+    )

@@ -53,7 +53,7 @@ def measure(table: Table, *, beat: Callable[[], None] = lambda: None) -> str | N
     """
     LOGS.mkdir(parents=True, exist_ok=True)
     log = LOGS / f"{table.name}.log"
-    command = [sys.executable, "-m", table.module, *table.arguments, "--out", str(table.file), "--pictures"]
+    command = [sys.executable, "-m", table.module, "--out", str(table.file), "--pictures"]
     environment = {**os.environ, "PYTHONPATH": _path()} if table.ros else worker_environment(1)
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     before = table.file.stat().st_mtime_ns if table.file.is_file() else 0

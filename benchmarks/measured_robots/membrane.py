@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from benchmarks.markdown import markdown_table
 from benchmarks.measured_robots import ROBOTS
 from benchmarks.measured_robots.membrane_body import Design, lift
-from benchmarks.report import options, write_report
+from benchmarks.report import run_script
 
 Array = NDArray[np.float64]
 MEASURED = ROBOTS / "membrane_lift.csv"
@@ -27,7 +27,6 @@ GOAL = 0.06
 SPREAD = 0.06
 """Heights are left out if the recorded pressures spread by more than this from the tenth to the ninetieth percentile:
 there the cap sets down, or the membrane runs away."""
-PICTURE = "measured_membrane.png"
 
 
 def recorded(path: Path = MEASURED) -> Iterator[tuple[Design, float, Array, Array, Array]]:
@@ -94,7 +93,7 @@ def _row(row: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def draw_membranes(path: Path, report: list[Mapping[str, Any]]) -> None:
+def draw_membranes(folder: Path, report: list[Mapping[str, Any]]) -> None:
     """Draw recorded and predicted pressures against the height, a diagram for each design."""
     keys = sorted({_key(row) for row in report})
     figure = Figure(figsize=(10.0, 2.4 * -(-len(keys) // 2)), dpi=100, layout="constrained")
@@ -113,7 +112,7 @@ def draw_membranes(path: Path, report: list[Mapping[str, Any]]) -> None:
         axis.set_axis_off()
     figure.supxlabel("height of the cap [mm]", fontsize=9)
     figure.supylabel("pressure [kPa]; points: recorded, lines: predicted", fontsize=9)
-    figure.savefig(path)
+    figure.savefig(folder / "measured_membrane.png")
 
 
 def probe() -> dict[str, float]:
@@ -121,19 +120,6 @@ def probe() -> dict[str, float]:
     design = next(item for item in recorded() if not item[0].rings)[0]
     pressures = lift(design, 39.24, [0.010, 0.020])
     return {"pressure at 10 mm [Pa]": float(pressures[0]), "pressure at 20 mm [Pa]": float(pressures[1])}
-
-
-def main() -> None:
-    """Predict every recording, write the report and the picture, and print the table."""
-    parser = options("benchmarks.measured_robots.membrane", "A membrane that lifts a weight.", "measured_membrane")
-    parser.add_argument("--data", type=Path, default=MEASURED, help="recordings; default: those of the page")
-    given = parser.parse_args()
-    report = measure_membranes(given.data)
-    write_report(given.out, report, probe())
-    pictures = given.pictures or given.out.parent
-    pictures.mkdir(parents=True, exist_ok=True)
-    draw_membranes(pictures / PICTURE, report)
-    print(membrane_table(report))
 
 
 def _key(row: Mapping[str, Any]) -> str:
@@ -146,4 +132,13 @@ def _plain(values: Array) -> list[float | None]:
 
 
 if __name__ == "__main__":
-    main()
+    run_script(
+        "benchmarks.measured_robots.membrane",
+        "A membrane that lifts a weight.",
+        "measured_membrane",
+        measure=measure_membranes,
+        tables=membrane_table,
+        probe=probe,
+        draw=draw_membranes,
+        data=MEASURED,
+    )

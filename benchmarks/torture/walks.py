@@ -203,16 +203,7 @@ def _compare(new: Walker, old: Walker, points: list[NDArray[np.float64]]) -> tup
 
 def _run(track: Track, steps: int) -> Finding:
     found = walk(track, steps)
-    figures = {
-        "steps": steps,
-        "drift": found.drift,
-        "memory_mb": found.growth / 1e6,
-        "first_ms": 1e3 * found.first,
-        "last_ms": 1e3 * found.final,
-        "first_iterations": found.iterations[0],
-        "last_iterations": found.iterations[1],
-    }
-    return Finding((found.last,), found.drift, flaws=tuple(found.flaws()), figures=figures)
+    return Finding((found.last,), found.drift, flaws=tuple(found.flaws()))
 
 
 def cases(steps: int = STEPS) -> list[Case]:
