@@ -129,7 +129,7 @@ manners: $(ALL) $(VENV)/.extra-test
 bench-node: install
 	@$(BIN)/python -m benchmarks.node.latency
 
-# Error against processor time on a bar that falls, a measured beam, robots beside real time;
+# Error against processor time on a bar that falls, a measured beam;
 # beside MuJoCo (the extra 'bench') and CalculiX (apt-get install calculix-ccx) where they are installed.
 bench-motion: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.motion

@@ -57,7 +57,6 @@ EXTRAS = {
         "tensortrax>=0.29",
         "pypardiso>=0.4.7",
         "mujoco>=4.0",
-        "cholespy>=2.0",
     ],
     "docs": ["mkdocs>=1.6", "latex2mathml>=3.77"],
     "test": [

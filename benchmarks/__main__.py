@@ -9,7 +9,7 @@ from rich.console import Console
 
 from benchmarks.cases import CaseName, get_case
 from benchmarks.cold import Job, jobs, missing, run_jobs
-from benchmarks.front_picture import draw_front
+from benchmarks.front_picture import draw_fronts
 from benchmarks.peers import gdfe_peer
 from benchmarks.peers.peer import PeerError, PeerResult
 from benchmarks.references import load_reference, measure_error
@@ -45,7 +45,7 @@ def main() -> int:
     }
     write_report(arguments.out, report, probe())
     picture = (arguments.pictures or arguments.out.parent) / "front.png"
-    draw_front(picture, results)
+    draw_fronts(picture, results)
     for name, text in all_tables(report).items():
         console.print(f"\n{name}\n", style="bold")
         print(text)

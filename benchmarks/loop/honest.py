@@ -155,7 +155,7 @@ def make_tube_row() -> Row:
 def make_body_row() -> Row:
     """Return the row of all thin bodies together; processor time of their steps, and of the whole row."""
     targets = Target("whole over before", FASTER), *STABLE
-    return _make_row("24 thin bodies", list(bodies.make_thin_bodies().values()), push=True, fine=1e-5, targets=targets)
+    return _make_row("24 thin bodies", bodies.make_thin_bodies(), push=True, fine=1e-5, targets=targets)
 
 
 def _make_row(name: str, tasks: list[Task], **options: object) -> Row:

@@ -110,4 +110,4 @@ def test_the_kept_report_is_what_was_asked_for() -> None:
     for row in (row for row in report["drop"] if row["solver"] == "MuJoCo" and row["error"] < 0.2):
         faster = 10.0 if row["error"] <= 0.07 else 1.0
         assert any(faster * own["seconds"] < row["seconds"] and own["error"] < row["error"] for own in ours), row
-    assert set(motion.all_tables(report)) == {"drop", "beam", "moving"}
+    assert set(motion.all_tables(report)) == {"drop", "beam"}

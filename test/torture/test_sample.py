@@ -118,7 +118,7 @@ def test_a_report_needs_a_sound_state() -> None:
 def test_walk_flaws_are_named() -> None:
     """Memory growth, slower steps, more iterations and unconverged steps of a walk are named."""
     simulation = Simulation(make_scene(BAR, LAWS["linear"], policy=Policy.ENERGY))
-    good = walks.Walk(simulation.step(), 0, 0.0, 1e6, 1.0, 1.05, (100, 105))
+    good = walks.Walk(simulation.step(), 0, 0.0, 1e6, (1.0, 1.05), (100, 105))
     assert good.flaws() == []
-    bad = replace(good, unconverged=3, growth=6e6, final=1.2, iterations=(100, 120))
+    bad = replace(good, unconverged=3, growth=6e6, times=(1.0, 1.2), iterations=(100, 120))
     assert [flaw.split()[0] for flaw in bad.flaws()] == ["3", "memory", "a", "a"]
