@@ -172,8 +172,10 @@ def _length(metres: float) -> str:
 
 
 def probe() -> dict[str, float]:
-    """Return the force of the first displacements of the ball into a coarse cube."""
-    return {"cube on a ball: force [N]": sum(row["force"] for row in press_cube(8, "faces", moves=2))}
+    """Return force and iterations of the first displacements of the ball into a coarse cube."""
+    rows = press_cube(8, "faces", moves=2)
+    names = {"force": "cube on a ball: force [N]", "iterations": "cube on a ball: iterations"}
+    return {name: sum(row[key] for row in rows) for key, name in names.items()}
 
 
 if __name__ == "__main__":
