@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
+from benchmarks.curves import POINTS, draw_panels
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
@@ -92,15 +92,12 @@ def measure_beam() -> dict[str, Any]:
 
 
 def draw_swings(path: Path, shown: Mapping[str, Sequence[Sequence[float]]]) -> None:
-    """Draw recorded and simulated curves, one diagram per load."""
-    figure = Figure(figsize=(9.0, 6.0), dpi=120, layout="constrained")
-    axes = figure.subplots(len(LOADS), 1, sharex=True)
-    for axis, load in zip(axes, LOADS, strict=True):
-        axis.plot(*measured_beam(load), ".", ms=3.0, color="#6b6f76", label="recorded")
-        axis.plot(*shown[f"{load}"], color="#1b6ca8", lw=1.3, label="simulated")
-        axis.set_title(f"{load} g at the end", loc="left", fontsize=10)
-        axis.set_ylabel("tip [mm]", fontsize=9)
-        axis.grid(color="0.92")
-    axes[0].legend(fontsize=9, frameon=False, loc="upper right", ncols=2)
-    axes[-1].set_xlabel("time since the release [s]", fontsize=9)
-    figure.savefig(path)
+    """Draw recorded and simulated curves, a panel for each load."""
+    panels = {
+        f"{load} g at the end": [
+            (*measured_beam(load), {**POINTS, "label": "recorded"}),
+            (*shown[f"{load}"], {"lw": 1.3, "label": "simulated"}),
+        ]
+        for load in LOADS
+    }
+    draw_panels(path, panels, x="time since the release [s]", y="tip [mm]", columns=1)

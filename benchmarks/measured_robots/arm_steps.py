@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from benchmarks.beam import DAMPINGS
+from benchmarks.curves import POINTS, draw_panels
 from benchmarks.markdown import markdown_table
 from benchmarks.measured_robots import ROBOTS
 from benchmarks.measured_robots.arm_body import MBAR, YOUNG, Section, arm_scene, marks
@@ -114,21 +114,19 @@ def step_tables(report: Mapping[str, Any]) -> dict[str, str]:
 
 def draw_steps(folder: Path, report: Mapping[str, Any]) -> None:
     """Draw the displacement over its last value at two pressures, recorded and simulated."""
-    curves = recorded()
-    figure = Figure(figsize=(9.0, 4.0), dpi=110, layout="constrained")
-    for axis, pressure in zip(figure.subplots(1, 2, sharey=True), (50.0, 100.0), strict=True):
-        times, moved = curves[pressure]
-        axis.plot(times, moved / moved[-1], ".", ms=3.0, color="#6b6f76", label="recorded")
-        for run in report["simulated"]:
-            if run["pressure"] == pressure:
-                label = f"simulated, filled in {run['filling']:g} s" if run["filling"] else "simulated, filled at once"
-                settled = np.mean(np.array(run["moved"])[np.array(run["times"]) > 0.5])
-                axis.plot(run["times"], np.array(run["moved"]) / settled, lw=1.1, label=label)
-        axis.set(title=f"{pressure:g} mbar", xlabel="time since the command [s]", xlim=(0.0, 1.0))
-        axis.grid(color="0.92")
-        axis.legend(fontsize=8, frameon=False)
-    figure.supylabel("displacement over its last value", fontsize=9)
-    figure.savefig(folder / "measured_arm_steps.png")
+    panels = {}
+    for pressure in (50.0, 100.0):
+        times, moved = recorded()[pressure]
+        first = times < 1.0
+        panels[f"{pressure:g} mbar"] = curves = [
+            (times[first], moved[first] / moved[-1], {**POINTS, "label": "recorded"})
+        ]
+        for run in (run for run in report["simulated"] if run["pressure"] == pressure):
+            settled = np.mean(np.array(run["moved"])[np.array(run["times"]) > 0.5])
+            label = f"simulated, filled in {run['filling']:g} s"
+            curves.append((run["times"], np.array(run["moved"]) / settled, {"lw": 1.1, "label": label}))
+    labels = {"x": "time since the command [s]", "y": "displacement over its last value"}
+    draw_panels(folder / "measured_arm_steps.png", panels, **labels, columns=2)
 
 
 def probe() -> dict[str, float]:

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import newton
 from scipy.spatial.transform import Rotation
 
+from benchmarks.curves import POINTS, Curve, draw_panels
 from benchmarks.markdown import markdown_table
 from benchmarks.measured_robots import ROBOTS
 from benchmarks.measured_robots.module_body import LAYERS, LENGTH, module_scene
@@ -146,27 +146,19 @@ def _pressures(told: Mapping[str, Any]) -> str:
 
 
 def draw_module(folder: Path, report: Mapping[str, Any]) -> None:
-    """Draw recorded and predicted tilts over the pressure, and the predicted axis of the module in each state."""
-    figure = Figure(figsize=(9.0, 4.0), dpi=110, layout="constrained")
-    left, right = figure.subplots(1, 2)
-    first = report["rows"]
-    for number, (pair, colour) in enumerate(zip(PAIRS, ("#1b6ca8", "#b8502a", "#3c8d40"), strict=True)):
-        rows = [row for row in first if row["recorded"]["pressures"][number]]
-        pressure = [1e-3 * row["recorded"]["pressures"][number] for row in rows]
-        left.plot(pressure, [row["recorded"]["tilt"] for row in rows], "o", color=colour, label=f"{pair}, recorded")
-        aside = [1e3 * np.hypot(*row["recorded"]["moved"][:2]) for row in rows]
-        right.plot(aside, [1e3 * row["recorded"]["moved"][2] for row in rows], "o", color=colour)
-    rows = sorted((row for row in first if row["found"]), key=lambda row: max(row["recorded"]["pressures"]))
-    pressure = [0.0, *(1e-3 * max(row["recorded"]["pressures"]) for row in rows)]
-    left.plot(pressure, [0.0, *(row["found"]["tilt"] for row in rows)], "k-", lw=1.2, label="simulated")
-    moved = 1e3 * np.array([row["found"]["moved"] for row in rows])
-    right.plot(np.hypot(moved[:, 0], moved[:, 1]), moved[:, 2], "k-", lw=1.2)
-    left.set(xlabel="pressure [kPa]", ylabel="tilt of the tip [degrees]")
-    right.set(xlabel="lateral displacement of the tip [mm]", ylabel="axial displacement [mm]")
-    left.legend(fontsize=8, frameon=False)
-    for axis in (left, right):
-        axis.grid(color="0.92")
-    figure.savefig(folder / "measured_module.png")
+    """Draw recorded and predicted tilts over the pressure, and axial over lateral displacements."""
+    rows = sorted((row for row in report["rows"] if row["found"]), key=lambda row: max(row["recorded"]["pressures"]))
+    panels: dict[str, list[Curve]] = {
+        "tilt [degrees] over pressure [kPa]": [],
+        "axial over lateral displacement [mm]": [],
+    }
+    for which, looks in (("recorded", {**POINTS, "marker": "o"}), ("found", {"color": "k", "label": "simulated"})):
+        moved = 1e3 * np.array([row[which]["moved"] for row in rows])
+        pressures = [1e-3 * max(row["recorded"]["pressures"]) for row in rows]
+        tilts, (left, right) = [row[which]["tilt"] for row in rows], panels.values()
+        left.append((pressures, tilts, looks))
+        right.append((np.hypot(moved[:, 0], moved[:, 1]), moved[:, 2], looks))
+    draw_panels(folder / "measured_module.png", panels, x="", y="", columns=2)
 
 
 def probe() -> dict[str, float]:

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchmarks.curves import POINTS, Curve, draw_panels
 from benchmarks.markdown import markdown_table
 from benchmarks.measured_robots import ROBOTS
 from benchmarks.report import run_script
@@ -148,22 +148,17 @@ def _cell(mode: Mapping[str, Any] | None) -> str:
 
 def draw_rubbers(folder: Path, report: list[Mapping[str, Any]]) -> None:
     """Draw recorded and predicted stresses of Treloar's rubber, fitted to stretch 2 and to its end."""
-    figure = Figure(figsize=(10.0, 6.0), dpi=100, layout="constrained")
-    axes = figure.subplots(2, 3)
-    for line, end in zip(axes, FITTED["Treloar 1944"], strict=True):
-        own = [row for row in report if row["rubber"] == "Treloar 1944" and row["end"] == end and row["modes"]]
-        for axis, mode in zip(line, MODES, strict=True):
-            for row in own:
-                points = row["modes"][mode]
-                axis.plot(points["stretch"], 1e-6 * np.array(points["predicted"]), lw=1.1, label=row["law"])
-            axis.plot(points["stretch"], 1e-6 * np.array(points["recorded"]), "ko", ms=3.0)
-            axis.set_ylim(0.0, 2.0e-6 * max(points["recorded"]))
-            axis.set_title(f"{mode.replace('_', ' ')}; fitted in tension to {end:g}", fontsize=9, loc="left")
-            axis.grid(color="0.92")
-    axes[0, 0].legend(fontsize=7, frameon=False)
-    figure.supxlabel("stretch", fontsize=9)
-    figure.supylabel("nominal stress [MPa]; points: recorded", fontsize=9)
-    figure.savefig(folder / "measured_rubber.png")
+    panels: dict[str, list[Curve]] = {}
+    for row in (row for row in report if row["rubber"] == "Treloar 1944" and row["modes"]):
+        for mode in MODES:
+            points = row["modes"][mode]
+            told, found = 1e-6 * np.array(points["recorded"]), 1e-6 * np.array(points["predicted"])
+            curves = panels.setdefault(f"{mode.replace('_', ' ')}; fitted in tension to {row['end']:g}", [])
+            curves[:1] = [(points["stretch"], told, {**POINTS, "color": "k"})]
+            shown = np.where(found < 2.0 * told.max(), found, np.nan)
+            curves.append((points["stretch"], shown, {"lw": 1.1, "label": row["law"]}))
+    labels = {"x": "stretch", "y": "nominal stress [MPa]; points: recorded"}
+    draw_panels(folder / "measured_rubber.png", panels, **labels, columns=3)
 
 
 def probe() -> dict[str, float]:
