@@ -27,6 +27,7 @@ def test_the_arm_is_an_arc_of_constant_length_in_a_turned_frame() -> None:
     ratios, angles = turned(data["axial"], data["lateral"], data["tilt"], LENGTH)
     assert abs(np.mean(ratios[1:]) - 1.0) < 0.04
     assert np.abs(ratios - 1.0).max() < 0.11
+    assert np.abs(ratios[1:] - 1.0).max() < 0.07
     assert np.rad2deg(angles).min() > 17.0
     assert np.rad2deg(angles).max() < 21.0
 
