@@ -34,7 +34,7 @@ def test_the_arm_is_an_arc_of_constant_length_in_a_turned_frame() -> None:
 
 def test_the_mesh_has_the_published_dimensions(tmp_path: Path) -> None:
     """The meshed arm has the published radius and length, and a closed chamber that the actuator uses."""
-    scene = arm_scene(tmp_path, Section(), {"law": "neo_hookean", "young": YOUNG, "poisson": 0.45})
+    scene = arm_scene(tmp_path, Section(), {"law": "neo_hookean", "young": YOUNG, "poisson": 0.45, "density": 1070.0})
     rest = scene.mesh.vertices
     np.testing.assert_allclose(np.hypot(rest[:, 0], rest[:, 1]).max(), OUTER, rtol=1e-6)
     np.testing.assert_allclose(rest[:, 2].max(), LENGTH, rtol=1e-6)
