@@ -6,10 +6,9 @@
 # make test-elsewhere     what computes with the rounding of other processors, and with vertices shifted by 1e-13
 # make torture            the numerical torture test             make bench run time against error
 # make measure            every table of the pages anew, where its solver is not this one [ONLY=robots] [AGAIN=1]
-# make profile            where the time of a step goes, and what the machine would allow
 # make bench-since COMMIT=...   run times over those of another commit, in turn
 # make bench-loop [COMMIT=...]  one table of before and after of the solver's loop: times in turn, true errors
-# make bench-node         latency of commands, cost of the node beside the solver, idleness, floods of bad commands
+# make bench-node         latency of commands of a node
 # make manners            the node asked from outside: a table of what was expected and found; then fuzzed
 # make bags               record bags/ anew and replay them        make docs build/site from docs/
 # make clean              remove .venv and everything that was built
@@ -40,8 +39,7 @@ OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
 .PHONY: install run first-run live test test-loaded test-elsewhere browser torture manners measure bench bench-node \
-        bench-node-since bench-since bench-loop bench-motion bench-contact bench-coarse bench-skip bench-streams bench-batches \
-        bench-sweep profile bags docs clean
+        bench-since bench-loop bench-motion bench-contact bench-streams bags docs clean
 
 install: $(ALL)
 
@@ -130,50 +128,29 @@ manners: $(ALL) $(VENV)/.extra-test
 	@TORTURE_EXAMPLES=500 $(BIN)/python -m pytest -n $(JOBS) -m 'not torture and not bench' $(HOSTILE)
 
 bench-node: install
-	@$(BIN)/python -m benchmarks.node
+	@$(BIN)/python -m benchmarks.node.latency
 
-# Latencies, bad commands and SIGKILLs beside another commit: make bench-node-since COMMIT=753eda7
-bench-node-since: install
-	@$(BIN)/python -m benchmarks.node.since $(COMMIT)
-
-# Error against processor time on a bar that falls, long runs, a measured beam, robots beside real time;
+# Error against processor time on a bar that falls, a measured beam;
 # beside MuJoCo (the extra 'bench') and CalculiX (apt-get install calculix-ccx) where they are installed.
 bench-motion: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.motion
 
-# A cube on a ball, a ball between plates, a slab on a slope, a grip, the scene `grasp`; beside others and theory
+# A cube on a ball beside CalculiX, a grip beside MuJoCo
 bench-contact: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.contact
 
-# Few cells across: torsion, bending, rubber pad, thick tube, beside FElupe and CalculiX where they are installed
-bench-coarse: install
-	@$(BIN)/python -m benchmarks.coarse_meshes
-
-bench-skip: install
-	@$(BIN)/python -m benchmarks.savings
-
-# Another commit beside this tree, played in turn: make bench-since COMMIT=main [PLAYS='"bend5, streamed"']
+# Another commit beside this tree, played in turn: make bench-since COMMIT=main [ONLY="bend5 robots"]
 bench-since: install
-	@$(BIN)/python -m benchmarks.since $(COMMIT) $(PLAYS)
+	@$(BIN)/python -m benchmarks.loop $(COMMIT) --times $(if $(ONLY),--only $(ONLY)) --out runs/bench/since.json
 
 # One table of before and after: times in turn, true errors. make bench-loop [COMMIT=b6cf3c23] [ONLY="cold robots"]
 # [LOOP='--this-only --times']; what there is: LOOP=--list
 bench-loop: install
 	@$(BIN)/python -m benchmarks.loop $(COMMIT) $(if $(ONLY),--only $(ONLY)) $(LOOP)
 
-# Where the time of a step goes, and what this machine would allow
-profile: install
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.profile
-
-# Steps a second beside MuJoCo at equal error; many simulations at once.
+# Steps a second beside MuJoCo at equal error
 bench-streams: $(ALL) $(VENV)/.extra-bench
 	@$(BIN)/python -m benchmarks.streams
-
-bench-batches: install
-	@$(BIN)/python -m benchmarks.batches
-
-bench-sweep: install
-	@$(BIN)/python -m benchmarks.sweep
 
 # First the tests of what takes how long, which ask for a quiet machine.
 bench: $(ALL) $(VENV)/.extra-test $(VENV)/.extra-bench

@@ -57,9 +57,6 @@ EXTRAS = {
         "tensortrax>=0.29",
         "pypardiso>=0.4.7",
         "mujoco>=4.0",
-        "cholespy>=2.0",
-        "drake>=1.40",
-        "newton>=1.8",
     ],
     "docs": ["mkdocs>=1.6", "latex2mathml>=3.77"],
     "test": [

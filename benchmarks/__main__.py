@@ -3,32 +3,26 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from dataclasses import asdict
-from pathlib import Path
 
 from rich.console import Console
 
 from benchmarks.cases import CaseName, get_case
 from benchmarks.cold import Job, jobs, missing, run_jobs
+from benchmarks.front_picture import draw_fronts
 from benchmarks.peers import gdfe_peer
 from benchmarks.peers.peer import PeerError, PeerResult
 from benchmarks.references import load_reference, measure_error
 from benchmarks.replay import summed
 from benchmarks.report import options, write_report
-from benchmarks.scaling import SIZES, measure_ratios, measure_scaling, scaling_probe
-from benchmarks.series import PAPER, exact_joint, simulated_joint
+from benchmarks.scaling import SIZES, measure_size, scaling_probe
 from benchmarks.tables import all_tables
-from gdfe_ros.materials import Law
-from gdfe_ros.solver.settings import Policy
 
 
 def main() -> int:
     """Run all measurements, write bench.json and the picture, print the tables; return 1 if a run failed."""
     parser = options("benchmarks", "Run time against error beside FElupe, CalculiX and MuJoCo; scaling.", "bench")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each kind; the median counts (default: 3)")
-    parser.add_argument("--quick", action="store_true", help="leave out runs of more than ten seconds, and sizes")
     arguments = parser.parse_args()
     console, failures = Console(), []
     for name, reason in missing().items():
@@ -42,19 +36,16 @@ def main() -> int:
         else:
             console.print(f"{where}: {1e3 * outcome.time_solve:.1f} ms, {100 * outcome.mean_error:.3f} %")
 
-    wanted = jobs(slow=not arguments.quick, threads=os.cpu_count() or 1)
-    results = run_jobs(wanted, repeats=arguments.repeats, done=done)
+    results = run_jobs(jobs(), repeats=arguments.repeats, done=done)
     report = {
         "missing": missing(),
         "failures": failures,
         "results": [result.to_json() for result in results],
-        "joint": _joints(),
-        "scaling": measure_scaling(SIZES[:2] if arguments.quick else SIZES),
-        "ratios": measure_ratios(),
+        "scaling": [measure_size(cells) for cells in SIZES],
     }
     write_report(arguments.out, report, probe())
     picture = (arguments.pictures or arguments.out.parent) / "front.png"
-    _draw(picture, results)
+    draw_fronts(picture, results)
     for name, text in all_tables(report).items():
         console.print(f"\n{name}\n", style="bold")
         print(text)
@@ -64,7 +55,7 @@ def main() -> int:
 
 def probe() -> dict[str, float]:
     """Return figures of cold solves: every scene on our coarsest mesh and on the paper's, and the first of `SIZES`."""
-    found = scaling_probe(SIZES[:1])
+    found = scaling_probe()
     for name in CaseName:
         case, reference = get_case(name), load_reference(name)
         cold = [item for item in gdfe_peer.variants(case) if item.steps == 1]
@@ -75,21 +66,6 @@ def probe() -> dict[str, float]:
             found[f"{label}: iterations"] = solution.settings["iterations"]
             found[f"{label}: error"] = measure_error(solution.displacement, reference.displacement).mean
     return summed(found)
-
-
-def _joints() -> list[dict[str, float | str]]:
-    ours = [
-        simulated_joint("tensile_curve", Policy.RELATIVE),
-        simulated_joint("tensile_curve", Policy.ENERGY),
-        simulated_joint("tensile", Policy.ENERGY),
-    ]
-    return [asdict(joint) for joint in (*PAPER, exact_joint(Law.CURVE), exact_joint(Law.OGDEN), *ours)]
-
-
-def _draw(path: Path, results: list[PeerResult]) -> None:
-    from benchmarks.front_picture import draw_front
-
-    draw_front(path, results)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A silicone beam: sag, frequency and damping as recorded, as simulated, and according to linear beam theory."""
+"""A silicone beam: sag, frequency and damping as recorded and as simulated."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.signal import find_peaks
 
+from benchmarks.curves import POINTS, draw_panels
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
@@ -34,10 +33,6 @@ LASTS = 2.2
 """Duration of each recording and of each simulation [s]."""
 TARGETS = (0.05, 0.03, 0.20)
 """Goals of the comparison: largest relative differences of sag, frequency and damping ratio."""
-LENGTH, SIDE, DENSITY, POISSON, GRAVITY = 0.10, 0.03, 1070.0, 0.49, 9.81
-SHEAR_AREA = 5.0 / 6.0
-"""Shear area of a rectangle, divided by its area."""
-
 Curve = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Times [s] and heights [mm]."""
 
@@ -93,71 +88,16 @@ def measure_beam() -> dict[str, Any]:
             rows.append({"damping": name, "load": load, **found})
             if name == SHOWN:
                 shown[f"{load}"] = [[round(float(value), 4) for value in values] for values in curve]
-    return {"rows": rows, "swings": shown, "theory": beam_theory()}
-
-
-def beam_theory() -> list[dict[str, float]]:
-    """Return recorded and theoretical sag [mm] and frequency [Hz]; the modulus is fitted to the sag without load.
-
-    Two hypotheses can explain the recorded sag with a load. ``lever`` [m] is the distance beyond the end of the beam at
-    which the load would have to hang. ``softer`` is the factor by which the modulus would have to be multiplied.
-    ``frequency_lever`` and ``frequency_softer`` are the theoretical frequencies under these hypotheses.
-    """
-    recorded = {load: swings(*measured_beam(load))[:2] for load in LOADS}
-    young = brentq(lambda value: 1e3 * deflection(value, 0.0)[0][-1] - recorded[0][0], 1e4, 1e7)
-    rows = []
-    for load, (sag, frequency) in recorded.items():
-        mass = 1e-3 * load
-        row = {"load": load, "young": young, "sag": sag, "frequency": frequency}
-        row |= {"sag_theory": 1e3 * deflection(young, mass)[0][-1], "frequency_theory": first_frequency(young, mass)}
-        if load:
-            lever = brentq(lambda e: 1e3 * deflection(young, mass, e)[0][-1] - sag, -0.05, 0.05)  # noqa: B023
-            left = brentq(lambda share: 1e3 * deflection(share * young, mass)[0][-1] - sag, 0.1, 10.0)  # noqa: B023
-            row |= {"lever": lever, "frequency_lever": first_frequency(young, mass, lever)}
-            row |= {"softer": left, "frequency_softer": first_frequency(left * young, mass)}
-        rows.append({name: float(value) for name, value in row.items()})
-    return rows
-
-
-def deflection(young: float, mass: float, lever: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return sag [m] and slope along a Timoshenko beam under its own weight and that of a mass, (1001,) each.
-
-    Args:
-        young: Young's modulus [Pa].
-        mass: mass at the end [kg].
-        lever: distance of the mass beyond the end [m].
-    """
-    x, area = np.linspace(0.0, LENGTH, 1001), SIDE * SIDE
-    bend, shear = young * SIDE**4 / 12.0, SHEAR_AREA * area * young / (2.0 * (1.0 + POISSON))
-    weight, load = DENSITY * area * GRAVITY, mass * GRAVITY
-    sag = weight * x**2 * (6.0 * LENGTH**2 - 4.0 * LENGTH * x + x**2) / (24.0 * bend)
-    sag += load * x**2 * (3.0 * LENGTH - x + 3.0 * lever) / (6.0 * bend)
-    sag += (weight * (LENGTH * x - 0.5 * x**2) + load * x) / shear
-    slope = weight * (3.0 * LENGTH**2 * x - 3.0 * LENGTH * x**2 + x**3) / (6.0 * bend)
-    slope += load * (LENGTH * x - 0.5 * x**2 + lever * x) / bend
-    return sag, slope
-
-
-def first_frequency(young: float, mass: float, lever: float = 0.0) -> float:
-    """Return the first frequency [Hz] of the beam of `deflection`, by Rayleigh's quotient of its sag."""
-    sag, slope = deflection(young, mass, lever)
-    end, line = sag[-1] + lever * slope[-1], DENSITY * SIDE * SIDE * LENGTH / (len(sag) - 1)
-    inner = np.ones(len(sag))
-    inner[[0, -1]] = 0.5
-    work = line * (inner @ sag) + mass * end
-    return float(np.sqrt(GRAVITY * work / (line * (inner @ sag**2) + mass * end**2)) / (2.0 * np.pi))
+    return {"rows": rows, "swings": shown}
 
 
 def draw_swings(path: Path, shown: Mapping[str, Sequence[Sequence[float]]]) -> None:
-    """Draw recorded and simulated curves, one diagram per load."""
-    figure = Figure(figsize=(9.0, 6.0), dpi=120, layout="constrained")
-    axes = figure.subplots(len(LOADS), 1, sharex=True)
-    for axis, load in zip(axes, LOADS, strict=True):
-        axis.plot(*measured_beam(load), ".", ms=3.0, color="#6b6f76", label="recorded")
-        axis.plot(*shown[f"{load}"], color="#1b6ca8", lw=1.3, label="simulated")
-        axis.set_title(f"{load} g at the end", loc="left", fontsize=10)
-        axis.set_ylabel("tip [mm]", fontsize=9)
-        axis.grid(color="0.92")
-    axes[0].legend(fontsize=9, frameon=False, loc="upper right", ncols=2)
-    axes[-1].set_xlabel("time since the release [s]", fontsize=9)
-    figure.savefig(path)
+    """Draw recorded and simulated curves, a panel for each load."""
+    panels = {
+        f"{load} g at the end": [
+            (*measured_beam(load), {**POINTS, "label": "recorded"}),
+            (*shown[f"{load}"], {"lw": 1.3, "label": "simulated"}),
+        ]
+        for load in LOADS
+    }
+    draw_panels(path, panels, x="time since the release [s]", y="tip [mm]", columns=1)

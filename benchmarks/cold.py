@@ -9,28 +9,18 @@ from dataclasses import dataclass
 from benchmarks.cases import Case, CaseName, get_case
 from benchmarks.peers.peer import PeerError, PeerResult, Solver, Variant, load_peer, run_peer
 
-ALL_THREADS = (CaseName.BEND5, CaseName.TWIST90)
-"""Scenes that are solved on the paper's mesh a second time, with all threads."""
-
 
 @dataclass(frozen=True)
 class Job:
-    """One run of the benchmark: solver, scene, variant and number of threads."""
+    """One run of the benchmark: solver, scene and variant."""
 
     solver: Solver
     case: Case
     variant: Variant
-    threads: int
 
 
-def jobs(*, slow: bool, threads: int, streams: bool = False) -> list[Job]:
-    """Return the runs of all installed solvers.
-
-    Args:
-        slow: whether runs of more than ten seconds are included.
-        threads: number of threads of the machine.
-        streams: whether streams of small steps are returned instead of cold solves.
-    """
+def jobs(*, streams: bool = False) -> list[Job]:
+    """Return the cold solves of all installed solvers, or their streams of small steps."""
     wanted = []
     for solver in Solver:
         peer = load_peer(solver)
@@ -38,15 +28,8 @@ def jobs(*, slow: bool, threads: int, streams: bool = False) -> list[Job]:
             continue
         for name in CaseName:
             case = get_case(name)
-            chosen = [
-                variant
-                for variant in peer.variants(case)
-                if (slow or not variant.slow) and bool(variant.options.get("stream")) == streams
-            ]
-            wanted += [Job(solver, case, variant, 1) for variant in chosen]
-            if threads > 1 and name in ALL_THREADS and not streams:
-                fine = [variant for variant in chosen if variant.cells == case.cells]
-                wanted += [Job(solver, case, variant, threads) for variant in fine[:1]]
+            chosen = [item for item in peer.variants(case) if bool(item.options.get("stream")) == streams]
+            wanted += [Job(solver, case, variant) for variant in chosen]
     return wanted
 
 
@@ -63,7 +46,7 @@ def run_jobs(
     results = []
     for job in wanted:
         try:
-            result = run_peer(job.solver, job.case.name, job.variant, repeats=repeats, threads=job.threads)
+            result = run_peer(job.solver, job.case.name, job.variant, repeats=repeats)
         except PeerError as error:
             done(job, error)
             continue

@@ -1,139 +1,189 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact compared with other solvers and theory: a cube on a ball, a ball between plates, a slab on a slope, grips.
+"""Contact compared with other solvers: a ball pressed into a cube beside CalculiX, a held box beside MuJoCo.
 
 ``make bench-contact`` writes a report into runs/bench and prints the tables of docs/theory/contact_measured.md.
 """
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from benchmarks import force_grip, grasp, grip, pressing, self_contact
+from benchmarks.cases import LogNeoHooke
 from benchmarks.markdown import markdown_table
-from benchmarks.replay import first_steps
-from benchmarks.report import options, write_report
-from gdfe_ros.scene.loader import load_scene, scene_from_text
+from benchmarks.peers import ccx_contact, mujoco_grip
+from benchmarks.peers.grip_case import SQUEEZE, STEP, WEIGHT
+from benchmarks.peers.peer import PeerError
+from benchmarks.report import KEPT, run_script
+from gdfe_ros.command import Command
+from gdfe_ros.constraints import Pose
+from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.simulation import Simulation
 
-SLIDER = """
-name: slider
-mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [5, 5, 2]}}
+REFERENCE = KEPT / "reference" / "contact_block_on_ball.npz"
+QUADRATIC = {0.006: 30.3, 0.008: 45.1, 0.01: 64.4, 0.012: 84.8, 0.014: 106.7, 0.016: 128.9, 0.018: 153.0, 0.02: 178.8}
+"""Dict from displacement of the ball [m] to the force on the cube [N]. The authors of the reference computed the forces
+with quadratic elements on 16^3 cells.
+"""
+CUBE = """
+name: cube
+mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [16, 16, 16]}}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
 regions: [{material: soft}]
-handles: {}
-obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.02], fixed: true}}
-dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
+handles: {top: {where: {face: z+}, fixed: true}}
+obstacles: {ball: {sphere: {radius: 0.04}, at: [0.05, 0, -0.09]}}
+solver: {tolerance: 1.0e-5}
 """
-SLOPE, GRAVITY = math.radians(30.0), 9.81
-FRICTIONS = (0.1, 0.3, 0.57, 0.7, 1.0)
-SLID = 20
-"""Number of steps of the slab in the probe."""
-SETTLED, STUCK = 5.0, 60.0
-"""Start and end [s] of the interval in which the drift of a sticking slab is measured."""
+KINDS = ((16, "vertices"), (16, "faces"), (8, "faces"))
+"""Numbers of cells along an edge of the cube, and the scene's `gaps` of the ball."""
+QUADRATIC_CELLS = 12
+"""Number of CalculiX' cells along the cube's edges."""
+MOVES = (0.002, 0.004, *QUADRATIC)
+"""Successive displacements of CalculiX' ball [m]."""
+GRIP = """
+name: grip
+mesh: {bar: {size: [0.10, 0.03, 0.03], cells: [20, 3, 3], cut: [{box: {x: [0.0375, 0.0625]}}]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {left: {where: {face: x-}}, right: {where: {face: x+}}}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+bodies: {part: {box: {size: [0.02, 0.05, 0.05]}, density: 640, at: [0.05, 0, 0]}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 300}}
+solver: {skip: []}
+"""
+"""Scene of the grip. No solve is skipped."""
+HELD = {1.02: 60.0, 0.98: 1.0}
+"""Dict from friction, divided by the least friction that holds the box, to the duration of the hold [s]."""
+PEER_DEMANDS, PEER_HELD = (1.02, 2.0, 10.0, 46.0), 1.0
+"""Frictions in MuJoCo, divided by the least friction that holds the box, and duration of the hold [s]. In MuJoCo the
+box falls at 1.02, and creeps at larger values.
+"""
 
 
-def slide(friction: float) -> dict[str, Any]:
-    """Release a slab on a slope; return its acceleration [m/s^2] from 1 s to 2 s and, if it sticks, its drift [m/s].
+def press_cube(cells: int, gaps: str, *, moves: int | None = None) -> list[dict[str, Any]]:
+    """Press a ball into a cube of ``cells``^3 cells; return displacement [m], force [N] and iterations of each step.
 
-    The drift is the largest displacement of a vertex from `SETTLED` to `STUCK`, divided by the duration of this
-    interval. No solve is skipped.
+    ``moves`` is the number of steps; None means all steps.
     """
-    simulation, path, iterations = _slab(friction), [], 0
-    for _ in range(400):
-        result = simulation.step()
-        iterations += result.iterations
-        path.append(float(result.positions[:, 0].mean()))
-    late = np.arange(200, 400) * 0.005
-    fit = np.polyfit(late, path[200:], 2)
-    wanted = max(0.0, GRAVITY * (math.sin(SLOPE) - friction * math.cos(SLOPE)))
-    row = {"friction": friction, "acceleration": float(2.0 * fit[0]), "wanted": wanted, "iterations": iterations / 400}
-    if wanted:
-        return {**row, "drift": None}
-    for until in (SETTLED, STUCK):
-        before = simulation.positions
-        while simulation.time < until - 1e-6:
-            result = simulation.step()
-            assert result.converged, result.message
-    moved = np.linalg.norm(simulation.positions - before, axis=1).max()
-    return {**row, "drift": float(moved) / (STUCK - SETTLED)}
+    overrides = {"mesh.bar.cells": [cells] * 3, "obstacles.ball.gaps": gaps}
+    simulation, rows = Simulation(scene_from_text(CUBE, overrides=overrides)), []
+    with np.load(REFERENCE) as reference:
+        all_moves = np.round(reference["moves"], 6).tolist()
+    for move in all_moves[:moves]:
+        result = simulation.step(Command(handles={"ball": Pose((0.0, 0.0, move))}))
+        assert result.converged, result.message
+        rows.append({"move": move, "force": float(result.reactions["ball"][2]), "iterations": result.iterations})
+    return rows
 
 
-def _slab(friction: float) -> Simulation:
-    gravity = [GRAVITY * math.sin(SLOPE), 0.0, -GRAVITY * math.cos(SLOPE)]
-    overrides = {"obstacles.floor.friction": friction, "loads": {"weight": {"gravity": gravity}}, "solver.skip": []}
-    return Simulation(scene_from_text(SLIDER, overrides=overrides))
+def press_by_calculix() -> dict[str, Any]:
+    """Return CalculiX' forces [N] on the cube, or the reason why it cannot be run."""
+    reason = ccx_contact.available()
+    if reason is not None:
+        return {"missing": f"CalculiX: {reason}"}
+    return {"cube": ccx_contact.press_cube(LogNeoHooke(young=2.0e5, poisson=0.45), QUADRATIC_CELLS, MOVES)}
+
+
+def grip(friction: float, *, seconds: float) -> dict[str, float]:
+    """Squeeze a box between two soft pads, apply its weight, and hold it for some ``seconds``.
+
+    Returns:
+        ``press``: normal force of a pad [N]; ``sunk``: descent of the box until the hold starts [m]; ``drift``: descent
+        during the hold [m].
+    """
+    simulation = Simulation(scene_from_text(GRIP, overrides={"bodies.part.friction": friction}))
+    simulation.step(Command(loads={"weight": 0.0}))
+    for share in np.linspace(0.0, 1.0, 60):
+        way = share * SQUEEZE
+        simulation.step(Command(handles={"left": Pose((way, 0.0, 0.0)), "right": Pose((-way, 0.0, 0.0))}))
+    for factor in [0.0] * 40 + np.linspace(0.0, 1.0, 160).tolist() + [1.0] * 60:
+        result = simulation.step(Command(loads={"weight": float(factor)}))
+    press, sunk = float(result.contacts["part"].presses.sum()) / 2.0, simulation.handle_pose("part").translation[2]
+    for _ in range(round(seconds / STEP)):
+        simulation.step()
+    return {"press": press, "sunk": -sunk, "drift": sunk - simulation.handle_pose("part").translation[2]}
+
+
+def measure_grips() -> dict[str, Any]:
+    """Return the rows of the grip's table, and messages if MuJoCo is missing or a run of it fails."""
+    least = WEIGHT / (2.0 * grip(0.02, seconds=0.0)["press"])
+    rows = [
+        {"solver": "gdfe_ros", "demand": demand, "held": held, **grip(demand * least, seconds=held)}
+        for demand, held in HELD.items()
+    ]
+    reason = mujoco_grip.available()
+    if reason:
+        return {"grip": rows, "grip_missing": [f"MuJoCo: {reason}"]}
+    missing: list[str] = []
+    for demand in PEER_DEMANDS:
+        try:
+            found = mujoco_grip.simulate(demand, seconds=PEER_HELD)
+        except PeerError as error:
+            missing.append(str(error))
+            continue
+        rows.append({"solver": "MuJoCo", "demand": demand, "held": PEER_HELD, **found})
+    return {"grip": rows, "grip_missing": missing}
+
+
+def measure() -> dict[str, Any]:
+    """Return the data of both tables."""
+    cube = {f"{cells} {gaps}": press_cube(cells, gaps) for cells, gaps in KINDS}
+    return {"cube": cube, "calculix": press_by_calculix(), **measure_grips()}
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     """Return dict from name to table of a report."""
-    slopes = [
-        [f"{row['friction']:g}", f"{row['wanted']:.4f}", f"{row['acceleration']:.4f}", f"{row['iterations']:.1f}",
-         "slides" if row["drift"] is None else f"{1e9 * row['drift']:.2g}"]
-        for row in report["slope"]
+    rows = [
+        [row["solver"], f"{row['demand']:g}", _length(row["sunk"]), f"{row['held']:g}", _length(row["drift"])]
+        for row in report["grip"]
+    ]
+    heads = (
+        "solver", "friction / smallest possible", "sinking while loaded [um]", "duration of the hold [s]", "drift [um]",
+    )  # fmt: skip
+    gripped = "\n\n".join([markdown_table(heads, rows), *report["grip_missing"]])
+    return {"pressing": pressing_table(report), "grip": gripped}
+
+
+def pressing_table(report: Mapping[str, Any]) -> str:
+    """Return the table of the forces on the cube."""
+    with np.load(REFERENCE) as reference:
+        same = dict(zip(np.round(reference["moves"], 6).tolist(), reference["force_16"].tolist(), strict=True))
+    peer = report["calculix"]
+    other = dict(zip(MOVES, peer.get("cube", ()), strict=False))
+    rows = [
+        [f"{1e3 * row['move']:g}", f"{same[row['move']]:.2f}", f"{row['force']:.2f}", f"{QUADRATIC[row['move']]:.1f}",
+         f"{other[row['move']]:.2f}" if other else "-", f"{fine['force']:.2f}", f"{rough['force']:.2f}",
+         f"{row['iterations']} / {fine['iterations']}"]
+        for row, fine, rough in zip(*(report["cube"][f"{cells} {gaps}"] for cells, gaps in KINDS), strict=True)
+        if row["move"] in QUADRATIC
     ]  # fmt: skip
-    return {
-        **grip.all_tables(report),
-        **(force_grip.all_tables(report) if "force_grip" in report else {}),
-        **grasp.all_tables(report),
-        **pressing.all_tables(report),
-        **self_contact.all_tables(report),
-        "slope": markdown_table(
-            ("friction", "acceleration by theory [m/s^2]", "by gdfe_ros [m/s^2]", "iterations per step",
-             "drift, 5 to 60 s [nm/s]"),
-            slopes),
-    }  # fmt: skip
+    heads = (
+        "move of the ball [mm]", "same cells, other code", "gaps: vertices", "quadratic cells",
+        f"CalculiX, {QUADRATIC_CELLS}^3 cells", "gaps: faces", "gaps: faces, 8^3 cells", "iterations",
+    )  # fmt: skip
+    return "\n\n".join([markdown_table(heads, rows), *filter(None, [peer.get("missing")])])
 
 
-MEASURES: dict[str, Callable[[], dict[str, Any]]] = {
-    "cube": pressing.press_cubes,
-    "ball": pressing.press_balls,
-    "calculix": pressing.press_by_calculix,
-    "slope": lambda: {"slope": [slide(friction) for friction in FRICTIONS]},
-    "self": self_contact.measure,
-    "grip": grip.measure,
-    "force_grip": force_grip.measure,
-    "grasp": grasp.measure,
-}
+def _length(metres: float) -> str:
+    """Return a length in micrometres as text, or ``falls`` for a length of at least the width of a pad."""
+    return f"{1e6 * metres:.3g}" if abs(metres) < 0.03 else "falls"
 
 
 def probe() -> dict[str, float]:
-    """Return the figures of pressed blocks, released slabs, first steps of the coarse cube and of the scene `grasp`."""
-    found: dict[str, float] = {}
-    for cells in self_contact.CELLS[:1]:
-        row = self_contact.press_blocks(*cells)
-        found |= {f"blocks of {cells} cells: {name}": row[name] for name in ("force", "iterations")}
-    for friction in (FRICTIONS[0], FRICTIONS[-1]):
-        slab = _slab(friction)
-        for _ in range(SLID):
-            slab.step()
-        moved = float((slab.positions - slab.mesh.vertices)[:, 0].mean())
-        found[f"slab with friction {friction:g}: moved down the slope [m]"] = moved
-    pressed = pressing.press_cube(8, "faces", moves=2)
-    found["cube on a ball: force [N]"] = sum(row["force"] for row in pressed)
-    return found | first_steps("grasp", Simulation(load_scene("grasp")), None)
-
-
-def main() -> None:
-    """Run the measurement, write the report and print the tables."""
-    parser = options("benchmarks.contact", "Contact beside others and theory.", "contact")
-    parser.add_argument("part", nargs="*", help=f"only print these, as they are: {', '.join(MEASURES)}")
-    given = parser.parse_args()
-    if unknown := set(given.part) - set(MEASURES):
-        parser.error(f"no part {', '.join(sorted(unknown))}; there are {', '.join(MEASURES)}")
-    report: dict[str, Any] = {}
-    for name in given.part or MEASURES:
-        report |= MEASURES[name]()
-    if given.part:
-        print(json.dumps(report, indent=1))
-        return
-    write_report(given.out, report, probe())
-    print("\n\n".join(all_tables(report).values()))
+    """Return force and iterations of the first displacements of the ball into a coarse cube."""
+    rows = press_cube(8, "faces", moves=2)
+    names = {"force": "cube on a ball: force [N]", "iterations": "cube on a ball: iterations"}
+    return {name: sum(row[key] for row in rows) for key, name in names.items()}
 
 
 if __name__ == "__main__":
-    main()
+    run_script(
+        "benchmarks.contact",
+        "Contact beside others.",
+        "contact",
+        measure=measure,
+        tables=all_tables,
+        probe=probe,
+    )

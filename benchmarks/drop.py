@@ -120,15 +120,6 @@ def measure_peers() -> tuple[list[dict[str, Any]], list[str]]:
     return rows, missing
 
 
-def front(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the Pareto-optimal runs, by ascending error: no other run is better in both time and error."""
-    best: list[dict[str, Any]] = []
-    for row in sorted(rows, key=lambda item: (item["error"], item["seconds"])):
-        if not best or row["seconds"] < best[-1]["seconds"]:
-            best.append(row)
-    return best
-
-
 def _mujoco() -> Iterator[tuple[str, tuple[int, int, int], float, Callable[..., DropPath]]]:
     for order, cells, h in MUJOCO:
         yield f"{_FLEX[order]} flex", cells, h, partial(mujoco_drop.simulate, order)

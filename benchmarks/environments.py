@@ -3,7 +3,7 @@
 
 ``python -m benchmarks.environments [--out FILE]`` prints the table of docs/benchmark.md. Each run is in a process of
 its own with one thread for each environment. Several environments step together, as with `make_vector_env`: each step
-waits for the slowest environment, and `gain_by_two` computes how much this limits two of them. All runs of a scene make
+waits for the slowest environment. All runs of a scene make
 the same two sequences of steps; four environments make each of them twice.
 """
 
@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
 from enum import Enum
-from statistics import fmean, median
+from statistics import fmean
 from time import perf_counter
 from typing import Any
 
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from benchmarks.markdown import markdown_table
 from benchmarks.peers.peer import worker_environment
 from benchmarks.replay import figures, summed
-from benchmarks.report import options, write_report
+from benchmarks.report import run_script
 from gdfe_ros.scene import load_scene
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.testing import make_env, make_vector_env
@@ -44,8 +44,6 @@ STEPS, LONGEST = 100, 4.0
 """Number of steps of an environment, and time [s] after which the first environment ends earlier; all others make as
 many steps.
 """
-RESETS = 5
-"""Number of resets after the steps; the table shows their median time."""
 PROBED = 5
 SEED = 0
 TIMEOUT = 600.0
@@ -73,7 +71,7 @@ def measure(scene: str) -> dict[str, Any]:
         "scene": scene,
         "cells": len(load_scene(scene).mesh.cells),
         "rates": {way.value: run["rate"] for way, run in runs.items()},
-        **{key: alone[key] for key in ("steps", "converged", "reset", "gain")},
+        **{key: alone[key] for key in ("steps", "converged")},
     }
 
 
@@ -90,22 +88,11 @@ def environment_table(report: Sequence[dict[str, Any]]) -> str:
     """Return the rates as a Markdown table."""
     rows = [
         (item["scene"], f"{item['cells']}", *(f"{item['rates'][way.value]:.3g}" for way in Way),
-         f"{item['gain']:.2f}", f"{100.0 * item['converged']:.3g}", f"{item['reset']:.1f}")
+         f"{100.0 * item['converged']:.3g}")
         for item in report
     ]  # fmt: skip
-    heads = ("scene", "cells", *(f"{way.value}, steps/s" for way in Way), "most gain by 2", "steps converged [%]",
-             "reset, in mean steps")  # fmt: skip
+    heads = ("scene", "cells", *(f"{way.value}, steps/s" for way in Way), "steps converged [%]")
     return markdown_table(heads, rows)
-
-
-def gain_by_two(first: Sequence[float], second: Sequence[float]) -> float:
-    """Return the largest gain by stepping two environments at once, from the times [s] of their steps one by one.
-
-    A step of both takes at least as long as the slower step. Two environments that step together are therefore at most
-    (sum of all times) / (sum of the larger times) times as fast as one.
-    """
-    pairs = list(zip(first, second, strict=True))
-    return sum(map(sum, pairs)) / sum(map(max, pairs))
 
 
 def run_way(scene: str, way: Way, steps: int) -> dict[str, float]:
@@ -113,7 +100,6 @@ def run_way(scene: str, way: Way, steps: int) -> dict[str, float]:
 
     Returns:
         ``rate`` [steps/s] of all environments together, ``steps`` of each environment, and the fraction ``converged``.
-        The method `Way.ALONE` adds ``gain`` and ``reset``.
     """
     if way is Way.PROCESSES:
         return _in_processes(scene, 2, steps)
@@ -131,8 +117,7 @@ def _alone(first: SoftRobotEnv, second: SoftRobotEnv, steps: int) -> dict[str, f
     """Return the figures of two environments that are stepped one after the other."""
     one, converged = _timed(lambda: [_step(first).converged], steps, LONGEST)
     two, others = _timed(lambda: [_step(second).converged], len(one))
-    found = _summary(one + two, converged + others) | {"steps": len(one), "gain": gain_by_two(one, two)}
-    return found | {"reset": found["rate"] * median(_seconds(first.reset) for _ in range(RESETS))}
+    return _summary(one + two, converged + others) | {"steps": len(one)}
 
 
 def _in_processes(scene: str, count: int, steps: int) -> dict[str, float]:
@@ -190,15 +175,6 @@ def _step(env: SoftRobotEnv) -> StepResult:
     return env.simulation.result
 
 
-def _times(step: Callable[[], object], steps: int, longest: float = math.inf) -> list[float]:
-    """Return the times [s] of ``steps`` steps after one step to warm up; no step begins after ``longest`` [s]."""
-    step()
-    times: list[float] = []
-    while len(times) < steps and sum(times) < longest:
-        times.append(_seconds(step))
-    return times
-
-
 def _seconds(work: Callable[[], object]) -> float:
     begun = perf_counter()
     work()
@@ -214,16 +190,15 @@ def probe() -> dict[str, float]:
     return summed(found)
 
 
-def main() -> None:
-    """Run the measurement, write the report and print the table."""
-    given = options("benchmarks.environments", "Environments of Gymnasium.", "environments").parse_args()
-    report = [measure(scene) for scene in SCENES]
-    write_report(given.out, report, probe())
-    print(environment_table(report))
-
-
 if __name__ == "__main__":
     if len(sys.argv) == 4 and not sys.argv[1].startswith("-"):
         print(json.dumps(run_way(sys.argv[1], Way(sys.argv[2]), int(sys.argv[3]))))
     else:
-        main()
+        run_script(
+            "benchmarks.environments",
+            "Environments of Gymnasium.",
+            "environments",
+            measure=lambda: [measure(scene) for scene in SCENES],
+            tables=environment_table,
+            probe=probe,
+        )

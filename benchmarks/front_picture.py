@@ -1,61 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Picture of run time against error, with the Pareto front of each solver."""
+"""Pictures of run time against error, with the Pareto front of each solver."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.cases import CaseName
-from benchmarks.peers.peer import PeerResult, Solver
+from benchmarks.peers.peer import PeerResult
 from benchmarks.tables import NAMES
 
-COLOURS = {Solver.GDFE: "#1b6ca8", Solver.FELUPE: "#d1495b", Solver.CALCULIX: "#66a182", Solver.MUJOCO: "#edae49"}
+COLOURS = {"gdfe_ros": "#1b6ca8", "FElupe": "#d1495b", "CalculiX": "#66a182", "MuJoCo": "#edae49"}
+Point = tuple[float, float]
+"""Error [%] and time of a run."""
 
 
-def draw_front(path: Path, results: Sequence[PeerResult]) -> None:
-    """Draw solve time against mean nodal error of every cold single-thread run; a line is the front of a solver."""
-    cold = [result for result in results if result.settings["threads"] == 1]
+def draw_fronts(path: Path, results: Sequence[PeerResult]) -> None:
+    """Draw solve time against mean nodal error of every cold run."""
     figure = Figure(figsize=(11.0, 6.4), dpi=150, layout="constrained")
-    axes = figure.subplots(2, 2).ravel()
-    for axis, name in zip(axes, CaseName, strict=True):
-        for solver in Solver:
-            here = [item for item in cold if item.solver is solver and item.scene == name.value]
-            here = [item for item in here if not item.mesh.endswith("relative")]
-            if not here:
-                continue
-            colour = COLOURS[solver]
-            axis.loglog(
-                [100 * i.mean_error for i in here],
-                [1e3 * i.time_solve for i in here],
-                "o",
-                ms=4,
-                color=colour,
-                alpha=0.4,
-            )
-            best = front(here)
-            axis.loglog(
-                [100 * i.mean_error for i in best],
-                [1e3 * i.time_solve for i in best],
-                "o-",
-                ms=5,
-                color=colour,
-                label=NAMES[solver],
-            )
-        axis.set_title(name.value, loc="left", fontsize=10)
-        axis.grid(visible=True, which="both", color="0.92")
-        axis.set_xlabel("mean nodal error [%]", fontsize=9)
-        axis.set_ylabel("solve time, 1 thread [ms]", fontsize=9)
-    axes[0].legend(fontsize=9, frameon=False)
+    for axes, name in zip(figure.subplots(2, 2).ravel(), CaseName, strict=True):
+        points: dict[str, list[Point]] = {}
+        for each in results:
+            if each.scene == name.value and not each.mesh.endswith("relative"):
+                points.setdefault(NAMES[each.solver], []).append((100 * each.mean_error, 1e3 * each.time_solve))
+        draw_front(axes, points)
+        axes.set_title(name.value, loc="left", fontsize=10)
+        axes.set(xlabel="mean nodal error [%]", ylabel="solve time, 1 thread [ms]")
+    figure.axes[0].legend(fontsize=9, frameon=False)
     figure.savefig(path)
 
 
-def front(results: Sequence[PeerResult]) -> list[PeerResult]:
+def draw_front(axes: Axes, points: Mapping[str, Iterable[Point]]) -> None:
+    """Draw the runs of each solver; a line is its front."""
+    for solver, own in points.items():
+        for marked, style in ((own, {"ls": "", "alpha": 0.4}), (front(own), {"label": solver})):
+            axes.loglog(*zip(*marked, strict=True), marker="o", ms=5, color=COLOURS[solver], **style)
+    axes.grid(visible=True, which="both", color="0.92")
+
+
+def front(points: Iterable[Point]) -> list[Point]:
     """Return the Pareto-optimal runs, by ascending error: no other run is better in both time and error."""
-    best: list[PeerResult] = []
-    for result in sorted(results, key=lambda item: (item.mean_error, item.time_solve)):
-        if not best or result.time_solve < best[-1].time_solve:
-            best.append(result)
+    best: list[Point] = []
+    for point in sorted(points):
+        if not best or point[1] < best[-1][1]:
+            best.append(point)
     return best

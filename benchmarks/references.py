@@ -27,8 +27,6 @@ class ReferenceKind(Enum):
     """Mesh-converged solution with quadratic elements; errors are measured relative to it."""
     SAME_MESH = "same_mesh"
     """Linear hexahedra with mean dilatation on the paper's mesh: the solution of a good standard FEM."""
-    REFINED = "refined"
-    """Our check of FINE, computed by ``python -m benchmarks.fine_reference``."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +79,7 @@ def load_reference(
     path = reference_path(name, kind, directory=directory)
     if not path.is_file():
         raise FileNotFoundError(
-            f"no reference solution {path}: run from a source checkout, give the directory that holds it, "
-            f"or make it with: python -m benchmarks.fine_reference {name.value}"
+            f"no reference solution {path}: run from a source checkout, or give the directory that holds it"
         )
     with np.load(path, allow_pickle=False) as data:
         reference = Reference(
@@ -98,20 +95,6 @@ def load_reference(
     if not (np.isfinite(reference.vertices).all() and np.isfinite(reference.displacement).all()):
         raise ValueError(f"{path}: X or u is not finite")
     return reference
-
-
-def save_reference(path: Path, reference: Reference) -> None:
-    """Write a reference solution in the form that `load_reference` reads."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(
-        path,
-        X=reference.vertices,
-        u=reference.displacement,
-        reaction_force=reference.reaction[:3],
-        reaction_moment=reference.reaction[3:],
-        energy=np.float64(reference.energy),
-        meta=np.array(json.dumps(reference.meta)),
-    )
 
 
 def measure_error(displacement: Array, reference: Array) -> Error:

@@ -7,7 +7,7 @@ import argparse
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -109,3 +109,40 @@ def options(module: str, words: str, name: str) -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=default, help=f"file of the report (default: {default})")
     parser.add_argument("--pictures", type=Path, help="folder of the pictures (default: beside the report)")
     return parser
+
+
+def run_script(
+    module: str,
+    words: str,
+    name: str,
+    *,
+    measure: Callable[..., Any],
+    tables: Callable[[Any], Mapping[str, str] | str],
+    probe: Callable[[], Probe],
+    draw: Callable[[Path, Any], None] | None = None,
+    data: Path | None = None,
+) -> None:
+    """Measure, write the report, draw its pictures, and print its tables, as the command line says.
+
+    Args:
+        module: name of the module for ``python -m``.
+        words: description of the script.
+        name: name of the output file, without its ending.
+        measure: function that returns the data of the report.
+        tables: function from data to its table, or to a dict from name to table.
+        probe: function that returns the probe.
+        draw: function that draws the pictures of data into a folder.
+        data: default of the option ``--data``, whose value is then given to ``measure``.
+    """
+    parser = options(module, words, name)
+    if data is not None:
+        parser.add_argument("--data", type=Path, default=data, help="recordings; default: those of the page")
+    given = parser.parse_args()
+    found = measure() if data is None else measure(given.data)
+    write_report(given.out, found, probe())
+    if draw is not None:
+        pictures = given.pictures or given.out.parent
+        pictures.mkdir(parents=True, exist_ok=True)
+        draw(pictures, found)
+    printed = tables(found)
+    print(printed if isinstance(printed, str) else "\n\n".join(printed.values()))

@@ -8,11 +8,12 @@ simulation time on one core, writes the report and ``robots.png``, and prints th
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.markdown import markdown_table
 from benchmarks.replay import first_steps, summed
-from benchmarks.report import options, write_report
+from benchmarks.report import run_script
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
@@ -76,6 +77,13 @@ def robot_table(report: list[dict[str, Any]]) -> str:
     return f"{markdown_table(heads, rows)}\n\n{said}"
 
 
+def draw(folder: Path, _: object) -> None:
+    """Draw the robots into a folder."""
+    from benchmarks.robot_picture import draw_robots
+
+    draw_robots(folder / "robots.png", ROBOTS)
+
+
 def probe() -> dict[str, float]:
     """Return the figures of the first steps of every program."""
     found: dict[str, float] = {}
@@ -85,16 +93,13 @@ def probe() -> dict[str, float]:
     return summed(found)
 
 
-def main() -> None:
-    """Run the measurement, write report and picture, and print the table."""
-    from benchmarks.robot_picture import draw_robots
-
-    given = options("benchmarks.robots", "The shipped robots: how fast each streams.", "robots").parse_args()
-    report = [measure(robot) for robot in ROBOTS]
-    write_report(given.out, report, probe())
-    draw_robots((given.pictures or given.out.parent) / "robots.png", ROBOTS)
-    print(robot_table(report))
-
-
 if __name__ == "__main__":
-    main()
+    run_script(
+        "benchmarks.robots",
+        "The shipped robots: how fast each streams.",
+        "robots",
+        measure=lambda: [measure(robot) for robot in ROBOTS],
+        tables=robot_table,
+        probe=probe,
+        draw=draw,
+    )

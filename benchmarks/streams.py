@@ -2,8 +2,8 @@
 """Streams of small steps: rate of the steps, and error of the final state.
 
 ``python -m benchmarks.streams [--out FILE]`` runs every solver that can make such steps on several meshes, and prints
-the tables of docs/benchmark.md: all streams, and each solver's fastest stream within a limit of error, on any mesh. A
-peer whose body lags behind its handle has a large final error.
+the table of docs/benchmark.md: each solver's fastest stream within a limit of error, on any mesh. A peer whose body
+lags behind its handle has a large final error.
 """
 
 from __future__ import annotations
@@ -63,9 +63,8 @@ def probe() -> dict[str, float]:
 
 def main() -> int:
     """Run the measurement, write the report and print the tables; return 1 if a run failed."""
-    parser = options("benchmarks.streams", "Streams of small steps: how many a second, and how far off.", "streams")
-    parser.add_argument("--quick", action="store_true", help="only the coarsest mesh of each scene, once")
-    given = parser.parse_args()
+    words = "Streams of small steps: how many a second, and how far off."
+    given = options("benchmarks.streams", words, "streams").parse_args()
     failures: list[str] = []
 
     def done(job: Job, outcome: PeerResult | PeerError) -> None:
@@ -76,10 +75,7 @@ def main() -> int:
         else:
             print(f"{where}: {steps_a_second(outcome):.0f} steps/s", file=sys.stderr)
 
-    wanted = jobs(slow=True, threads=1, streams=True)
-    if given.quick:
-        wanted = list({(job.solver, job.case.name): job for job in reversed(wanted)}.values())
-    results = run_jobs(wanted, repeats=1 if given.quick else REPEATS, done=done)
+    results = run_jobs(jobs(streams=True), repeats=REPEATS, done=done)
     lacking = {NAMES[Solver(name)]: reason for name, reason in missing().items() if Solver(name) in SOLVERS}
     report = {"results": [result.to_json() for result in results], "failures": failures, "missing": lacking}
     write_report(given.out, report, probe())

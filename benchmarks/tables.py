@@ -1,23 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the benchmark as Markdown, printed from bench.json; README and docs/ contain the same text.
-
-``python -m benchmarks.tables [bench.json]`` prints them; it also accepts a torture.json or a skip.json.
-"""
+"""The tables of the benchmark as Markdown, printed from bench.json; README and docs/ contain the same text."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from benchmarks.cases import CaseName, get_case
 from benchmarks.markdown import left_out, markdown_table
 from benchmarks.peers.peer import PeerResult, Solver
 from benchmarks.references import load_reference
-from benchmarks.report import read_report
-from benchmarks.savings import Saving, saving_table
-from benchmarks.torture.score import torture_tables
+from benchmarks.scaling import scaling_table
 
 PAPER_TIMES = {"bend5": (11.3, 71.4), "twist90": (4.19, 19.35), "tensile": (18.3, 27.2)}
 """Times of the paper's method and of Abaqus [s] that the paper reports, on another machine."""
@@ -35,21 +28,14 @@ SUMMARY = (
 
 
 def all_tables(report: dict[str, Any]) -> dict[str, str]:
-    """Return dict from name to table, for the data of a bench.json, a torture.json or a skip.json."""
-    if "cases" in report:
-        return torture_tables(report)
-    if "savings" in report:
-        return {"skipped": saving_table(Saving(**row) for row in report["savings"])}
+    """Return dict from name to table, for the data of a bench.json."""
     below = left_out({NAMES[Solver(name)]: reason for name, reason in report["missing"].items()})
-    results = [PeerResult.from_json(item) for item in report["results"]]
-    cold = [result for result in results if result.settings["threads"] == 1]
+    cold = [PeerResult.from_json(item) for item in report["results"]]
     return {
         "summary": summary_table(cold) + below,
         "paper meshes": paper_table(cold) + below,
-        "joint": joint_table(report["joint"]),
         "front": front_table(cold) + below,
         "scaling": scaling_table(report["scaling"]),
-        "ratios": ratio_table(report["ratios"]),
     }
 
 
@@ -98,22 +84,6 @@ def summary_table(results: Sequence[PeerResult]) -> str:
     return markdown_table(("scene", "mesh", *(f"{NAMES[solver]}, {element}" for solver, element in SUMMARY)), rows)
 
 
-def joint_table(joints: Iterable[dict[str, Any]]) -> str:
-    """Return the table that compares the tensile test of Sec. 5.3 with the paper's Table 2 and the exact solutions."""
-    rows = [
-        (
-            joint["label"],
-            f"{100 * joint['position']:.2f}",
-            f"{100 * joint['cheetah']:.1f}",
-            f"{100 * joint['ninjaflex']:.1f}",
-        )
-        for joint in joints
-    ]
-    return markdown_table(
-        ("tensile test of Sec. 5.3", "joint [% of length]", "Cheetah strain [%]", "NinjaFlex strain [%]"), rows
-    )
-
-
 def front_table(results: Sequence[PeerResult]) -> str:
     """Return the table with each solver's fastest run on any mesh, for several limits of the error."""
     rows = front_rows(results, tuple(Solver), LIMITS, lambda item: f"{1e3 * item.time_solve:.2f}")
@@ -142,23 +112,6 @@ def front_rows(
     return rows
 
 
-def scaling_table(sizes: Iterable[dict[str, Any]]) -> str:
-    """Return the table with set-up time, iterations and memory for each number of elements."""
-    rows = [
-        (str(size["elements"]), f"{size['time_setup']:.2f}", f"{size['time_solve']:.2f}", str(size["iterations"]),
-         f"{1e3 * size['time_iteration']:.2f}", f"{size['peak_memory'] / 1e6:.0f}")
-        for size in sizes
-    ]  # fmt: skip
-    heads = ("elements", "set-up [s]", "solve [s]", "iterations", "one iteration [ms]", "peak memory [MB]")
-    return markdown_table(heads, rows)
-
-
-def ratio_table(ratios: Iterable[dict[str, Any]]) -> str:
-    """Return the table with iterations and time for each Poisson's ratio."""
-    rows = [(f"{item['poisson']:g}", str(item["iterations"]), f"{item['time_solve']:.2f}") for item in ratios]
-    return markdown_table(("Poisson's ratio", "iterations", "solve [s]"), rows)
-
-
 def _best_tolerance(results: Sequence[PeerResult]) -> list[PeerResult]:
     """Return all runs of other solvers and, of our runs, those at the largest tolerance with the required error."""
     from benchmarks.peers.gdfe_peer import PAPER_TOLERANCE
@@ -174,14 +127,3 @@ def _best_tolerance(results: Sequence[PeerResult]) -> list[PeerResult]:
 def _label(result: PeerResult) -> str:
     name, element = NAMES[result.solver], result.mesh.split(maxsplit=1)[1]
     return f"**{name}, {element}**" if result.solver is Solver.GDFE else f"{name}, {element}"
-
-
-def main() -> None:
-    """Print the tables of a report."""
-    report = Path(sys.argv[1] if len(sys.argv) > 1 else "bench.json")
-    for name, text in all_tables(read_report(report).data).items():
-        print(f"\n{name}\n\n{text}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The elasticity benchmark: ``python -m benchmarks.elasticity`` measures all rows, and prints tables and a picture.
-
-``--reference`` solves all problems with FElupe on a graded mesh instead, and keeps the result in `REFERENCE`.
-"""
+"""The elasticity benchmark: ``python -m benchmarks.elasticity`` measures all rows, and prints the table."""
 
 from __future__ import annotations
 
@@ -14,11 +11,10 @@ from typing import Any
 
 from benchmarks.elasticity import felupe_rows, newton, own
 from benchmarks.elasticity.problem import LEVELS, OWN, PROBLEMS, Problem, errors, levels
-from benchmarks.elasticity.table import all_tables, draw, worst
-from benchmarks.provenance import ROOT
-from benchmarks.report import options, write_report
+from benchmarks.elasticity.table import size_table
+from benchmarks.report import KEPT, run_script
 
-REFERENCE = ROOT / "test" / "data" / "reference" / "elasticity.json"
+REFERENCE = KEPT / "reference" / "elasticity.json"
 Rows = dict[str, Callable[[Problem, int], dict[str, Any]]]
 ROWS: Rows = {
     "gdfe_ros, tetrahedra": partial(own.solve, tetrahedra=True),
@@ -29,16 +25,6 @@ ROWS: Rows = {
     "FElupe, H8": lambda problem, n: felupe_rows.solve(problem, 2 * n, order=1),
 }
 """Dict from the name of a row to the function that solves a problem with nodes at 2 n intervals along each edge."""
-
-
-def make_reference() -> None:
-    """Solve all problems on the graded mesh and on a coarser one; keep the results and their distances."""
-    found = {}
-    for problem in PROBLEMS:
-        fine, coarse = (felupe_rows.reference(problem, breaks) for breaks in (felupe_rows.BREAKS, felupe_rows.COARSER))
-        found[problem.name] = {**fine, "doubt": errors(coarse, fine)}
-        print(problem.name, found[problem.name]["doubt"], flush=True)
-    REFERENCE.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 
 def measure(rows: Rows, problems: Sequence[Problem], most: int) -> list[dict[str, Any]]:
@@ -77,22 +63,12 @@ def probe() -> dict[str, float]:
     return found
 
 
-def main() -> None:
-    """Measure and write the report, the tables and the picture; or make the reference."""
-    parser = options("benchmarks.elasticity", "Elasticity by the rules of a public benchmark.", "elasticity")
-    parser.add_argument("--reference", action="store_true", help="solve the problems with FElupe on a graded mesh")
-    arguments = parser.parse_args()
-    if arguments.reference:
-        make_reference()
-        return
-    known = json.loads(REFERENCE.read_text(encoding="utf-8"))
-    doubt = {name: found["doubt"] for name, found in known.items()}
-    report = {"runs": compare(measure(ROWS, PROBLEMS, max(LEVELS))), "doubt": doubt, "solver": newton.Cholesky().name}
-    write_report(arguments.out, report, probe())
-    draw(report, (arguments.pictures or arguments.out.parent) / "elasticity.png")
-    print("\n\n".join(all_tables(report).values()))
-    print(worst(report))
-
-
 if __name__ == "__main__":
-    main()
+    run_script(
+        "benchmarks.elasticity",
+        "Elasticity by the rules of a public benchmark.",
+        "elasticity",
+        measure=lambda: compare(measure(ROWS, PROBLEMS, max(LEVELS))),
+        tables=size_table,
+        probe=probe,
+    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cube in FElupe: hexahedra with a mean dilatation, and the reference, triquadratic hexahedra on a graded mesh.
+"""The cube in FElupe: hexahedra with a mean dilatation, linear or triquadratic.
 
 FElupe (GPL-3) is imported inside the functions, because this package needs it only for its benchmark.
 """
@@ -7,8 +7,6 @@ FElupe (GPL-3) is imported inside the functions, because this package needs it o
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -17,40 +15,12 @@ import scipy.sparse as sparse
 from benchmarks.elasticity import law
 from benchmarks.elasticity.newton import Cholesky
 from benchmarks.elasticity.problem import DECREMENT, Array, Problem, run
-from benchmarks.fine_model import condensed_solve, linear_cell_region
 from benchmarks.grids import Grid
 
 STEPS = (1, 2, 4, 8)
 """Numbers of load steps that are tried; the time of the first that converges counts, without the failures before."""
 MOST = 30
 """Limit of iterations of a load step."""
-BREAKS = (0.0, 0.004, 0.02, 0.07, 0.25)
-COARSER = (0.0, 0.02, 0.07, 0.25)
-"""Ends of the reference's cells between a face of the cube and the first inner plane of the lattice [m]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Graded(Grid):
-    """A cube of triquadratic hexahedra that are small at the edges of the clamped faces, where the stress is singular.
-
-    Attributes:
-        breaks: ends of the cells along an edge; the node in the middle of a cell is in its middle.
-    """
-
-    breaks: tuple[float, ...]
-
-    def points(self) -> Array:
-        """Return the undeformed positions of the nodes (n, 3) [m]."""
-        ends = np.array(self.breaks)
-        nodes = np.sort(np.concatenate([ends, 0.5 * (ends[1:] + ends[:-1])]))
-        z, y, x = np.meshgrid(nodes - 0.5, nodes - 0.5, nodes, indexing="ij")
-        return np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
-
-
-def graded(breaks: tuple[float, ...] = BREAKS) -> Graded:
-    """Return the reference's mesh; between the lattice's planes x = 1/4, 1/2 and 3/4 there is one cell."""
-    ends = (*breaks, 0.5, *(1.0 - place for place in reversed(breaks)))
-    return Graded(size=(1.0, 1.0, 1.0), cells=3 * (len(ends) - 1,), order=2, breaks=ends)  # type: ignore[arg-type]
 
 
 def local_part(problem: Problem) -> float:
@@ -119,8 +89,6 @@ def newton(
     body: Any,
     steps: int,
     cholesky: Cholesky,
-    target: float = DECREMENT,
-    condensed: bool = False,
 ) -> dict[str, Any]:
     """Apply the motion in equal load steps with FElupe's Newton method; return the last field and its iterations.
 
@@ -142,7 +110,7 @@ def newton(
 
     for step in range(1, steps + 1):
         boundaries["far"].update(problem.moved(points[far], step / steps).ravel())
-        first, limit = True, target if step == steps else max(target, 1e-2)
+        first, limit = True, DECREMENT if step == steps else 1e-2
 
         def check(dx: Array, x: Any, f: Array, limit: float = limit, **_: Any) -> tuple[float, float, bool]:
             nonlocal first
@@ -151,45 +119,9 @@ def newton(
                 raise felupe.NewtonConvergenceError("not finite")
             return float(np.abs(dx).max()), decrement, done
 
-        solver = {"solve": condensed_solve(grid, linear)} if condensed else {"solver": linear}
         result = felupe.newtonraphson(
             x0=state, items=[body], dof0=fixed, dof1=free, ext0=felupe.dof.apply(field, boundaries, fixed),
-            check=check, maxiter=MOST, verbose=0, **solver,
+            check=check, maxiter=MOST, verbose=0, solver=linear,
         )  # fmt: skip
         state, iterations = result.x, iterations + result.iterations
     return {"x": state, "iterations": iterations, "solves": cholesky.count, "decrement": decrement}
-
-
-def reference(problem: Problem, breaks: tuple[float, ...] = BREAKS, steps: int = 4) -> dict[str, Any]:
-    """Return the run of the reference: Q2/P1, pressure and volume ratio linear in each cell.
-
-    If FElupe does not converge, it gets four times as many load steps, up to 64.
-
-    Raises:
-        felupe.NewtonConvergenceError: it does not converge in 64 steps.
-    """
-    import felupe
-
-    grid, cholesky = graded(breaks), Cholesky(definite=False)
-    mesh = felupe.Mesh(grid.points(), grid.connectivity(felupe.TriQuadraticHexahedron().points), "hexahedron27")
-    region = felupe.RegionTriQuadraticHexahedron(mesh)
-    cells = linear_cell_region(felupe, region, grid.n_cells)
-    unit = np.zeros((4 * grid.n_cells, 1))
-    unit[::4] = 1.0
-    field = felupe.FieldContainer([felupe.Field(region, dim=3), felupe.Field(cells), felupe.Field(cells, values=unit)])
-    local = local_part(problem)
-    mixed = felupe.NearlyIncompressible(material(felupe, problem, local), bulk=problem.lame - local)
-    mixed.chunksize = None
-    body = felupe.SolidBody(mixed, field)
-    try:
-        found = newton(felupe, problem, grid, field, body, steps, cholesky, 1e-10, True)
-    except felupe.NewtonConvergenceError:
-        if steps >= 64:
-            raise
-        return reference(problem, breaks, 4 * steps)
-    finally:
-        cholesky.close()
-    u = found.pop("x")[0].values
-    forces = body.results.force.toarray().ravel()[: u.size].reshape(u.shape)
-    more = {"felupe": version("felupe"), "cells": list(grid.cells), "steps": steps}
-    return run(problem, grid.points(), u, forces, **more, **found)

@@ -10,8 +10,8 @@ import numpy as np
 
 from benchmarks.loop import bodies
 from benchmarks.loop.row import STABLE, Row, Target, Task
-from benchmarks.torture import far_steps, tendons
-from benchmarks.torture.honesty import TOLERANCES, tendon_bar
+from benchmarks.torture.honesty import RUBBER, TOLERANCES, bar, held, tendon_bar
+from gdfe_ros.scene import Scene
 
 FINE = 1e-4
 """Fine tolerance, divided by the tolerance."""
@@ -25,26 +25,43 @@ LOADS = np.linspace(1.16, 2.5, 34)
 """Loads of the columns, in Euler loads."""
 FASTER = 0.1
 """Largest processor time of all solves of the thin bodies, finer ones included, over that of before."""
-SEEDS = 1, 2
-"""Seeds of the stocky bars."""
+SEEDS, BARS = (1, 2), 40
+"""Seeds of the stocky bars, and number of bars of a seed."""
+TENDONS = {
+    "ratio": (10.0, 20.0, 40.0),
+    "cells": ((20, 1, 1), (30, 2, 2)),
+    "law": (RUBBER.replace("0.499", "0.45"), RUBBER, "preset: dragon_skin_30"),
+    "command": (("shortening", 0.3), ("shortening", 1.0), ("tension", 0.02)),
+    "steps": (3, 10),
+}
+"""Length over thickness, cells, law, final command and number of steps of bars that a tendon bends."""
 
 
 def make_far_row() -> Row:
-    """Return the row of stocky bars after a far step, those of `far_steps`, at its tolerances."""
+    """Return the row of stocky bars after a far step, at the tolerances of the torture test."""
     tasks = []
-    generators = [np.random.default_rng(seed) for seed in SEEDS]
-    for stream in [far_steps.random_bar(random) for random in generators for _ in range(far_steps.BARS)]:
-        scene = stream.scene()
-        command = [] if scene.program else [{"loads": {"weight": 1.0}}]
-        tasks += [Task(text=scene.source, tolerance=tolerance, commands=command) for tolerance in TOLERANCES]
+    for seed in SEEDS:
+        random = np.random.default_rng(seed)
+        for scene in [make_random_bar(random) for _ in range(BARS)]:
+            command = [] if scene.program else [{"loads": {"weight": 1.0}}]
+            tasks += [Task(text=scene.source, tolerance=tolerance, commands=command) for tolerance in TOLERANCES]
     return _make_row("far steps of stocky bars", tasks)
 
 
+def make_random_bar(random: np.random.Generator) -> Scene:
+    """Return a bar 1.5 to 9 times as long as thick; it sags far under its weight, or both ends are held and moved."""
+    ratio, across = float(random.uniform(1.5, 9.0)), int(random.integers(2, 4))
+    cells = max(2, round(ratio * across * random.uniform(0.6, 1.0))), across, across
+    length, poisson = 0.01 * ratio, float(random.choice([0.3, 0.45, 0.49]))
+    shift, turn = random.uniform(-0.25, 0.25, 3).tolist(), random.uniform(-90.0, 90.0, 3).tolist()
+    sag, sags = 10.0 ** random.uniform(-2.0, 0.0), random.random() < 0.4
+    return bar((length, 0.01, 0.01), cells, sag, poisson=poisson) if sags else held(length, cells, poisson, shift, turn)
+
+
 def make_tendon_row() -> Row:
-    """Return the row of slender bars that a tendon bends, those of `tendons`."""
-    chosen = product(tendons.RATIOS, tendons.CELLS, tendons.LAWS, tendons.COMMANDS, tendons.STEPS)
+    """Return the row of slender bars that a tendon bends."""
     tasks = []
-    for ratio, cells, law, command, steps in chosen:
+    for ratio, cells, law, command, steps in product(*TENDONS.values()):
         scene = tendon_bar(ratio, cells, law, *command)
         tasks.append(Task(text=scene.source, total=steps, parts={"": (0, steps)}, limit=30.0))
     return _make_row("slender bars with tendons", tasks)
@@ -138,7 +155,7 @@ def make_tube_row() -> Row:
 def make_body_row() -> Row:
     """Return the row of all thin bodies together; processor time of their steps, and of the whole row."""
     targets = Target("whole over before", FASTER), *STABLE
-    return _make_row("24 thin bodies", list(bodies.make_thin_bodies().values()), push=True, fine=1e-5, targets=targets)
+    return _make_row("24 thin bodies", bodies.make_thin_bodies(), push=True, fine=1e-5, targets=targets)
 
 
 def _make_row(name: str, tasks: list[Task], **options: object) -> Row:

@@ -76,12 +76,9 @@ def make_cold_rows() -> list[Row]:
     rows = []
     for scene, cells, ratio in BARS:
         task = Task(scene=scene, overrides={"mesh.bar.cells": list(cells)})
-        name = f"{scene} {'x'.join(map(str, cells))}"
-        large = cells[1] > 5
-        times = {"repeats": 1 if large else 5, "turns": 3 if large else 7}
-        rows.append(
-            Row(group="cold", name=f"{name}, cold", tasks=(task,), **times, errors="each", targets=limit_ratio(ratio))
-        )
+        name = f"{scene} {'x'.join(map(str, cells))}, cold"
+        times = {"repeats": 1, "turns": 3} if cells[1] > 5 else {"repeats": 5, "turns": 7}
+        rows.append(Row(group="cold", name=name, tasks=(task,), **times, errors="each", targets=limit_ratio(ratio)))
     return rows
 
 
@@ -90,56 +87,54 @@ def make_stream_rows() -> list[Row]:
     rows = []
     for name, (scene, steps, overrides) in STREAMS.items():
         task = Task(scene=scene, overrides=overrides, total=steps, parts={"": (0, steps)})
-        targets = Target("ratio", SLOWER), Target("error", 0.3), *HONEST[1:]
-        if name == "bend5 10x1x1":
-            targets = (Target("after", 0.2), *targets)
-        rows.append(
-            Row(group="streams", name=f"{name}, {steps} steps", tasks=(task,), errors="path", turns=11, targets=targets)
-        )
+        fast = (Target("after", 0.2),) if name == "bend5 10x1x1" else ()
+        given = {
+            "errors": "path",
+            "turns": 11,
+            "targets": (*fast, Target("ratio", SLOWER), Target("error", 0.3), *HONEST[1:]),
+        }
+        rows.append(Row(group="streams", name=f"{name}, {steps} steps", tasks=(task,), **given))
     return rows
 
 
 def make_robot_rows() -> list[Row]:
     """Return the rows with robots in steps of 10 ms."""
-    return [
-        Row(
-            group="robots",
-            name=f"{scene}, 10 ms",
-            tasks=(Task(scene=scene, total=total, parts={"": (0, steps)}),),
-            errors="path",
-            targets=limit_ratio(ratio),
-        )
-        for scene, total, steps, ratio in ROBOTS
-    ]
+    rows = []
+    for scene, total, steps, ratio in ROBOTS:
+        task = Task(scene=scene, total=total, parts={"": (0, steps)})
+        given = {"errors": "path", "targets": limit_ratio(ratio)}
+        rows.append(Row(group="robots", name=f"{scene}, 10 ms", tasks=(task,), **given))
+    return rows
 
 
 def make_motion_rows() -> list[Row]:
     """Return the rows with half a second of motion in steps of 5 ms."""
     rows = []
     for scene, factor in MOTION.items():
-        loaded = load_scene(scene)
-        key: dict[str, Any] = {"dynamics.step": STEP} if loaded.dynamics else {"dynamics": {"step": STEP}}
-        task = Task(
-            scene=scene,
-            overrides=key,
-            total=round(loaded.program.duration / STEP),
-            parts={"": (0, round(LASTS / STEP))},
-        )
         target = Target("ratio", SLOWER) if factor is None else Target("after", factor, least=True)
         targets = target, Target("path over before", 1.1), Target("unconverged", 0)
         given = {"unit": "real time", "errors": "path", "fine": 1e-2, "turns": 5, "targets": targets}
+        loaded = load_scene(scene)
+        key: dict[str, Any] = {"dynamics.step": STEP} if loaded.dynamics else {"dynamics": {"step": STEP}}
+        task = _move(scene, key, loaded.program.duration, STEP, {"": (0.0, LASTS)})
         rows.append(Row(group="motion", name=f"{scene}, motion", tasks=(task,), **given))
     return rows
 
 
 def make_contact_rows() -> list[Row]:
     """Return the rows with contact: not slower in any phase, and every step converged."""
+    given = {"unit": "real time", "turns": 3, "targets": (Target("ratio", SLOWER), Target("unconverged", 0))}
     rows = []
     for scene, (duration, step, phases) in CONTACT.items():
-        key: dict[str, Any] = {"dynamics.step": step} if load_scene(scene).dynamics else {}
-        parts = {name: tuple(round(end / step) for end in ends) for name, ends in phases.items()}
-        task = Task(scene=scene, overrides=key, total=round(duration / step), parts=parts)
-        targets = Target("ratio", SLOWER), Target("unconverged", 0)
-        given = {"unit": "real time", "turns": 3, "targets": targets}
+        key = {"dynamics.step": step} if load_scene(scene).dynamics else {}
+        task = _move(scene, key, duration, step, phases)
         rows.append(Row(group="contact", name=scene, tasks=(task,), **given))
     return rows
+
+
+def _move(
+    scene: str, key: Mapping[str, Any], duration: float, step: float, phases: Mapping[str, tuple[float, float]]
+) -> Task:
+    """Return the task of a program of ``duration`` [s] in steps [s], of which those of the ``phases`` [s] are made."""
+    parts = {name: tuple(round(end / step) for end in ends) for name, ends in phases.items()}
+    return Task(scene=scene, overrides=key, total=round(duration / step), parts=parts)

@@ -7,8 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -23,8 +21,6 @@ PATIENCE = 10.0
 """Time limit of a script, divided by its expected duration; the first minutes may be needed for compiling."""
 LEAST = 20.0
 """Least time limit of a script [min]."""
-BEAT = 0.5
-"""Time between two checks of a running script [s]."""
 
 
 def kept(table: Table) -> Report | None:
@@ -41,23 +37,18 @@ def is_current(table: Table) -> bool:
     return report is not None and report.made.is_current and bool(report.probe)
 
 
-def measure(table: Table, *, beat: Callable[[], None] = lambda: None) -> str | None:
+def measure(table: Table) -> str | None:
     """Run the script of a table, which replaces the table's file when it ends.
-
-    Args:
-        table: table to measure.
-        beat: function that is called twice a second.
 
     Returns:
         None after success, else a short description of the failure.
     """
     LOGS.mkdir(parents=True, exist_ok=True)
     log = LOGS / f"{table.name}.log"
-    command = [sys.executable, "-m", table.module, *table.arguments, "--out", str(table.file), "--pictures"]
+    command = [sys.executable, "-m", table.module, "--out", str(table.file), "--pictures"]
     environment = {**os.environ, "PYTHONPATH": _path()} if table.ros else worker_environment(1)
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     before = table.file.stat().st_mtime_ns if table.file.is_file() else 0
-    end = time.monotonic() + 60.0 * max(LEAST, PATIENCE * table.minutes)
     with (
         log.open("w") as output,
         subprocess.Popen(
@@ -70,7 +61,10 @@ def measure(table: Table, *, beat: Callable[[], None] = lambda: None) -> str | N
         ) as process,
     ):
         try:
-            status = _wait(process, end, beat)
+            status = process.wait(60.0 * max(LEAST, PATIENCE * table.minutes))
+        except subprocess.TimeoutExpired:
+            _end(process)
+            status = None
         except BaseException:
             _end(process)  # an interruption
             raise
@@ -79,17 +73,6 @@ def measure(table: Table, *, beat: Callable[[], None] = lambda: None) -> str | N
         return None
     ended = "took too long and was ended" if status is None else f"ended with status {status}"
     return f"{ended}; its table is {'written' if written else 'as it was'}; see {log.relative_to(ROOT)}: {_last(log)}"
-
-
-def _wait(process: subprocess.Popen[bytes], end: float, beat: Callable[[], None]) -> int | None:
-    """Return the exit status of a process. At the time ``end``, kill it and return None."""
-    while time.monotonic() < end:
-        try:
-            return process.wait(BEAT)
-        except subprocess.TimeoutExpired:
-            beat()
-    _end(process)
-    return None
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

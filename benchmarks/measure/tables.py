@@ -21,8 +21,6 @@ class Table:
         name: name of the file in `KEPT`, without its ending.
         module: module that ``python -m`` runs; it accepts ``--out FILE --pictures FOLDER``.
         minutes: approximate duration on two idle cores [min].
-        arguments: further arguments of the module.
-        probe: name of the module's function that repeats a small part of the measurement.
         needs: packages without which the table cannot be measured.
         ros: whether nodes are started. They keep the environment's number of threads.
     """
@@ -30,8 +28,6 @@ class Table:
     name: str
     module: str
     minutes: float
-    arguments: tuple[str, ...] = ()
-    probe: str = "probe"
     needs: tuple[str, ...] = ()
     ros: bool = False
 
@@ -53,20 +49,14 @@ class Table:
         module = import_module(self.module)
         if hasattr(module, "__path__"):
             module = import_module(f"{self.module}.__main__")
-        return cast(Callable[[], Probe], getattr(module, self.probe))
+        return cast(Callable[[], Probe], module.probe)
 
 
 TABLES = (
-    Table(name="skip", module="benchmarks.savings", minutes=1),
-    Table(name="threads", module="benchmarks.threads", minutes=1),
-    Table(name="cut_cells", module="benchmarks.cut_cells", minutes=0.5),
-    Table(name="batches", module="benchmarks.batches", minutes=1.5),
     Table(name="environments", module="benchmarks.environments", minutes=5, needs=("gymnasium",)),
-    Table(name="coarse_meshes", module="benchmarks.coarse_meshes", minutes=0.5),
     Table(name="elasticity", module="benchmarks.elasticity", minutes=10, needs=("felupe", "pypardiso")),
     Table(name="streams", module="benchmarks.streams", minutes=2),
     Table(name="robots", module="benchmarks.robots", minutes=1),
-    Table(name="chamber", module="benchmarks.chamber", minutes=1, needs=("felupe", "pypardiso")),
     Table(name="motion", module="benchmarks.motion", minutes=1),
     Table(name="public_cases", module="benchmarks.public_cases", minutes=0.5),
     Table(name="afternoon", module="benchmarks.measured_robots.afternoon", minutes=0.2),
@@ -74,20 +64,12 @@ TABLES = (
     Table(name="measured_membrane", module="benchmarks.measured_robots.membrane", minutes=2.5),
     Table(name="measured_module", module="benchmarks.measured_robots.module", minutes=1, needs=("gmsh",)),
     Table(name="measured_rubber", module="benchmarks.measured_robots.rubber", minutes=0.2),
-    Table(name="arm_grasp", module="benchmarks.arm_grasp", minutes=1.5, needs=("pinocchio",)),
-    Table(name="contact", module="benchmarks.contact", minutes=4.5),
-    Table(
-        name="bench_node",
-        module="benchmarks.node",
-        arguments=("--repeats", "1", "--seconds", "10"),
-        minutes=4,
-        needs=("rclpy",),
-        ros=True,
-    ),
+    Table(name="contact", module="benchmarks.contact", minutes=3),
+    Table(name="bench_node", module="benchmarks.node.latency", minutes=1, needs=("rclpy",), ros=True),
     Table(name="manners", module="benchmarks.manners", minutes=6, needs=("rclpy",), ros=True),
     Table(name="loop", module="benchmarks.loop", minutes=9),
-    Table(name="bench", module="benchmarks", minutes=7.5),
-    Table(name="torture", module="benchmarks.torture.measure", minutes=22, needs=("xdist",)),
+    Table(name="bench", module="benchmarks", minutes=6),
+    Table(name="torture", module="benchmarks.torture.measure", minutes=22),
 )
 """All tables, in the order in which they are measured."""
 NAMES = tuple(table.name for table in TABLES)

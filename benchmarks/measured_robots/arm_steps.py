@@ -14,17 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from benchmarks.beam import DAMPINGS
+from benchmarks.curves import POINTS, draw_panels
 from benchmarks.markdown import markdown_table
-from benchmarks.measured_arm.__main__ import MBAR, YOUNG
-from benchmarks.measured_arm.scene import arm_scene, marks
-from benchmarks.measured_arm.section import Section
 from benchmarks.measured_robots import ROBOTS
-from benchmarks.report import options, write_report
+from benchmarks.measured_robots.arm_body import MBAR, YOUNG, Section, arm_scene, marks
+from benchmarks.report import run_script
 from gdfe_ros import Command, Simulation
 
 Array = NDArray[np.float64]
@@ -38,7 +36,6 @@ PROMINENCE = 0.02
 CASES = ((50.0, 0.0), (50.0, 0.2), (100.0, 0.0), (100.0, 0.2))
 """Pressures [mbar] and times of filling [s] that are simulated; the model has no equilibrium far above."""
 MATERIAL = {"law": "neo_hookean", "young": YOUNG, "poisson": 0.45, "density": 1070.0}
-PICTURE = "measured_arm_steps.png"
 
 
 def recorded(path: Path = MEASURED) -> dict[float, tuple[Array, Array]]:
@@ -99,42 +96,37 @@ def measure_steps(path: Path = MEASURED) -> dict[str, Any]:
 
 
 def step_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the table of the recordings, and that of the simulations beside them."""
-    head = ("pressure [mbar]", "frequency [Hz]", "damping ratio", "first extreme [s]", "last displacement [mm]")
-    rows = [[name, *_cells(row, row and row["last"])] for name, row in report["recorded"].items()]
-    beside = []
+    """Return the table of the simulations beside the recordings at their pressures, under its name."""
+    rows = []
     for run in report["simulated"]:
-        told = report["recorded"][f"{run['pressure']:g}"]
-        error = f"{100.0 * (run['ringing']['frequency'] / told['frequency'] - 1.0):+.0f} %" if run["ringing"] else ""
-        cells = _cells(run["ringing"], run["last"])
-        beside.append([f"{run['pressure']:g}", f"{run['filling']:g}", *cells, error])
-    more = markdown_table((head[0], "filling [s]", *head[1:], "error of the frequency"), beside)
-    return {"arm_steps_recorded": markdown_table(head, rows), "arm_steps_simulated": more}
+        told, own = report["recorded"][f"{run['pressure']:g}"], run["ringing"]
+        error = f"{100.0 * (own['frequency'] / told['frequency'] - 1.0):+.0f} %" if own else ""
+        pairs = [("frequency", ".2f"), ("damping", ".3f"), ("first", ".2f")]
+        cells = [f"{told[name]:{form}}, {own[name]:{form}}" if own else "none" for name, form in pairs]
+        last = f"{told['last']:.2f}, {run['last']:.2f}"
+        rows.append([f"{run['pressure']:g}", f"{run['filling']:g}", *cells, last, error])
+    heads = (
+        "pressure [mbar]", "filling [s]", "frequency [Hz]: recorded, simulated", "damping ratio", "first extreme [s]",
+        "last displacement [mm]", "error of the frequency",
+    )  # fmt: skip
+    return {"arm_steps": markdown_table(heads, rows)}
 
 
-def _cells(row: Mapping[str, float] | None, last: float | None) -> list[str]:
-    if row is None:
-        return ["none", "", "", "" if last is None else f"{last:.2f}"]
-    return [f"{row['frequency']:.2f}", f"{row['damping']:.3f}", f"{row['first']:.2f}", f"{last:.2f}"]
-
-
-def draw_steps(path: Path, report: Mapping[str, Any]) -> None:
+def draw_steps(folder: Path, report: Mapping[str, Any]) -> None:
     """Draw the displacement over its last value at two pressures, recorded and simulated."""
-    curves = recorded()
-    figure = Figure(figsize=(9.0, 4.0), dpi=110, layout="constrained")
-    for axis, pressure in zip(figure.subplots(1, 2, sharey=True), (50.0, 100.0), strict=True):
-        times, moved = curves[pressure]
-        axis.plot(times, moved / moved[-1], ".", ms=3.0, color="#6b6f76", label="recorded")
-        for run in report["simulated"]:
-            if run["pressure"] == pressure:
-                label = f"simulated, filled in {run['filling']:g} s" if run["filling"] else "simulated, filled at once"
-                settled = np.mean(np.array(run["moved"])[np.array(run["times"]) > 0.5])
-                axis.plot(run["times"], np.array(run["moved"]) / settled, lw=1.1, label=label)
-        axis.set(title=f"{pressure:g} mbar", xlabel="time since the command [s]", xlim=(0.0, 1.0))
-        axis.grid(color="0.92")
-        axis.legend(fontsize=8, frameon=False)
-    figure.supylabel("displacement over its last value", fontsize=9)
-    figure.savefig(path)
+    panels = {}
+    for pressure in (50.0, 100.0):
+        times, moved = recorded()[pressure]
+        first = times < 1.0
+        panels[f"{pressure:g} mbar"] = curves = [
+            (times[first], moved[first] / moved[-1], {**POINTS, "label": "recorded"})
+        ]
+        for run in (run for run in report["simulated"] if run["pressure"] == pressure):
+            settled = np.mean(np.array(run["moved"])[np.array(run["times"]) > 0.5])
+            label = f"simulated, filled in {run['filling']:g} s"
+            curves.append((run["times"], np.array(run["moved"]) / settled, {"lw": 1.1, "label": label}))
+    labels = {"x": "time since the command [s]", "y": "displacement over its last value"}
+    draw_panels(folder / "measured_arm_steps.png", panels, **labels, columns=2)
 
 
 def probe() -> dict[str, float]:
@@ -143,18 +135,14 @@ def probe() -> dict[str, float]:
     return {"frequency at 50 mbar [Hz]": ringing(times, moved)["frequency"], "last [mm]": float(moved[-1])}
 
 
-def main() -> None:
-    """Evaluate, simulate, write the report and the picture, and print the tables."""
-    parser = options("benchmarks.measured_robots.arm_steps", "The arm after a pressure step.", "measured_arm_steps")
-    parser.add_argument("--data", type=Path, default=MEASURED, help="recordings; default: those of the page")
-    given = parser.parse_args()
-    report = measure_steps(given.data)
-    write_report(given.out, report, probe())
-    pictures = given.pictures or given.out.parent
-    pictures.mkdir(parents=True, exist_ok=True)
-    draw_steps(pictures / PICTURE, report)
-    print("\n\n".join(step_tables(report).values()))
-
-
 if __name__ == "__main__":
-    main()
+    run_script(
+        "benchmarks.measured_robots.arm_steps",
+        "The arm after a pressure step.",
+        "measured_arm_steps",
+        measure=measure_steps,
+        tables=step_tables,
+        probe=probe,
+        draw=draw_steps,
+        data=MEASURED,
+    )

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchmarks.curves import POINTS, Curve, draw_panels
 from benchmarks.markdown import markdown_table
 from benchmarks.measured_robots import ROBOTS
 from benchmarks.measured_robots.membrane_body import Design, lift
-from benchmarks.report import options, write_report
+from benchmarks.report import run_script
 
 Array = NDArray[np.float64]
 MEASURED = ROBOTS / "membrane_lift.csv"
@@ -27,7 +27,6 @@ GOAL = 0.06
 SPREAD = 0.06
 """Heights are left out if the recorded pressures spread by more than this from the tenth to the ninetieth percentile:
 there the cap sets down, or the membrane runs away."""
-PICTURE = "measured_membrane.png"
 
 
 def recorded(path: Path = MEASURED) -> Iterator[tuple[Design, float, Array, Array, Array]]:
@@ -94,26 +93,17 @@ def _row(row: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def draw_membranes(path: Path, report: list[Mapping[str, Any]]) -> None:
-    """Draw recorded and predicted pressures against the height, a diagram for each design."""
-    keys = sorted({_key(row) for row in report})
-    figure = Figure(figsize=(10.0, 2.4 * -(-len(keys) // 2)), dpi=100, layout="constrained")
-    axes = figure.subplots(-(-len(keys) // 2), 2, squeeze=False).ravel()
-    for axis, key in zip(axes, keys, strict=False):
-        own = [row for row in report if _key(row) == key]
-        for row, colour in zip(own, ("#1b6ca8", "#b8502a", "#3c8d40"), strict=False):
-            heights = 1e3 * np.array(row["height"])
-            axis.plot(heights, 1e-3 * np.array(row["recorded"]), ".", ms=3.5, color=colour)
-            predicted = np.array(row["predicted"], dtype=np.float64)
-            axis.plot(heights, 1e-3 * predicted, lw=1.3, color=colour, label=f"{row['weight']:g} N")
-        axis.set_title(f"{key} mm", loc="left", fontsize=8)
-        axis.legend(fontsize=7, frameon=False)
-        axis.grid(color="0.92")
-    for axis in axes[len(keys) :]:
-        axis.set_axis_off()
-    figure.supxlabel("height of the cap [mm]", fontsize=9)
-    figure.supylabel("pressure [kPa]; points: recorded, lines: predicted", fontsize=9)
-    figure.savefig(path)
+def draw_membranes(folder: Path, report: list[Mapping[str, Any]]) -> None:
+    """Draw recorded and predicted pressures against the height, a panel for each design."""
+    panels: dict[str, list[Curve]] = {}
+    for row in report:
+        curves = panels.setdefault(f"{_row(row)[0]} mm", [])
+        colour, heights = f"C{len(curves) // 2}", 1e3 * np.array(row["height"])
+        curves.append((heights, 1e-3 * np.array(row["recorded"]), {**POINTS, "color": colour}))
+        predicted = 1e-3 * np.array(row["predicted"], dtype=np.float64)
+        curves.append((heights, predicted, {"color": colour, "label": f"{row['weight']:g} N"}))
+    labels = {"x": "height of the cap [mm]", "y": "pressure [kPa]; points: recorded, lines: predicted"}
+    draw_panels(folder / "measured_membrane.png", panels, **labels, columns=2)
 
 
 def probe() -> dict[str, float]:
@@ -123,27 +113,19 @@ def probe() -> dict[str, float]:
     return {"pressure at 10 mm [Pa]": float(pressures[0]), "pressure at 20 mm [Pa]": float(pressures[1])}
 
 
-def main() -> None:
-    """Predict every recording, write the report and the picture, and print the table."""
-    parser = options("benchmarks.measured_robots.membrane", "A membrane that lifts a weight.", "measured_membrane")
-    parser.add_argument("--data", type=Path, default=MEASURED, help="recordings; default: those of the page")
-    given = parser.parse_args()
-    report = measure_membranes(given.data)
-    write_report(given.out, report, probe())
-    pictures = given.pictures or given.out.parent
-    pictures.mkdir(parents=True, exist_ok=True)
-    draw_membranes(pictures / PICTURE, report)
-    print(membrane_table(report))
-
-
-def _key(row: Mapping[str, Any]) -> str:
-    return _row(row)[0]
-
-
 def _plain(values: Array) -> list[float | None]:
     """Return numbers for a report; None for NaN."""
     return [round(float(value), 6) if np.isfinite(value) else None for value in values]
 
 
 if __name__ == "__main__":
-    main()
+    run_script(
+        "benchmarks.measured_robots.membrane",
+        "A membrane that lifts a weight.",
+        "measured_membrane",
+        measure=measure_membranes,
+        tables=membrane_table,
+        probe=probe,
+        draw=draw_membranes,
+        data=MEASURED,
+    )

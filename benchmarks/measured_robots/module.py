@@ -16,15 +16,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import newton
 from scipy.spatial.transform import Rotation
 
+from benchmarks.curves import POINTS, Curve, draw_panels
 from benchmarks.markdown import markdown_table
 from benchmarks.measured_robots import ROBOTS
-from benchmarks.measured_robots.module_body import LAYERS, LENGTH, THREAD, module_scene
-from benchmarks.report import options, write_report
+from benchmarks.measured_robots.module_body import LAYERS, LENGTH, module_scene
+from benchmarks.report import run_script
 from gdfe_ros import Command, Simulation
 
 Array = NDArray[np.float64]
@@ -40,21 +40,6 @@ BEYOND = 5.5e-3
 """Distance of the recorded point beyond the end of the silicone [m], as the recorded arcs of constant curvature say."""
 START = 100e3
 """Modulus [Pa] of the first simulation."""
-MODELS: dict[str, tuple[str, float]] = {
-    "neo-Hooke, stiff thread": ("neo_hookean", THREAD),
-    "neo-Hooke, yielding thread": ("neo_hookean", 0.1 * THREAD),
-    "Mooney, stiff thread": ("mooney_rivlin", THREAD),
-}
-"""Dict from model to law and stiffness of the hoops [N/m]; the first one is the prediction, the others are variants."""
-PREDICTION = next(iter(MODELS))
-PICTURE = "measured_module.png"
-
-
-def law(kind: str, young: float) -> dict[str, Any]:
-    """Return an entry for a law with one modulus [Pa]; the law of Mooney has equal constants."""
-    if kind == "neo_hookean":
-        return {"law": kind, "young": float(young)}
-    return {"law": kind, "c10": float(young) / 12.0, "c01": float(young) / 12.0}
 
 
 def recorded(path: Path = MEASURED) -> list[dict[str, Any]]:
@@ -101,51 +86,42 @@ def bend(simulation: Simulation, pressures: Sequence[float]) -> dict[str, Any] |
     }
 
 
-def fit_modulus(kind: str, thread: float, states: Sequence[Mapping[str, Any]]) -> float:
+def fit_modulus(states: Sequence[Mapping[str, Any]]) -> float:
     """Return the modulus [Pa] with which the mean tilt of the fitted states is the recorded one."""
     used = [state for state in states if FITTED[0] <= max(state["pressures"]) <= FITTED[1]]
     pressure = float(np.mean([max(state["pressures"]) for state in used]))
     tilt = float(np.mean([state["tilt"] for state in used]))
 
     def away(young: float) -> float:
-        found = bend(_module(kind, thread, young), (pressure, 0.0, 0.0))
-        return found["tilt"] - tilt
+        return bend(make_module(young), (pressure, 0.0, 0.0))["tilt"] - tilt
 
     return float(newton(away, START, x1=0.95 * START, tol=0.002 * START))
 
 
-def measure_module(
-    path: Path = MEASURED, *, models: Sequence[str] = (PREDICTION,), young: float | None = None
-) -> dict[str, Any]:
-    """Return the fitted modulus of each model, and its predictions: variants only of the states of the first pair."""
-    states, report = recorded(path), {}
-    groups = [list(group) for _, group in groupby(states, key=lambda state: tuple(state["pressures"] > 0.0))]
+def measure_module(path: Path = MEASURED) -> dict[str, Any]:
+    """Return the modulus fitted to the recordings of the page, and recorded and predicted values of the states."""
+    groups = [list(group) for _, group in groupby(recorded(path), key=lambda state: tuple(state["pressures"] > 0.0))]
+    young = fit_modulus(recorded())
     with ProcessPoolExecutor(len(groups), mp_context=get_context("spawn")) as pool:
-        for name in models:
-            fitted = fit_modulus(*MODELS[name], recorded()) if young is None else young
-            print(f"{name}: {1e-3 * fitted:.1f} kPa", flush=True)
-            used = groups if name == models[0] else [group for group in groups if group[0]["pressures"][0]]
-            parts = list(pool.map(_predict, used, [name] * len(used), [fitted] * len(used)))
-            report[name] = {"young": fitted, "rows": [row for part in parts for row in part]}
-    return report
+        parts = list(pool.map(_predict, groups, [young] * len(groups)))
+    return {"young": young, "rows": [row for part in parts for row in part]}
 
 
-def _predict(states: Sequence[Mapping[str, Any]], name: str, young: float) -> list[dict[str, Any]]:
+def _predict(states: Sequence[Mapping[str, Any]], young: float) -> list[dict[str, Any]]:
     """Return recorded and predicted values of states with pressures in one direction, ascending."""
-    simulation = _module(*MODELS[name], young)
+    simulation = make_module(young)
     return [
         {"recorded": _plain(state), "found": (found := bend(simulation, state["pressures"])) and _plain(found)}
         for state in states
     ]
 
 
-def module_tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return the table of the first model of a report."""
+def module_table(report: Mapping[str, Any]) -> dict[str, str]:
+    """Return the table under its name, after a line with the modulus."""
     head = ("pressures [kPa]", "", "tilt [degrees]: recorded", "predicted", "error", "azimuth: recorded, predicted",
             "displacement [mm]: recorded", "predicted", "length, predicted [mm]")  # fmt: skip
-    first = next(iter(report.values()))
-    table = markdown_table(head, [_row(row) for row in first["rows"]])
-    return {"module": f"The fitted modulus is {1e-3 * first['young']:.1f} kPa.\n\n{table}"}
+    table = markdown_table(head, [_row(row) for row in report["rows"]])
+    return {"module": f"The fitted modulus is {1e-3 * report['young']:.1f} kPa.\n\n{table}"}
 
 
 def _row(row: Mapping[str, Any]) -> list[str]:
@@ -157,7 +133,7 @@ def _row(row: Mapping[str, Any]) -> list[str]:
     return [
         *start,
         f"{found['tilt']:.1f}",
-        _error(row),
+        f"{100.0 * (found['tilt'] / told['tilt'] - 1.0):+.0f} %",
         f"{told['azimuth']:.0f}, {found['azimuth']:.0f}",
         f"{1e3 * np.linalg.norm(told['moved']):.1f}",
         f"{1e3 * np.linalg.norm(found['moved']):.1f}",
@@ -165,65 +141,36 @@ def _row(row: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _error(row: Mapping[str, Any]) -> str:
-    return (
-        "none" if row["found"] is None else f"{100.0 * (row['found']['tilt'] / row['recorded']['tilt'] - 1.0):+.0f} %"
-    )
-
-
 def _pressures(told: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {1e-3 * p:.0f}" for name, p in zip(PAIRS, told["pressures"], strict=True) if p)
 
 
-def draw_module(path: Path, report: Mapping[str, Any]) -> None:
-    """Draw recorded and predicted tilts over the pressure, and the predicted axis of the module in each state."""
-    figure = Figure(figsize=(9.0, 4.0), dpi=110, layout="constrained")
-    left, right = figure.subplots(1, 2)
-    first = next(iter(report.values()))["rows"]
-    for number, (pair, colour) in enumerate(zip(PAIRS, ("#1b6ca8", "#b8502a", "#3c8d40"), strict=True)):
-        rows = [row for row in first if row["recorded"]["pressures"][number]]
-        pressure = [1e-3 * row["recorded"]["pressures"][number] for row in rows]
-        left.plot(pressure, [row["recorded"]["tilt"] for row in rows], "o", color=colour, label=f"{pair}, recorded")
-        aside = [1e3 * np.hypot(*row["recorded"]["moved"][:2]) for row in rows]
-        right.plot(aside, [1e3 * row["recorded"]["moved"][2] for row in rows], "o", color=colour)
-    rows = sorted((row for row in first if row["found"]), key=lambda row: max(row["recorded"]["pressures"]))
-    pressure = [0.0, *(1e-3 * max(row["recorded"]["pressures"]) for row in rows)]
-    left.plot(pressure, [0.0, *(row["found"]["tilt"] for row in rows)], "k-", lw=1.2, label="simulated")
-    moved = 1e3 * np.array([row["found"]["moved"] for row in rows])
-    right.plot(np.hypot(moved[:, 0], moved[:, 1]), moved[:, 2], "k-", lw=1.2)
-    left.set(xlabel="pressure [kPa]", ylabel="tilt of the tip [degrees]")
-    right.set(xlabel="lateral displacement of the tip [mm]", ylabel="axial displacement [mm]")
-    left.legend(fontsize=8, frameon=False)
-    for axis in (left, right):
-        axis.grid(color="0.92")
-    figure.savefig(path)
+def draw_module(folder: Path, report: Mapping[str, Any]) -> None:
+    """Draw recorded and predicted tilts over the pressure, and axial over lateral displacements."""
+    rows = sorted((row for row in report["rows"] if row["found"]), key=lambda row: max(row["recorded"]["pressures"]))
+    panels: dict[str, list[Curve]] = {
+        "tilt [degrees] over pressure [kPa]": [],
+        "axial over lateral displacement [mm]": [],
+    }
+    for which, looks in (("recorded", {**POINTS, "marker": "o"}), ("found", {"color": "k", "label": "simulated"})):
+        moved = 1e3 * np.array([row[which]["moved"] for row in rows])
+        pressures = [1e-3 * max(row["recorded"]["pressures"]) for row in rows]
+        tilts, (left, right) = [row[which]["tilt"] for row in rows], panels.values()
+        left.append((pressures, tilts, looks))
+        right.append((np.hypot(moved[:, 0], moved[:, 1]), moved[:, 2], looks))
+    draw_panels(folder / "measured_module.png", panels, x="", y="", columns=2)
 
 
 def probe() -> dict[str, float]:
     """Return the tilt [degrees] of the module with the first modulus at 36 kPa."""
-    found = bend(_module("neo_hookean", THREAD, START), (36e3, 0.0, 0.0))
+    found = bend(make_module(START), (36e3, 0.0, 0.0))
     return {"tilt at 36 kPa, E = 100 kPa [degrees]": found["tilt"]}
 
 
-def main() -> None:
-    """Fit, predict, write the report and the picture, and print the tables."""
-    parser = options("benchmarks.measured_robots.module", "The braided pneumatic module.", "measured_module")
-    parser.add_argument("--data", type=Path, default=MEASURED, help="states to predict; default: those of the page")
-    parser.add_argument("--models", nargs="+", choices=tuple(MODELS), default=(PREDICTION,), help="default: the first")
-    parser.add_argument("--young", type=float, help="modulus [Pa] that replaces the fit")
-    given = parser.parse_args()
-    report = measure_module(given.data, models=given.models, young=given.young)
-    write_report(given.out, report, probe())
-    pictures = given.pictures or given.out.parent
-    pictures.mkdir(parents=True, exist_ok=True)
-    draw_module(pictures / PICTURE, report)
-    for name, model in report.items():
-        print(f"\n{name}\n\n{module_tables({name: model})['module']}")
-
-
-def _module(kind: str, thread: float, young: float) -> Simulation:
+def make_module(young: float) -> Simulation:
+    """Return the simulation of the module with a modulus [Pa]."""
     with tempfile.TemporaryDirectory() as folder:
-        return Simulation(module_scene(Path(folder), law(kind, young), thread=thread))
+        return Simulation(module_scene(Path(folder), young))
 
 
 def _place(simulation: Simulation) -> tuple[Array, Array]:
@@ -238,4 +185,13 @@ def _plain(state: Mapping[str, Any]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    main()
+    run_script(
+        "benchmarks.measured_robots.module",
+        "The braided pneumatic module.",
+        "measured_module",
+        measure=measure_module,
+        tables=module_table,
+        probe=probe,
+        draw=draw_module,
+        data=MEASURED,
+    )

@@ -8,7 +8,6 @@ pressure. The thread around a chamber is a layer of hoops on its wall.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -40,25 +39,20 @@ def chamber_axes() -> dict[str, Array]:
     return {name: CIRCLE * np.column_stack([np.cos(turn), np.sin(turn)]) for name, turn in turns.items()}
 
 
-def module_scene(
-    folder: Path, law: Mapping[str, Any], *, thread: float = THREAD, size: float = SIZE, layers: int = LAYERS
-) -> Scene:
+def module_scene(folder: Path, young: float) -> Scene:
     """Return the scene of the module: actuators ``p0a``, ``p0b`` .. ``p2b``, handles ``base`` and ``tip``.
 
     Args:
         folder: folder into which the mesh is written.
-        law: the silicone, as in a scene file.
-        thread: stiffness of the hoops around the chambers [N/m].
-        size: largest edge of the cells in the section [m].
-        layers: number of layers of cells along the module.
+        young: Young's modulus of the silicone, a neo-Hookean body [Pa].
 
     Raises:
         RuntimeError: gmsh is not installed.
     """
-    points, quads = _section(folder, size)
-    levels = np.linspace(0.0, LENGTH, layers + 1)
+    points, quads = _section()
+    levels = np.linspace(0.0, LENGTH, LAYERS + 1)
     vertices = np.vstack([np.column_stack([points, np.full(len(points), z)]) for z in levels])
-    cells = np.vstack([np.hstack([quads + k * len(points), quads + (k + 1) * len(points)]) for k in range(layers)])
+    cells = np.vstack([np.hstack([quads + k * len(points), quads + (k + 1) * len(points)]) for k in range(LAYERS)])
     meshio.write(folder / "module.vtu", meshio.Mesh(vertices, [("hexahedron", cells)]))
     walls = {}
     for name, axes in chamber_axes().items():
@@ -70,7 +64,7 @@ def module_scene(
     data: dict[str, Any] = {
         "name": "module",
         "mesh": {"file": str(folder / "module.vtu")},
-        "materials": {"silicone": dict(law) | {"poisson": 0.499, "density": DENSITY}},
+        "materials": {"silicone": {"law": "neo_hookean", "young": young, "poisson": 0.499, "density": DENSITY}},
         "regions": [{"material": "silicone"}],
         "handles": {
             "base": {"where": held["base"], "fixed": True},
@@ -82,7 +76,7 @@ def module_scene(
                 "where": where,
                 "along": [0, 0, 1],
                 "angles_deg": [90],
-                "stiffness": thread,
+                "stiffness": THREAD,
                 "compression": True,
             }
             for name, where in walls.items()
@@ -96,11 +90,11 @@ def module_scene(
     return scene_from_text(yaml.safe_dump(data), origin="of the module")
 
 
-def _section(folder: Path, size: float) -> tuple[Array, NDArray[np.int64]]:
+def _section() -> tuple[Array, NDArray[np.int64]]:
     """Return the points (n, 2) [m] and quadrilaterals (m, 4) of the section, counter-clockwise."""
     axes = np.vstack(list(chamber_axes().values()))
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        points, quads = pool.submit(_mesh_section, 1e3 * axes, 1e3 * size).result()
+        points, quads = pool.submit(_mesh_section, 1e3 * axes, 1e3 * SIZE).result()
     used, quads = np.unique(quads, return_inverse=True)
     points, quads = 1e-3 * points[used], quads.reshape(-1, 4)
     corners = points[quads]

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchmarks.curves import POINTS, Curve, draw_panels
 from benchmarks.markdown import markdown_table
 from benchmarks.measured_robots import ROBOTS
-from benchmarks.report import options, write_report
+from benchmarks.report import run_script
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.tensile import fit_tensile
 from gdfe_ros.materials import Law, Material
@@ -39,7 +39,6 @@ FITTED = {"Treloar 1944": (2.0, 7.61), "Kawabata 1981": (2.2,), "Meunier 2008": 
 LEAST = 0.05
 """Points with a smaller strain are not compared: their reading is too uncertain."""
 SIDE = 0.01
-PICTURE = "measured_rubber.png"
 
 
 def read_modes(folder: Path, rubber: str) -> dict[str, tuple[Array, Array]]:
@@ -147,24 +146,19 @@ def _cell(mode: Mapping[str, Any] | None) -> str:
     return f"{100.0 * mode['rms']:.1f} % ({100.0 * mode['mean']:+.1f} %)"
 
 
-def draw_rubbers(path: Path, report: list[Mapping[str, Any]]) -> None:
+def draw_rubbers(folder: Path, report: list[Mapping[str, Any]]) -> None:
     """Draw recorded and predicted stresses of Treloar's rubber, fitted to stretch 2 and to its end."""
-    figure = Figure(figsize=(10.0, 6.0), dpi=100, layout="constrained")
-    axes = figure.subplots(2, 3)
-    for line, end in zip(axes, FITTED["Treloar 1944"], strict=True):
-        own = [row for row in report if row["rubber"] == "Treloar 1944" and row["end"] == end and row["modes"]]
-        for axis, mode in zip(line, MODES, strict=True):
-            for row in own:
-                points = row["modes"][mode]
-                axis.plot(points["stretch"], 1e-6 * np.array(points["predicted"]), lw=1.1, label=row["law"])
-            axis.plot(points["stretch"], 1e-6 * np.array(points["recorded"]), "ko", ms=3.0)
-            axis.set_ylim(0.0, 2.0e-6 * max(points["recorded"]))
-            axis.set_title(f"{mode.replace('_', ' ')}; fitted in tension to {end:g}", fontsize=9, loc="left")
-            axis.grid(color="0.92")
-    axes[0, 0].legend(fontsize=7, frameon=False)
-    figure.supxlabel("stretch", fontsize=9)
-    figure.supylabel("nominal stress [MPa]; points: recorded", fontsize=9)
-    figure.savefig(path)
+    panels: dict[str, list[Curve]] = {}
+    for row in (row for row in report if row["rubber"] == "Treloar 1944" and row["modes"]):
+        for mode in MODES:
+            points = row["modes"][mode]
+            told, found = 1e-6 * np.array(points["recorded"]), 1e-6 * np.array(points["predicted"])
+            curves = panels.setdefault(f"{mode.replace('_', ' ')}; fitted in tension to {row['end']:g}", [])
+            curves[:1] = [(points["stretch"], told, {**POINTS, "color": "k"})]
+            shown = np.where(found < 2.0 * told.max(), found, np.nan)
+            curves.append((points["stretch"], shown, {"lw": 1.1, "label": row["law"]}))
+    labels = {"x": "stretch", "y": "nominal stress [MPa]; points: recorded"}
+    draw_panels(folder / "measured_rubber.png", panels, **labels, columns=3)
 
 
 def probe() -> dict[str, float]:
@@ -173,21 +167,14 @@ def probe() -> dict[str, float]:
     return {f"equibiaxial, {row['law']}, fitted to 2": row["modes"]["equibiaxial"]["rms"] for row in rows}
 
 
-def main() -> None:
-    """Fit, predict, write the report and the picture, and print the table."""
-    parser = options("benchmarks.measured_robots.rubber", "Rubbers in three modes.", "measured_rubber")
-    parser.add_argument("--data", type=Path, default=ROBOTS, help="folder with further modes")
-    given = parser.parse_args()
-    report = measure_rubbers(given.data)
-    write_report(given.out, report, probe())
-    pictures = given.pictures or given.out.parent
-    pictures.mkdir(parents=True, exist_ok=True)
-    draw_rubbers(pictures / PICTURE, report)
-    print(rubber_table(report))
-    for row in report:
-        if "refused" in row:
-            print(f"{row['rubber']}, to {row['end']:g}, {row['law']}: {row['refused']}")
-
-
 if __name__ == "__main__":
-    main()
+    run_script(
+        "benchmarks.measured_robots.rubber",
+        "Rubbers in three modes.",
+        "measured_rubber",
+        measure=measure_rubbers,
+        tables=rubber_table,
+        probe=probe,
+        draw=draw_rubbers,
+        data=ROBOTS,
+    )

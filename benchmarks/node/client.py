@@ -42,34 +42,30 @@ class Client:
     Args:
         topics: topics to receive.
         keep: topics whose messages are kept.
-        namespace: namespace of the node and of its diagnostics, e.g. ``/left``; empty for none.
 
     Attributes:
         counts: dict from topic, without the node's name, to the number of received messages.
         kept: dict from topic to the bytes of its messages, for the topics in ``keep``.
         values: values of the last diagnostics.
         stamp: stamp of the last diagnostics [ns]; their values were read after this time.
-        solved: number of steps and total time of the solves [s] since the node's start, from its diagnostics.
     """
 
-    def __init__(self, *topics: TopicSpec, keep: tuple[TopicSpec, ...] = (), namespace: str = "") -> None:
-        self._name = f"{namespace}/{NODE_NAME}"
+    def __init__(self, *topics: TopicSpec, keep: tuple[TopicSpec, ...] = ()) -> None:
         self._context = rclpy.Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("bench", namespace=namespace or None, context=self._context)
+        self._node = rclpy.create_node("bench", context=self._context)
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
         self.counts = dict.fromkeys((spec.name for spec in topics), 0)
         self.kept: dict[str, list[bytes]] = {spec.name: [] for spec in keep}
         self.values: dict[str, str] = {}
         self.stamp = 0
-        self.solved = (0, 0.0)
         state = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for spec in topics:
-            topic = spec.name.replace("~", self._name)
+            topic = spec.name.replace("~", f"/{NODE_NAME}")
             callback = self._counter(spec.name)
             self._node.create_subscription(interface_class(spec.type), topic, callback, state, raw=True)
-        self._node.create_subscription(DiagnosticArray, namespace + DIAGNOSTICS.name, self._diagnose, 10)
+        self._node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._diagnose, 10)
 
     def wait(self, done: Callable[[], Any], *, seconds: float = PATIENCE) -> None:
         """Spin until ``done`` returns a true value.
@@ -96,7 +92,7 @@ class Client:
 
     def publisher(self, topic: str, kind: type) -> Any:
         """Return a publisher of a command topic, which is named without the node's name."""
-        return self._node.create_publisher(kind, f"{self._name}/{topic}", 1000)
+        return self._node.create_publisher(kind, f"/{NODE_NAME}/{topic}", 1000)
 
     def wait_for_node(self) -> None:
         """Wait until the node is active, subscribes to the tip's target, and has published on every topic."""
@@ -106,7 +102,7 @@ class Client:
 
     def pause(self) -> None:
         """Pause the node, and wait until its diagnostics report the pause."""
-        service = self._node.create_client(SetBool, f"{self._name}/pause")
+        service = self._node.create_client(SetBool, f"/{NODE_NAME}/pause")
         self.wait(service.service_is_ready)
         while self.values.get("clock") != "paused":  # asked again: an answer may be lost before both know each other
             service.call_async(SetBool.Request(data=True))
@@ -147,10 +143,6 @@ class Client:
     def _diagnose(self, message: DiagnosticArray) -> None:
         self.values = {value.key: value.value for status in message.status for value in status.values}
         self.stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        steps, spent = self.solved
-        if "solve time per step [ms]" in self.values:
-            now = int(self.values["steps"])
-            self.solved = (now, spent + 1e-3 * (now - steps) * float(self.values["solve time per step [ms]"]))
 
 
 def bar(elements: int) -> dict[str, list[str]]:

@@ -7,26 +7,26 @@ writes without reporting its phases. This includes the start of the process, a f
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import subprocess
-import tempfile
-from pathlib import Path
 from time import perf_counter
 
 from benchmarks.cases import Case, CaseName, LogNeoHooke
 from benchmarks.grids import Grid
 from benchmarks.peers.ccx_deck import MILLIMETRES, CcxElement, Incrementation, write_deck
 from benchmarks.peers.ccx_output import (
+    CcxRun,
+    available,
     count_iterations,
     read_displacements,
     read_reactions,
+    run_ccx,
     to_lattice,
 )
-from benchmarks.peers.peer import Array, PeerError, PeerSolution, Variant, handle_reaction
+from benchmarks.peers.peer import Array, PeerSolution, Variant, handle_reaction
 
-_JOB = "bar"
+__all__ = ["available", "solve", "variants"]
+
 _COARSE = {
     CaseName.BEND5: ((10, 1, 1), (15, 1, 1), (25, 2, 2)),
     CaseName.TWIST90: ((8, 2, 2), (12, 3, 3)),
@@ -49,11 +49,6 @@ _INCREMENT_QUADRATIC = {
 }
 
 
-def available() -> str | None:
-    """Return None if ``ccx`` is on the path, else a text that says how to install it."""
-    return None if shutil.which("ccx") else "no program ccx; install it with: apt-get install calculix-ccx"
-
-
 def variants(case: Case) -> tuple[Variant, ...]:
     """Return the elements on the paper's mesh and on coarser meshes, with tuned load increments."""
     linear, quadratic = _INCREMENT[case.name], _INCREMENT_QUADRATIC[case.name]
@@ -62,7 +57,7 @@ def variants(case: Case) -> tuple[Variant, ...]:
     runs.append(_variant(CcxElement.C3D20R, _QUADRATIC.get(case.name, (8, 2, 2)), *quadratic))
     runs.append(_variant(CcxElement.C3D8, case.cells, *linear))
     runs.append(_variant(CcxElement.C3D8I, case.cells, *linear, steps=steps))
-    runs.append(_variant(CcxElement.C3D20R, case.cells, *quadratic, slow=True))
+    runs.append(_variant(CcxElement.C3D20R, case.cells, *quadratic))
     return tuple(runs)
 
 
@@ -73,7 +68,6 @@ def _variant(
     patient: bool,
     *,
     steps: int = 1,
-    slow: bool = False,
 ) -> Variant:
     return Variant(
         label=f"{element.value} {'x'.join(map(str, cells))}",
@@ -81,7 +75,6 @@ def _variant(
         cells=cells,
         steps=steps,
         options={"increment": increment, "patient": patient},
-        slow=slow,
     )
 
 
@@ -98,44 +91,32 @@ def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
     start = perf_counter()
     grid = case.grid(variant.cells, order=element.order)
     deck = write_deck(case, grid, element, steps=variant.steps, incrementation=incrementation)
-    with tempfile.TemporaryDirectory(prefix="gdfe_ccx_") as folder:
-        Path(folder, f"{_JOB}.inp").write_text(deck)
-        built = perf_counter()
-        log = _run(Path(folder), f"calculix {case.name.value} {variant.label}")
-        solved = perf_counter()
-        displacement, reaction = _read(Path(folder), case, grid, element)
+    built = perf_counter()
+    found = run_ccx(deck, f"{case.name.value} {variant.label}")
+    displacement, reaction = _read(found, case, grid, element)
     return PeerSolution(
         displacement=grid.evaluate(displacement, points),
         reaction=reaction,
         time_setup=built - start,
-        time_solve=solved - built,
+        time_solve=found.wall,
         settings={
             "version": _version(),
             "law": "Ciarlet" if isinstance(case.laws[0], LogNeoHooke) else "Ogden N=3",
             "linear_solver": "SPOOLES",
             "first_increment": incrementation.first,
             "patient": incrementation.patient,
-            "iterations": count_iterations(log),
+            "iterations": count_iterations(found.log),
         },
     )
 
 
-def _run(folder: Path, where: str) -> str:
-    process = subprocess.run(["ccx", _JOB], cwd=folder, env=os.environ, capture_output=True, text=True, check=False)
-    if process.returncode != 0 or "*ERROR" in process.stdout:
-        tail = "\n".join(process.stdout.strip().splitlines()[-6:])
-        raise PeerError(f"{where}: ccx ended with status {process.returncode}:\n{tail}")
-    return process.stdout
-
-
-def _read(folder: Path, case: Case, grid: Grid, element: CcxElement) -> tuple[Array, Array]:
+def _read(found: CcxRun, case: Case, grid: Grid, element: CcxElement) -> tuple[Array, Array]:
     """Return the displacements of the lattice nodes (n, 3) [m] and the reaction (6,): force [N], moment [N m]."""
     rest = grid.points()
-    text = folder.joinpath(f"{_JOB}.frd").read_text()
-    displacement = to_lattice(read_displacements(text), size=len(rest)) / MILLIMETRES
+    displacement = to_lattice(read_displacements(found.frd), size=len(rest)) / MILLIMETRES
     if element is CcxElement.C3D20R:
         displacement = grid.complete_serendipity(displacement)
-    forces = to_lattice(read_reactions(folder.joinpath(f"{_JOB}.dat").read_text()), size=len(rest))
+    forces = to_lattice(read_reactions(found.dat), size=len(rest))
     return displacement, handle_reaction(grid, displacement, forces)
 
 

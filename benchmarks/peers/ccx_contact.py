@@ -1,19 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact in CalculiX (``*CONTACT PAIR``): a cube on a rigid ball, a ball between rigid plates; quadratic elements."""
+"""Contact in CalculiX (``*CONTACT PAIR``): a cube on a rigid ball; quadratic elements."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from benchmarks.cases import LogNeoHooke
 from benchmarks.grids import HEXAHEDRON20, Grid
-from benchmarks.peers.calculix_peer import available
 from benchmarks.peers.ccx_deck import (
     MEGAPASCALS,
     MILLIMETRES,
@@ -26,13 +21,10 @@ from benchmarks.peers.ccx_deck import (
     set_cards,
     used_nodes,
 )
-from benchmarks.peers.ccx_output import read_total_forces
-from benchmarks.peers.disc import quarter_disc
-from benchmarks.peers.peer import PeerError
+from benchmarks.peers.ccx_output import available, read_total_forces, run_ccx
 
-__all__ = ["available", "press_ball", "press_cube"]
+__all__ = ["available", "press_cube"]
 
-_JOB = "contact"
 _STIFF = 200.0
 """Penalty pressure divided by Young's modulus, per millimetre of penetration."""
 _CAP = np.linspace(-0.35, 1.5, 21)
@@ -40,9 +32,6 @@ _CAP = np.linspace(-0.35, 1.5, 21)
 centre, which is zero at the top of the ball. The cube presses the quarter with positive tangents; the lines below zero
 are a margin.
 """
-_QUARTERS, _SECTORS = 4.0, 180.0
-"""Factors from the computed part to the whole: a quarter of the cube, and a sector of two degrees that ccx makes of an
-axisymmetric ball."""
 
 
 def press_cube(law: LogNeoHooke, cells: int, moves: Sequence[float]) -> list[float]:
@@ -66,42 +55,9 @@ def press_cube(law: LogNeoHooke, cells: int, moves: Sequence[float]) -> list[flo
     lines += _pair_cards(law, [(cell + 1, 1) for cell in range((cells // 2) ** 2)])
     lines += ["*BOUNDARY", "HELD,1,3", "MIRROR1,1,1", "MIRROR2,2,2", "TOOL,1,2"]
     for move in moves:
-        lines += _step_cards(f"TOOL,3,3,{move * MILLIMETRES:.10g}", first=1.0, large=True)
-    return [-_QUARTERS * force[2] for force in _forces(lines, f"cube of {cells}^3 cells")]
-
-
-def press_ball(law: LogNeoHooke, radius: float, cells: int, approaches: Sequence[float], *, large: bool) -> list[float]:
-    """Return the forces [N] of two rigid plates that compress a ball; the model is axisymmetric.
-
-    Args:
-        law: material law of the ball.
-        radius: radius of the ball [m].
-        cells: number of cells along an eighth of the circumference.
-        approaches: displacements of each plate towards the centre of the ball [m], ascending.
-        large: whether deformations are large, with ``law``. Otherwise they are small, with Hooke's law.
-
-    Raises:
-        PeerError: ``ccx`` fails, with the end of its log.
-    """
-    disc, size = quarter_disc(cells), radius * MILLIMETRES
-    points, count = size * disc.points, len(disc.points)
-    lines = ["*NODE, NSET=ALL", *(f"{node + 1},{x:.12g},{y:.12g},0." for node, (x, y) in enumerate(points))]
-    # A hexahedron as the plate: expanded from an axisymmetric face, it would be degenerate where the ball touches it.
-    plate = [(x, y, z) for y in (size, 1.2 * size) for x, z in ((-0.2, -0.2), (-0.2, 0.2), (1.0, 0.2), (1.0, -0.2))]
-    lines += ["*NODE, NSET=TOOL"]
-    lines += [f"{count + 1 + i},{x * size:.10g},{y:.10g},{z * size:.10g}" for i, (x, y, z) in enumerate(plate)]
-    lines += ["*ELEMENT, TYPE=CAX8R, ELSET=BODY"]
-    lines += [",".join(map(str, [cell + 1, *nodes + 1])) for cell, nodes in enumerate(disc.cells)]
-    last = len(disc.cells) + 1
-    lines += ["*ELEMENT, TYPE=C3D8, ELSET=TOOL", ",".join(map(str, [last, *range(count + 1, count + 9)]))]
-    for axis, name in enumerate(("AXIS", "HELD")):
-        lines += set_cards(name, np.flatnonzero(points[:, axis] < 1e-9))
-    lines += ["*SURFACE, NAME=MASTER, TYPE=ELEMENT", f"{last},S1"]
-    lines += _pair_cards(law, [(cell + 1, side + 1) for cell, side in disc.rim], large=large)
-    lines += ["*BOUNDARY", "AXIS,1,1", "HELD,2,2", "TOOL,1,1", "TOOL,3,3"]
-    for approach in approaches:
-        lines += _step_cards(f"TOOL,2,2,{-approach * MILLIMETRES:.10g}", first=0.5, large=large)
-    return [_SECTORS * force[1] for force in _forces(lines, f"ball of {cells} cells")]
+        lines += _step_cards(f"TOOL,3,3,{move * MILLIMETRES:.10g}")
+    found = run_ccx("\n".join(lines) + "\n", f"cube of {cells}^3 cells")
+    return [-4.0 * force[2] for force in read_total_forces(found.dat)]  # the mesh is a quarter of the cube
 
 
 def _cap_cards(*, first_node: int, first_cell: int) -> list[str]:
@@ -122,9 +78,9 @@ def _cap_cards(*, first_node: int, first_cell: int) -> list[str]:
     return [*lines, "*SURFACE, NAME=MASTER, TYPE=ELEMENT", *(f"{cell},S2" for cell in cells)]
 
 
-def _pair_cards(law: LogNeoHooke, faces: Sequence[tuple[int, int]], *, large: bool = True) -> list[str]:
+def _pair_cards(law: LogNeoHooke, faces: Sequence[tuple[int, int]]) -> list[str]:
     """Return the cards of the body's surface (element ``faces``), of its contact with MASTER, and of the materials."""
-    name, hooke = material_name(law, name="SOFT"), f"{law.young * MEGAPASCALS:.10g},{law.poisson:.10g}"
+    name = material_name(law, name="SOFT")
     return [
         "*SURFACE, NAME=SLAVE, TYPE=ELEMENT",
         *(f"{cell},S{side}" for cell, side in faces),
@@ -133,7 +89,7 @@ def _pair_cards(law: LogNeoHooke, faces: Sequence[tuple[int, int]], *, large: bo
         f"{_STIFF * law.young * MEGAPASCALS:.10g}",
         "*CONTACT PAIR, INTERACTION=HARD, TYPE=SURFACE TO SURFACE",
         "SLAVE,MASTER",
-        *(law_cards(law, name="SOFT") if large else [f"*MATERIAL, NAME={name}", "*ELASTIC", hooke]),
+        *law_cards(law, name="SOFT"),
         "*MATERIAL, NAME=RIGID",
         "*ELASTIC",
         "1000.,0.3",
@@ -142,19 +98,7 @@ def _pair_cards(law: LogNeoHooke, faces: Sequence[tuple[int, int]], *, large: bo
     ]
 
 
-def _step_cards(moved: str, *, first: float, large: bool) -> list[str]:
-    """Return the cards of a step that moves the tool by card ``moved``; ``first`` is the first increment, 0 to 1."""
-    how = ", NLGEOM" if large else ""
+def _step_cards(moved: str) -> list[str]:
+    """Return the cards of a step that moves the tool by card ``moved``."""
     told = "*NODE PRINT, NSET=HELD, TOTALS=ONLY, FREQUENCY=1000"
-    return [f"*STEP, INC=1000{how}", "*STATIC", f"{first:g},1.", "*BOUNDARY", moved, told, "RF", "*END STEP"]
-
-
-def _forces(lines: Sequence[str], what: str) -> list[tuple[float, float, float]]:
-    """Run ``ccx``; return the force [N] on the tool at the end of every step, the total force of the fixed nodes."""
-    with tempfile.TemporaryDirectory(prefix="gdfe_ccx_") as folder:
-        Path(folder, f"{_JOB}.inp").write_text("\n".join(lines) + "\n")
-        done = subprocess.run(["ccx", _JOB], cwd=folder, env=os.environ, capture_output=True, text=True, check=False)
-        if done.returncode != 0 or "*ERROR" in done.stdout:
-            tail = "\n".join(done.stdout.strip().splitlines()[-6:])
-            raise PeerError(f"calculix {what}: ccx ended with status {done.returncode}:\n{tail}")
-        return read_total_forces(Path(folder, f"{_JOB}.dat").read_text())
+    return ["*STEP, INC=1000, NLGEOM", "*STATIC", "1,1.", "*BOUNDARY", moved, told, "RF", "*END STEP"]

@@ -3,16 +3,9 @@
 
 from __future__ import annotations
 
-import os
-import resource
-import subprocess
-import tempfile
-from pathlib import Path
-
 import numpy as np
 
 from benchmarks.grids import Grid
-from benchmarks.peers.calculix_peer import available
 from benchmarks.peers.ccx_deck import (
     MILLIMETRES,
     PATIENT,
@@ -24,13 +17,11 @@ from benchmarks.peers.ccx_deck import (
     set_cards,
     used_nodes,
 )
-from benchmarks.peers.ccx_output import read_paths, to_lattice
+from benchmarks.peers.ccx_output import available, read_paths, run_ccx, to_lattice
 from benchmarks.peers.drop_case import DENSITY, GRAVITY, LASTS, LAW, SIZE, TIP, DropPath
-from benchmarks.peers.peer import PeerError
 
 __all__ = ["available", "simulate"]
 
-_JOB = "drop"
 _TONNES = 1e-12
 """Value of 1 kg/m^3 in t/mm^3. The tonne is the unit of mass that is consistent with N, mm and s."""
 _LEAST = 1e-5
@@ -44,22 +35,10 @@ def simulate(element: CcxElement, cells: tuple[int, int, int], h: float, *, time
         PeerError: ``ccx`` fails, or takes longer than ``timeout`` [s].
     """
     grid = Grid(size=SIZE, cells=cells, order=element.order)
-    where = f"calculix drop {element.value} {grid.label}, h = {h:g} s"
-    with tempfile.TemporaryDirectory(prefix="gdfe_ccx_") as folder:
-        Path(folder, f"{_JOB}.inp").write_text(_deck(grid, element, h))
-        before = _children_time()
-        try:
-            done = subprocess.run(
-                ["ccx", _JOB], cwd=folder, env=os.environ, capture_output=True, text=True, check=False, timeout=timeout
-            )
-        except subprocess.TimeoutExpired:
-            raise PeerError(f"{where}: not done within {timeout:g} s") from None
-        seconds = _children_time() - before
-        if done.returncode != 0 or "*ERROR" in done.stdout:
-            tail = "\n".join(done.stdout.strip().splitlines()[-6:])
-            raise PeerError(f"{where}: ccx ended with status {done.returncode}:\n{tail}")
-        times, paths = read_paths(Path(folder, f"{_JOB}.dat").read_text())
-    return DropPath(times, np.array([_tip(grid, element, nodal) for nodal in paths]), seconds)
+    where = f"drop {element.value} {grid.label}, h = {h:g} s"
+    found = run_ccx(_deck(grid, element, h), where, timeout=timeout)
+    times, paths = read_paths(found.dat)
+    return DropPath(times, np.array([_tip(grid, element, nodal) for nodal in paths]), found.processor)
 
 
 def _deck(grid: Grid, element: CcxElement, h: float) -> str:
@@ -94,8 +73,3 @@ def _tip(grid: Grid, element: CcxElement, nodal: dict) -> np.ndarray:
     if element is CcxElement.C3D20R:
         moved = grid.complete_serendipity(moved)
     return np.add(TIP, grid.evaluate(moved, np.array([TIP]))[0])
-
-
-def _children_time() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime

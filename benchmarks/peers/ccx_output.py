@@ -1,13 +1,74 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readers of CalculiX' output files: displacements (``.frd``) and reactions (``.dat``)."""
+"""Runs of CalculiX (``ccx``), and readers of its output files: displacements (``.frd``) and reactions (``.dat``)."""
 
 from __future__ import annotations
+
+import resource
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.peers.peer import PeerError
+
 Nodal = dict[int, tuple[float, float, float]]
 """Dict from node number to three components."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CcxRun:
+    """A run of ``ccx``: its log, the texts of its output files, its wall time and its processor time [s]."""
+
+    log: str
+    frd: str
+    dat: str
+    wall: float
+    processor: float
+
+
+def available() -> str | None:
+    """Return None if ``ccx`` is on the path, else a text that says how to install it."""
+    return None if shutil.which("ccx") else "no program ccx; install it with: apt-get install calculix-ccx"
+
+
+def run_ccx(deck: str, where: str, *, timeout: float | None = None) -> CcxRun:
+    """Run ``ccx`` on the text of a deck.
+
+    Args:
+        deck: input deck.
+        where: words about the run for errors.
+        timeout: longest wall time [s].
+
+    Raises:
+        PeerError: ``ccx`` fails, with the end of its log, or takes too long.
+    """
+    with tempfile.TemporaryDirectory(prefix="gdfe_ccx_") as folder:
+        job = Path(folder, "job")
+        job.with_suffix(".inp").write_text(deck)
+        before, started = _children_time(), perf_counter()
+        try:
+            done = subprocess.run(
+                ["ccx", job.name], cwd=folder, capture_output=True, text=True, check=False, timeout=timeout
+            )
+        except subprocess.TimeoutExpired:
+            raise PeerError(f"calculix {where}: not done within {timeout:g} s") from None
+        wall, processor = perf_counter() - started, _children_time() - before
+        if done.returncode != 0 or "*ERROR" in done.stdout:
+            tail = "\n".join(done.stdout.strip().splitlines()[-6:])
+            raise PeerError(f"calculix {where}: ccx ended with status {done.returncode}:\n{tail}")
+        frd, dat = (job.with_suffix(suffix) for suffix in (".frd", ".dat"))
+        texts = {name: path.read_text() if path.is_file() else "" for name, path in (("frd", frd), ("dat", dat))}
+    return CcxRun(log=done.stdout, wall=wall, processor=processor, **texts)
+
+
+def _children_time() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def read_displacements(text: str) -> Nodal:

@@ -10,13 +10,14 @@ scenes' neo-Hookean law, in forces more than in shapes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import Enum
 from itertools import permutations
 
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.cases import Case, LogNeoHooke
+from benchmarks.cases import Law, LogNeoHooke
 from benchmarks.grids import Grid
 
 Array = npt.NDArray[np.float64]
@@ -36,6 +37,8 @@ class Drive(Enum):
     MOCAP = "mocap"
     """Bodies without degrees of freedom, and conjugate gradients: fast for stocky bars, but slender
     bars do not come to equilibrium."""
+    FREE = "free"
+    """No prescribed motion. An equality between two nodes, satisfied by symmetry, has the same purpose as above."""
 
 
 def body_name(node: int) -> str:
@@ -43,34 +46,38 @@ def body_name(node: int) -> str:
     return f"node{node}"
 
 
-def write_model(case: Case, grid: Grid, drive: Drive, *, timestep: float) -> str:
+def write_model(
+    laws: Sequence[Law], grid: Grid, drive: Drive, *, timestep: float, density: float = DENSITY, gravity: float = 0.0
+) -> str:
     """Return the MJCF text of a bar.
 
     Args:
-        case: scene; its laws must be neo-Hookean, and their E and nu are used.
+        laws: laws of equal segments along x; they must be neo-Hookean, and their E and nu are used.
         grid: lattice of order 1 (``dof="trilinear"``) or 2 (``dof="quadratic"``).
         drive: method by which the right face is moved.
         timestep: time step of the integrator [s].
+        density: density of the bar [kg/m^3].
+        gravity: downward acceleration [m/s^2].
 
     Raises:
         ValueError: if a law has no Young's modulus.
     """
-    flexes = [_flex(case, grid, index) for index in range(len(case.laws))]
-    face = grid.face(right=True)
-    tie = ""
-    if drive is Drive.HEAVY:
-        first, last = (f"{body_name(int(node))}_x" for node in (face[0], face[-1]))
-        tie = f'<equality><joint joint1="{first}" joint2="{last}" polycoef="0 1 0 0 0"/></equality>'
+    flexes = [_flex(laws, grid, index) for index in range(len(laws))]
+    face, tie = grid.face(right=True), ""
+    if drive is not Drive.MOCAP:
+        last, axis = (face[-1], "x") if drive is Drive.HEAVY else (face[grid.steps[1]], "z")
+        first, second = (f"{body_name(int(node))}_{axis}" for node in (face[0], last))
+        tie = f'<equality><joint joint1="{first}" joint2="{second}" polycoef="0 1 0 0 0"/></equality>'
     option = (
         f'<option timestep="{timestep:g}" integrator="discrete" solver="Newton" iterations="50" tolerance="1e-15" '
-        'gravity="0 0 0"><flag contact="disable"/></option>'
+        f'gravity="0 0 {-gravity:g}"><flag contact="disable"/></option>'
     )
-    bodies, solids = "".join(_bodies(grid, drive)), "".join(flexes)
+    bodies, solids = "".join(_bodies(grid, drive, density)), "".join(flexes)
     return f"<mujoco>{option}<worldbody>{bodies}</worldbody><deformable>{solids}</deformable>{tie}</mujoco>"
 
 
-def node_masses(grid: Grid) -> Array:
-    """Return lumped nodal masses at `DENSITY`, shape (n,), float64 [kg] (Simpson's rule, order 2)."""
+def node_masses(grid: Grid, density: float = DENSITY) -> Array:
+    """Return lumped nodal masses, shape (n,), float64 [kg] (Simpson's rule, order 2)."""
     axes = []
     for steps in grid.steps:
         weight = np.ones(steps + 1)
@@ -80,11 +87,11 @@ def node_masses(grid: Grid) -> Array:
             weight[1:-1] = 2.0
         axes.append(weight / weight.sum())
     x, y, z = axes
-    return DENSITY * float(np.prod(grid.size)) * np.einsum("k,j,i->kji", z, y, x).ravel()
+    return density * float(np.prod(grid.size)) * np.einsum("k,j,i->kji", z, y, x).ravel()
 
 
-def _bodies(grid: Grid, drive: Drive) -> list[str]:
-    points, masses = grid.points(), node_masses(grid)
+def _bodies(grid: Grid, drive: Drive, density: float) -> list[str]:
+    points, masses = grid.points(), node_masses(grid, density)
     left, right = set(grid.face(right=False).tolist()), set(grid.face(right=True).tolist())
     lines = []
     # MuJoCo factors in the order of the bodies: slices across the bar keep the bandwidth small.
@@ -96,7 +103,7 @@ def _bodies(grid: Grid, drive: Drive) -> list[str]:
         if node in right and drive is Drive.MOCAP:
             lines.append(f'{head} mocap="true"/>')
             continue
-        mass = HANDLE_MASS if node in right else masses[node]
+        mass = HANDLE_MASS if node in right and drive is Drive.HEAVY else masses[node]
         joints = "".join(
             f'<joint name="{body_name(node)}_{axis}" type="slide" axis="{direction}"/>'
             for axis, direction in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1"))
@@ -106,20 +113,20 @@ def _bodies(grid: Grid, drive: Drive) -> list[str]:
     return lines
 
 
-def _flex(case: Case, grid: Grid, index: int) -> str:
+def _flex(laws: Sequence[Law], grid: Grid, index: int) -> str:
     """Return the MJCF text of the flex of one segment; its embedded mesh has one vertex per cell corner."""
-    law = case.laws[index]
+    law = laws[index]
     if not isinstance(law, LogNeoHooke):
-        raise ValueError(f"{case.name.value}: MuJoCo has no law for {type(law).__name__}")
-    count, (nx, ny, nz) = len(case.laws), grid.cells
+        raise ValueError(f"MuJoCo has no law for {type(law).__name__}")
+    count, (nx, ny, nz) = len(laws), grid.cells
     along = nx // count
     nodes = _segment_nodes(grid, index * along, (index + 1) * along)
     left = set(grid.face(right=False).tolist())
     points = grid.points()
     names = " ".join("world" if node in left else body_name(node) for node in nodes)
     coordinates = " ".join(_vector(points[node]) if node in left else "0 0 0" for node in nodes)
-    length = case.size[0] / count
-    part = Grid(size=(length, *case.size[1:]), cells=(along, ny, nz))
+    length = grid.size[0] / count
+    part = Grid(size=(length, *grid.size[1:]), cells=(along, ny, nz))
     corners = part.points() + np.array([index * length, 0.0, 0.0])
     return (
         f'<flex name="segment{index}" dim="3" radius="0.001" dof="{"quadratic" if grid.order == 2 else "trilinear"}" '

@@ -128,7 +128,7 @@ def compile_bar(case: Case, grid: Grid, drive: Drive) -> Bar:
     """Compile the MJCF model of a bar."""
     import mujoco
 
-    model = mujoco.MjModel.from_xml_string(write_model(case, grid, drive, timestep=TIMESTEP))
+    model = mujoco.MjModel.from_xml_string(write_model(case.laws, grid, drive, timestep=TIMESTEP))
     handle, left = grid.face(right=True), grid.face(right=False)
     held = left if drive is Drive.HEAVY else np.concatenate([left, handle])
     free = np.setdiff1d(np.arange(len(grid.points())), held)

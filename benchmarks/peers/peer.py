@@ -59,7 +59,6 @@ class Variant:
         cells: numbers of hexahedra along x, y, z.
         steps: number of load steps.
         options: settings that only this peer has.
-        slow: whether a run takes more than ten seconds. Callers may leave out slow runs.
     """
 
     label: str
@@ -67,7 +66,6 @@ class Variant:
     cells: tuple[int, int, int]
     steps: int = 1
     options: Mapping[str, Setting] = field(default_factory=dict)
-    slow: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,14 +3,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import yaml
 
 from gdfe_ros import Simulation, load_scene
 
 SCENES = Path(__file__).with_name("scenes")
 """Folder of the scenes, drawn after the sizes, materials and loads of the tests."""
+RULES = Path(__file__).with_name("rules.yaml")
+"""The tests and the rules of their authors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +46,12 @@ class Row:
     def holds(self) -> bool:
         """Whether the rule holds."""
         return self.value <= self.bound
+
+
+def rows_of(found: Mapping[str, tuple[float, str]]) -> list[Row]:
+    """Return a row for each test, from a dict from its key in `RULES` to its value and figure."""
+    rules = yaml.safe_load(RULES.read_text(encoding="utf-8"))
+    return [Row(**rules[key], value=value, figure=figure) for key, (value, figure) in found.items()]
 
 
 def simulate(name: str, **overrides: Any) -> Simulation:

@@ -15,13 +15,18 @@ from benchmarks.public_cases import Row
 from benchmarks.public_cases.mujoco_tests import mujoco_rows
 from benchmarks.public_cases.newton_tests import newton_rows
 from benchmarks.public_cases.sofa_tests import sofa_rows
-from benchmarks.report import options, write_report
+from benchmarks.report import run_script
 
 REPOSITORIES = {
     "Newton": "https://github.com/newton-physics/newton",
     "MuJoCo": "https://github.com/google-deepmind/mujoco",
     "SOFA": "https://github.com/sofa-framework/sofa",
 }
+
+
+def measure() -> list[dict[str, Any]]:
+    """Run all tests, and return their rows."""
+    return [asdict(row) for row in (*newton_rows(), *mujoco_rows(), *sofa_rows())]
 
 
 def case_table(report: Sequence[Mapping[str, Any]]) -> str:
@@ -40,14 +45,12 @@ def probe() -> dict[str, float]:
     return {"extension": rows["Newton, soft_beam_extension"], "volume": rows["Newton, soft_beam_stretch"]}
 
 
-def main() -> int:
-    """Run all tests, write the report, and print the table."""
-    given = options("benchmarks.public_cases", "Tests of other simulators by their rules.", "public_cases").parse_args()
-    report = [asdict(row) for row in (*newton_rows(), *mujoco_rows(), *sofa_rows())]
-    write_report(given.out, report, probe())
-    print(case_table(report))
-    return 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run_script(
+        "benchmarks.public_cases",
+        "Tests of other simulators by their rules.",
+        "public_cases",
+        measure=measure,
+        tables=case_table,
+        probe=probe,
+    )

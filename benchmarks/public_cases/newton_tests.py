@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.public_cases import Row, simulate, solve
+from benchmarks.public_cases import Row, rows_of, simulate, solve
 from gdfe_ros import Simulation
 
-FOLDER = "newton/examples/vbd"
 GRAVITY, DENSITY, YOUNG = 9.81, 1000.0, 1.25e5
 THEORY = DENSITY * GRAVITY / (2.0 * YOUNG)
 """Extension M g L / (2 A E) of the hanging beam of 1 m by linear elasticity [m]."""
@@ -19,7 +18,28 @@ REFINED = ((10, 2, 2), (20, 4, 4), (40, 8, 8))
 def newton_rows() -> list[Row]:
     """Return a row for each check."""
     extensions = [extension(simulate("hanging_beam", mesh__bar__cells=list(cells)), 1.0) for cells in REFINED]
-    return [_hanging(extensions[1]), _refined(extensions), _stretched(), _twisted(), _released(), _flat()]
+    excess = extensions[1] / THEORY - 1.0
+    ratio = float(abs(np.divide(*np.diff(extensions)[::-1])))
+    stretched, twisted = solve(simulate("stretched_beam")), solve(simulate("twisted_beam"), 8)
+    volumes = {"stretched": volume_ratio(stretched) - 1.0, "twisted": volume_ratio(twisted) - 1.0}
+    height, volume = release()
+    flat, block = simulate("flat_cells"), simulate("flat_cells", mesh__bar__cells=[10, 20, 20])
+    sags = [1e3 * extension(each, 0.2) for each in (flat, block)]
+    return rows_of(
+        {
+            "hanging": (abs(excess), f"{extensions[1]:.5f} m ({100.0 * excess:+.1f} %)"),
+            "refined": (ratio, f"{', '.join(f'{each:.5f}' for each in extensions)} m (ratio {ratio:.2f})"),
+            **{name: (abs(change), f"{100.0 * change:+.1f} %") for name, change in volumes.items()},
+            "released": (
+                0.5 / min(height, volume),
+                f"{100.0 * height:.3f} % of the height, {100.0 * volume:.3f} % of the volume",
+            ),
+            "flat": (
+                float(np.abs(flat.positions).max()),
+                f"extension {sags[0]:.3f} mm; with cubic cells {sags[1]:.3f} mm",
+            ),
+        }
+    )
 
 
 def extension(simulation: Simulation, length: float) -> float:
@@ -34,77 +54,10 @@ def volume_ratio(simulation: Simulation) -> float:
     return float(simulation.fields().J.mean())
 
 
-def _hanging(found: float) -> Row:
-    return Row(
-        source="Newton, soft_beam_extension",
-        path=f"{FOLDER}/example_soft_beam_extension.py",
-        body="a beam hangs, 20 x 4 x 4 cells",
-        rule=f"extension within 10 % of M g L / (2 A E) = {THEORY:.5f} m",
-        figure=f"{found:.5f} m ({100.0 * (found / THEORY - 1.0):+.1f} %)",
-        value=abs(found / THEORY - 1.0),
-        bound=0.10,
-    )
-
-
-def _refined(found: list[float]) -> Row:
-    coarse, fine = np.diff(found)
-    return Row(
-        source="Newton, soft_convergence_refinement",
-        path=f"{FOLDER}/example_soft_convergence_refinement.py",
-        body="the same beam, cells of 100, 50 and 25 mm",
-        rule="the second refinement changes the extension less than the first",
-        figure=f"{', '.join(f'{each:.5f}' for each in found)} m (ratio {abs(fine / coarse):.2f})",
-        value=abs(fine / coarse),
-        bound=1.0,
-    )
-
-
-def _stretched() -> Row:
-    return _kept_volume("stretch", "is pulled to twice its length", volume_ratio(solve(simulate("stretched_beam"))))
-
-
-def _twisted() -> Row:
-    return _kept_volume("twist", "is twisted by 180 degrees", volume_ratio(solve(simulate("twisted_beam"), 8)))
-
-
-def _kept_volume(test: str, motion: str, ratio: float) -> Row:
-    return Row(
-        source=f"Newton, soft_beam_{test}",
-        path=f"{FOLDER}/example_soft_beam_{test}.py",
-        body=f"a beam with held ends {motion}",
-        rule="volume within 10 % of the undeformed one",
-        figure=f"{100.0 * (ratio - 1.0):+.1f} %",
-        value=abs(ratio - 1.0),
-        bound=0.10,
-    )
-
-
-def _released() -> Row:
+def release() -> tuple[float, float]:
+    """Return height and volume of a cube that was pressed and released, divided by the undeformed ones."""
     pressed = solve(simulate("compressed_cube"), 9)
     released = simulate("compressed_cube", handles__top=None, program=None)
     released.set_positions(pressed.positions)
     height = float(np.ptp(solve(released).positions[:, 0])) / 0.3
-    return Row(
-        source="Newton, soft_cube_compression",
-        path=f"{FOLDER}/example_soft_cube_compression.py",
-        body="a cube is pressed to 10 % of its height and released",
-        rule="more than 50 % of height and of volume return",
-        figure=f"{100.0 * height:.3f} % of the height, {100.0 * volume_ratio(released):.3f} % of the volume",
-        value=0.5 / min(height, volume_ratio(released)),
-        bound=1.0,
-    )
-
-
-def _flat() -> Row:
-    block = simulate("flat_cells")
-    flat = extension(block, 0.2)
-    cubes = extension(simulate("flat_cells", mesh__bar__cells=[10, 20, 20]), 0.2)
-    return Row(
-        source="Newton, soft_sliver_elements",
-        path=f"{FOLDER}/example_soft_sliver_elements.py",
-        body="a block of cells ten times as wide as high hangs",
-        rule="positions are finite, within 2 m",
-        figure=f"extension {1e3 * flat:.3f} mm; with cubic cells {1e3 * cubes:.3f} mm",
-        value=float(np.abs(block.positions).max()),
-        bound=2.0,
-    )
+    return height, volume_ratio(released)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -159,20 +159,9 @@ def cases() -> list[Case]:
             found.append(_case(name, drive, law, Policy.ENERGY))
     for name, drive in GROWTHS.items():
         found.append(_case(name, drive, "linear", Policy.RELATIVE))
-    refused = DRIVES["tension on and off"]
-    run = partial(_run, refused, "linear", Policy.RELATIVE)
-    found.append(
-        Case(
-            group=Group.ACTUATORS,
-            name="tension under a policy without newtons",
-            policy=Policy.RELATIVE,
-            law="linear",
-            run=run,
-            bound=0.0,
-            refusal="has no forces",
-        )
-    )
-    return found
+    name = "tension under a policy without newtons"
+    drive = replace(DRIVES["tension on and off"], back=np.inf, refusal="has no forces")
+    return [*found, _case(name, drive, "linear", Policy.RELATIVE)]
 
 
 def _case(name: str, drive: Drive, law: str, policy: Policy) -> Case:

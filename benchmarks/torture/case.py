@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -52,7 +52,6 @@ class Finding:
         rise: largest increase of the energy within a descent, divided by the magnitude of its terms.
         remarks: remarks on the scene, made before the solve.
         flaws: other defects that the run found.
-        figures: dict from name to other measured figures.
     """
 
     results: tuple[StepResult, ...]
@@ -60,7 +59,6 @@ class Finding:
     rise: float = 0.0
     remarks: tuple[str, ...] = ()
     flaws: tuple[str, ...] = ()
-    figures: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +108,6 @@ class Outcome:
         restarts: number of solves that were repeated from the undeformed shape.
         time: processor time [s].
         text: text of the refusal or report, or the reason of the failure.
-        figures: dict from name to other measured figures.
     """
 
     verdict: Verdict
@@ -120,7 +117,6 @@ class Outcome:
     restarts: int
     time: float
     text: str = ""
-    figures: Mapping[str, float] = field(default_factory=dict)
 
 
 def attempt(case: Case) -> Outcome:
@@ -139,7 +135,7 @@ def attempt(case: Case) -> Outcome:
     iterations = sum(result.iterations for result in finding.results)
     restarts = sum(result.restarts for result in finding.results)
     elapsed = time.process_time() - started
-    return Outcome(verdict, finding.error, case.bound, iterations, restarts, elapsed, text, finding.figures)
+    return Outcome(verdict, finding.error, case.bound, iterations, restarts, elapsed, text)
 
 
 def _judge(case: Case, finding: Finding) -> tuple[Verdict, str]:

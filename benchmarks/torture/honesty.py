@@ -190,9 +190,7 @@ def _run(name: str, tolerance: float) -> Finding:
     size, truth, results = STREAMS[name].scene().mesh.size, _truth(name), played(STREAMS[name], tolerance)
     pairs = [(found, true) for found, true in zip(results, truth, strict=True) if found.converged and true.converged]
     errors = [error_of(found, true, size) / tolerance for found, true in pairs]
-    iterations = sum(result.iterations for result in results) / len(results)
-    figures = {"steps": len(results), "judged": len(pairs), "iterations a step": iterations}
-    return Finding(results, max(errors, default=np.nan), figures=figures)
+    return Finding(results, max(errors, default=np.nan))
 
 
 def cases() -> list[Case]:

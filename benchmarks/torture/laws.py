@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.torture.bodies import BAR, Driver, distance, make_scene
 from benchmarks.torture.case import Case, Finding, Group
 from gdfe_ros.constraints import Pose
-from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, Ogden, preset
+from gdfe_ros.materials import Curve, CurveData, Law, Material, Ogden, preset
 from gdfe_ros.solver.settings import Policy
 
 LENGTH = 0.4
@@ -56,17 +56,6 @@ UNSTABLE: dict[str, tuple[Callable[[], Material], Pose, str]] = {
     "steep negative exponent": (lambda: _ogden((3e5, -1e5), (-1.0, -8.0)), PUSH, "unstable in"),
     "steep positive exponent": (lambda: _ogden((3e5, -1e5), (1.0, 8.0)), PULL, "unstable in"),
 }  # fmt: skip
-REFUSED: dict[str, tuple[Callable[[], Material], str]] = {
-    "sum of mu not positive": (lambda: _ogden((-2e5, 1e5), (2.0, 3.0)), "sum of mu"),
-    "alpha of 25": (lambda: _ogden((1e5,), (25.0,)), "alpha must lie in -20 .. 20"),
-    "alpha of zero": (lambda: _ogden((1e5,), (0.0,)), "no alpha zero"),
-    "not a number": (lambda: _ogden((np.nan,), (2.0,)), "must be finite"),
-    "poisson of 0.6": (lambda: Linear(young=1e5, poisson=0.6), "poisson must lie in"),
-    "modulus of zero": (lambda: Linear(young=0.0, poisson=0.3), "young must lie in"),
-    "curve that falls from rest": (lambda: _table([0.1, 0.2], [-1e3, 1e3]), "initial slope must be positive"),
-    "strains that go back": (lambda: _table([0.2, 0.1], [1e3, 2e3]), "must ascend strictly"),
-    "polynomial of no modulus": (lambda: _polynomial(0.0, 1e5), "the initial modulus, positive"),
-}
 
 
 def _sound(make: Callable[[], Material], pose: Pose, policy: Policy) -> Finding:
@@ -97,7 +86,4 @@ def cases() -> list[Case]:
         for law, (name, (make, pose, words)) in ((law, item) for law, group in laws.items() for item in group.items()):
             run = partial(_doubtful, make, pose, policy)
             found.append(case(name=name, law=law, run=run, bound=np.inf, remark=words, may_report=True))
-        for name, (make, words) in REFUSED.items():
-            run = partial(_doubtful, make, PULL, policy)
-            found.append(case(name=name, law="any", run=run, bound=np.inf, refusal=words))
     return found

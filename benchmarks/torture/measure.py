@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The torture test as a table: ``python -m benchmarks.torture.measure [--out FILE]`` runs, stores and draws it."""
+"""The torture test as a table: ``python -m benchmarks.torture.measure [--out FILE]`` runs all cases on all cores."""
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
-from pathlib import Path
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from multiprocessing import get_context
 
-from benchmarks.provenance import ROOT
 from benchmarks.report import options, write_report
 from benchmarks.torture.case import Case, Group, Verdict, attempt
 from benchmarks.torture.catalogue import all_cases
-from benchmarks.torture.picture import draw_scores
-from benchmarks.torture.score import read_scores
+from benchmarks.torture.score import Score, score_of, torture_table
 
 PROBED = {Group.CONTRASTS: 5, Group.SCALES: 5, Group.MESHES: 2, Group.LAWS: 4, Group.ACTUATORS: 2, Group.HONESTY: 1}
 """Dict from group to the number of its first cases that the probe runs, for the groups that need least time. The third
@@ -43,27 +40,32 @@ def probe() -> dict[str, float | str]:
     return found
 
 
+def run(name: str) -> Score:
+    """Run the case with an id, in any process, and return its score."""
+    case = _catalogue()[name]
+    return score_of(case, attempt(case))
+
+
+@cache
+def _catalogue() -> dict[str, Case]:
+    return {case.id: case for case in all_cases()}
+
+
 def main() -> int:
-    """Run all cases on all cores; return 1 if a case failed. If a case has no outcome, nothing is written."""
-    parser = options("benchmarks.torture.measure", "The torture test.", "torture")
-    parser.add_argument("--quick", action="store_true", help="only the contrasts, for runs/")
-    given = parser.parse_args()
-    folder = Path("runs", "torture").resolve()
-    kept = folder / "torture.json"
-    kept.unlink(missing_ok=True)
-    command = [sys.executable, "-m", "pytest", "-q", "-m", "torture", "-n", str(os.cpu_count() or 1), "--no-header"]
-    command += ["-k", "contrasts"] if given.quick else []
-    environment = {**os.environ, "TORTURE_OUTPUT": str(folder)}
-    status = subprocess.run([*command, "test/torture/test_cases.py"], cwd=ROOT, env=environment, check=False).returncode
-    scores = read_scores(kept) if kept.is_file() else []
-    missing = len(all_cases()) - len(scores)
-    if not scores or (missing and not given.quick):
-        print(f"{missing} cases have no outcome; nothing is written", file=sys.stderr)
-        return 1
-    write_report(given.out, json.loads(kept.read_text(encoding="utf-8")), probe())
-    draw_scores((given.pictures or given.out.parent) / "torture.png", scores)
-    return status
+    """Run all cases, write the report and print the table; return 1 if a case failed.
+
+    If a case raises an error that the package does not raise on purpose, nothing is written.
+    """
+    given = options("benchmarks.torture.measure", "The torture test.", "torture").parse_args()
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
+        scores = list(pool.map(run, _catalogue()))
+    write_report(given.out, scores, probe())
+    print(torture_table(scores)["torture"])
+    failed = [score for score in scores if score["verdict"] == Verdict.FAILED.value]
+    for score in failed:
+        print(f"{score['group']}, {score['name']}, {score['law']}, {score['policy']}: {score['text']}")
+    return int(bool(failed))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

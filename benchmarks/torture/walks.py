@@ -33,10 +33,8 @@ PACE, PULL = 0.01, 0.001
 MOST_GROWTH = 5e6
 """Largest growth of the resident memory [B]."""
 MOST_SLOWING = 1.1
-"""Largest ratio of the last thousand steps to the first, for the median step time and for the iterations."""
+"""Largest ratio of the last thousand steps to the first, for the processor time and for the iterations."""
 WINDOW = 1000
-SETTLING = 100
-"""Number of steps at the start of each window that are left out, because caches and histories are still empty."""
 FINGER = """
 name: finger
 mesh: {bar: {size: [0.10, 0.02, 0.02], cells: [10, 2, 2]}}
@@ -104,16 +102,15 @@ class Walk:
         unconverged: number of steps that did not converge.
         drift: largest final distance from the undeformed shape, divided by the body's size.
         growth: growth of the resident memory from the first thousand steps to the end [B].
-        first, final: median processor time of a step in the first and in the last thousand steps [s].
-        iterations: sums of iterations in the first and in the last thousand steps, with the same commands.
+        times: processor times of the first and of the last thousand steps, with the same commands [s].
+        iterations: iterations of the same steps.
     """
 
     last: StepResult
     unconverged: int
     drift: float
     growth: float
-    first: float
-    final: float
+    times: tuple[float, float]
     iterations: tuple[int, int]
 
     def flaws(self) -> list[str]:
@@ -123,10 +120,9 @@ class Walk:
             found.append(f"{self.unconverged} steps did not converge")
         if self.growth > MOST_GROWTH:
             found.append(f"memory grew by {self.growth / 1e6:.1f} MB")
-        if self.final > MOST_SLOWING * self.first:
-            found.append(f"a step took {1e3 * self.first:.3f} ms at first and {1e3 * self.final:.3f} ms in the end")
-        if self.iterations[1] > MOST_SLOWING * self.iterations[0]:
-            found.append(f"a window took {self.iterations[0]} iterations at first and {self.iterations[1]} in the end")
+        for what, (first, last) in (("seconds", self.times), ("iterations", self.iterations)):
+            if last > MOST_SLOWING * first:
+                found.append(f"a window took {first:.4g} {what} at first and {last:.4g} in the end")
         return found
 
 
@@ -135,36 +131,36 @@ class Walker:
 
     Attributes:
         simulation: the simulation.
-        unconverged: number of steps so far that did not converge.
-        result: result of the last step.
+        result: the last result.
+        unconverged, iterations, seconds: sums over all steps so far.
     """
 
     def __init__(self, track: Track) -> None:
         self.simulation, self._track = Simulation(track.scene()), track
-        self.unconverged = 0
+        self.unconverged = self.iterations = 0
+        self.seconds = 0.0
 
-    def step(self, point: NDArray[np.float64]) -> float:
-        """Make a step with the command of a point; return its processor time [s]."""
+    def step(self, point: NDArray[np.float64]) -> None:
+        """Make a step with the command of a point."""
         command = self._track.command(point)
         started = time.thread_time()
         self.result = self.simulation.step(command)
-        elapsed = time.thread_time() - started
+        self.seconds += time.thread_time() - started
         self.unconverged += not self.result.converged
-        return elapsed
+        self.iterations += self.result.iterations
 
 
 def resident() -> float:
     """Return the resident memory of this process [B]."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * 4096.0
+    gc.collect()
+    return 4096.0 * int(Path("/proc/self/statm").read_text().split()[1])
 
 
 def walk(track: Track, steps: int, *, seed: int = 1) -> Walk:
     """Walk at random, return to zero, repeat the first steps of the walk, and return to zero; ``steps`` steps in total.
 
-    The first and the last thousand steps have the same commands and start from the undeformed shape. Their times are
-    compared under equal load of the machine: a new simulation makes the first steps, in turn with the last steps of the
-    old simulation.
+    The first and the last thousand steps have the same commands and start from the undeformed shape. They are compared
+    under equal load of the machine: a new simulation makes the first steps, in turn with the last steps of the old one.
     """
     walker, random = Walker(track), np.random.default_rng(seed)
     window, back = min(WINDOW, steps // 4), np.linspace(1.0, 0.0, min(RETURN, steps // 8) + 1)[1:]
@@ -175,44 +171,26 @@ def walk(track: Track, steps: int, *, seed: int = 1) -> Walk:
         if i < window:
             opening.append(point)
         if i == window:
-            gc.collect()
             begun = resident()
     for share in back:
         walker.step(share * point)
-    gc.collect()
-    growth = resident() - begun
-    first, last, iterations = _compare(Walker(track), walker, opening)
+    growth, new, before = resident() - begun, Walker(track), (walker.seconds, walker.iterations)
+    new.simulation.warm_up()
+    for point in opening:
+        new.step(point)
+        walker.step(point)
+    times = new.seconds, walker.seconds - before[0]
+    iterations = new.iterations, walker.iterations - before[1]
     for share in back:
         walker.step(share * opening[-1])
     mesh = walker.simulation.mesh
     drift = distance(walker.result.positions, mesh.vertices, mesh.size)
-    return Walk(walker.result, walker.unconverged, drift, growth, first, last, iterations)
-
-
-def _compare(new: Walker, old: Walker, points: list[NDArray[np.float64]]) -> tuple[float, float, tuple[int, int]]:
-    """Move both simulations through the same points in turn; return the median times [s] and the iterations of both."""
-    times, iterations = np.zeros((len(points), 2)), np.zeros((len(points), 2), dtype=np.int64)
-    for i, point in enumerate(points):
-        for column, walker in enumerate((new, old)):
-            times[i, column] = walker.step(point)
-            iterations[i, column] = walker.result.iterations
-    skipped = min(SETTLING, len(points) // 10)
-    first, last = np.median(times[skipped:], axis=0).tolist()
-    return first, last, tuple(iterations[skipped:].sum(axis=0).tolist())
+    return Walk(walker.result, walker.unconverged, drift, growth, times, iterations)
 
 
 def _run(track: Track, steps: int) -> Finding:
     found = walk(track, steps)
-    figures = {
-        "steps": steps,
-        "drift": found.drift,
-        "memory_mb": found.growth / 1e6,
-        "first_ms": 1e3 * found.first,
-        "last_ms": 1e3 * found.final,
-        "first_iterations": found.iterations[0],
-        "last_iterations": found.iterations[1],
-    }
-    return Finding((found.last,), found.drift, flaws=tuple(found.flaws()), figures=figures)
+    return Finding((found.last,), found.drift, flaws=tuple(found.flaws()))
 
 
 def cases(steps: int = STEPS) -> list[Case]:

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.measured_arm.__main__ import MBAR, recorded
-from benchmarks.measured_arm.scene import tips
+from benchmarks.measured_robots.arm_body import MBAR, recorded, tips
 from docs.scripts.drawing import IMAGES, SCENES, draw_scene, write_mesh
 from gdfe_ros import load_scene
 
@@ -85,8 +84,7 @@ def compared() -> Table:
     """Return the table of recorded and simulated displacements; a model's column ends with its last equilibrium."""
     data, limited = recorded(), {"solver.max_iterations": LIMIT}
     curves = {
-        name: tips(load_scene(NAME, overrides=limited | given), step=STEP, most=MOST, actuator="air_1")
-        for name, given in MODELS.items()
+        name: tips(load_scene(NAME, overrides=limited | given), step=STEP, most=MOST) for name, given in MODELS.items()
     }
     table = Table(title="displacement of the tip in mm, tilt of the end in degrees; one chamber under pressure")
     for column in ("mbar", "recorded", *curves, *(f"{name} / recorded" for name in curves)):

@@ -11,27 +11,16 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from benchmarks import (
-    arm_grasp,
-    batches,
-    chamber,
-    contact,
-    cut_cells,
-    environments,
-    motion,
-    robots,
-    streams,
-    threads,
-)
-from benchmarks.coarse_meshes import table as coarse_meshes
+from benchmarks import contact, environments, motion, robots, streams
 from benchmarks.elasticity import table as elasticity
 from benchmarks.loop import table as loop_tables
 from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.measured_robots import afternoon, arm_steps, membrane, module, rubber
-from benchmarks.node import tables as node_tables
+from benchmarks.node import latency
 from benchmarks.public_cases.__main__ import case_table
 from benchmarks.report import KEPT, read_report
 from benchmarks.tables import all_tables
+from benchmarks.torture.score import torture_table
 from docs.scripts.compatibility import compatibility_table
 from docs.scripts.constants import constant_table
 from docs.scripts.library import library_table, published_table
@@ -75,29 +64,22 @@ def manners_table(report: Mapping[str, Any]) -> str:
 
 TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
     "afternoon": afternoon.form_table,
-    "arm_grasp": arm_grasp.all_tables,
-    "batches": batches.batch_table,
     "bench": all_tables,
-    "bench_node": node_tables.all_tables,
-    "chamber": chamber.chamber_table,
-    "coarse_meshes": coarse_meshes.all_tables,
+    "bench_node": latency.latency_table,
     "contact": contact.all_tables,
-    "cut_cells": cut_cells.all_tables,
-    "elasticity": elasticity.all_tables,
+    "elasticity": elasticity.size_table,
     "environments": environments.environment_table,
     "loop": loop_tables.make_loop_table,
     "manners": manners_table,
     "measured_arm_steps": arm_steps.step_tables,
     "measured_membrane": membrane.membrane_table,
-    "measured_module": module.module_tables,
+    "measured_module": module.module_table,
     "measured_rubber": rubber.rubber_table,
     "motion": motion.all_tables,
     "public_cases": case_table,
     "robots": robots.robot_table,
-    "skip": all_tables,
     "streams": streams.all_tables,
-    "threads": threads.thread_table,
-    "torture": all_tables,
+    "torture": torture_table,
 }
 """Dict from file in `KEPT` to the function that returns its table, or a dict from table name to table."""
 

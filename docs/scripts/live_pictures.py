@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from benchmarks.live.browser import Browser
+from docs.scripts.browser import Browser
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.live.surface import DrawnSurface

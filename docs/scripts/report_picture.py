@@ -11,7 +11,7 @@ from pathlib import Path
 
 from selenium.webdriver.support.ui import WebDriverWait
 
-from benchmarks import chromium
+from docs.scripts import chromium
 from gdfe_ros.cli import main as gdfe
 
 ROOT = Path(__file__).parents[2]

@@ -19,7 +19,7 @@ from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
-from benchmarks.chromium import PATIENCE, start
+from docs.scripts.chromium import PATIENCE, start
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.face_values import face_values
 from gdfe_ros.analysis.report import pictures

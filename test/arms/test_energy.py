@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.arm_grasp import measure
 from gdfe_ros import Command, Simulation, load_scene
+from test.arms.held_box import measure
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 

@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from benchmarks.measure import __main__ as command
 from benchmarks.measure import run as running
@@ -48,17 +47,16 @@ def script(folder: Path, name: str, text: str) -> Table:
     return Table(name=name, module=f"{name}_script", minutes=1)
 
 
-def test_a_table_is_measured_once(table: Table) -> None:
+def test_a_table_is_measured_once(table: Table, capsys: pytest.CaptureFixture[str]) -> None:
     """A table is measured once, with this solver's mark, and not again unless that is requested."""
     assert not is_current(table)
     assert measure(table) is None
     assert read_report(table.file) == Report(["data"], stamp(), {"a": 1})
     if not stamp().commit.endswith("+"):
         assert is_current(table)
-        console = Console(record=True)
-        assert not command._wanted(table, False, console)
-        assert command._wanted(table, True, console)
-        assert "skipped: good: of this solver already" in console.export_text()
+        assert not command.is_wanted(table, again=False)
+        assert command.is_wanted(table, again=True)
+        assert "skipped: good: of this solver already" in capsys.readouterr().out
 
 
 def test_a_table_without_a_probe_is_measured_again(table: Table) -> None:
@@ -79,7 +77,7 @@ def test_a_failure_does_not_stop_the_others(table: Table, tmp_path: Path) -> Non
     bad = script(tmp_path, "bad", "raise SystemExit('no such robot')")
     silent = script(tmp_path, "silent", "")
     keep(bad.file, Report(["old"]))
-    failures = command.run([bad, silent, table], Console(record=True))
+    failures = command.run([bad, silent, table])
     assert failures == [
         "bad: ended with status 1; its table is as it was; see logs/bad.log: no such robot",
         "silent: ended with status 0; its table is as it was; see logs/silent.log: it printed nothing",
@@ -92,12 +90,10 @@ def test_a_script_that_hangs_is_ended(table: Table, tmp_path: Path, monkeypatch:
     """A script that exceeds its time is ended with the process that it has started, and reported."""
     monkeypatch.setattr(running, "LEAST", 0.05)
     monkeypatch.setattr(running, "PATIENCE", 0.01)
-    beats: list[None] = []
     slow = script(tmp_path, "slow", SLOW)
-    reason = measure(slow, beat=lambda: beats.append(None))
+    reason = measure(slow)
     assert reason is not None
     assert reason.startswith("took too long and was ended")
-    assert beats
     other = int((running.LOGS / "slow.log").read_text().split()[0])
     for _ in range(100):
         if not alive(other):
@@ -112,12 +108,11 @@ def alive(pid: int) -> bool:
     return status.is_file() and status.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
-def test_what_is_not_installed_is_skipped(table: Table) -> None:
+def test_what_is_not_installed_is_skipped(table: Table, capsys: pytest.CaptureFixture[str]) -> None:
     """A table that needs a missing package is skipped by name, even if all tables are requested again."""
     lacking = Table(name="lacking", module=table.module, minutes=1, needs=("no_such_package",))
-    console = Console(record=True)
-    assert not command._wanted(lacking, True, console)
-    assert "skipped: lacking: not installed: no_such_package" in console.export_text()
+    assert not command.is_wanted(lacking, again=True)
+    assert "skipped: lacking: not installed: no_such_package" in capsys.readouterr().out
 
 
 def test_every_table_has_a_script_and_a_probe() -> None:

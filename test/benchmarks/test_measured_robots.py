@@ -69,7 +69,7 @@ def test_the_membrane_agrees_with_membrane_theory() -> None:
 
 def test_the_module_bends_in_the_direction_of_its_pair(tmp_path: Path) -> None:
     """At 36 kPa, the tip tilts away from pair p0 by 17 degrees, and becomes up to 6 % longer."""
-    simulation = Simulation(module_scene(tmp_path, module.law("neo_hookean", module.START)))
+    simulation = Simulation(module_scene(tmp_path, module.START))
     found = module.bend(simulation, (36e3, 0.0, 0.0))
     assert found["azimuth"] == pytest.approx(-90.0, abs=0.5)
     assert 16.0 < found["tilt"] < 18.0
@@ -81,7 +81,7 @@ def test_the_module_bends_in_the_direction_of_its_pair(tmp_path: Path) -> None:
 
 def test_the_predicted_tilts_are_within_their_bounds() -> None:
     """In the table of the page, tilts of p1 and p2 are within 10 % of the recorded ones, those of p0 within 14 %."""
-    first = next(iter(read_report(KEPT / "measured_module.json").data.values()))
+    first = read_report(KEPT / "measured_module.json").data
     assert len(first["rows"]) == 9
     for row in first["rows"]:
         bound = 0.14 if row["recorded"]["pressures"][0] else 0.1

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's benchmark in small: real processes and consistent figures."""
+"""The node's benchmark in small: a real process, consistent figures, and its table."""
 
 from __future__ import annotations
 
-from dataclasses import fields
-from pathlib import Path
+from dataclasses import asdict
 
 import pytest
 
-from benchmarks.node import cost, latency
-from gdfe_ros.threads import COURIER, RECORDER
+from benchmarks.markdown import MARK, replace_tables
+from benchmarks.node import latency
 
 
 def test_a_command_takes_longer_than_its_solve() -> None:
@@ -19,21 +18,18 @@ def test_a_command_takes_longer_than_its_solve() -> None:
     assert found.solve_p50 <= found.solve_p99
 
 
-def test_two_nodes_take_the_same_commands_in_turn() -> None:
-    """Two nodes at once, one for each directory, have times and ratios of each figure; a solve is part of its step."""
-    home = Path(__file__).parents[2]
-    found = latency.compare(500, steps=10, before=home, now=home)
-    for side in (found.before, found.now):
-        assert 0.0 < side.own_p50 < side.p50 <= side.p99
-        assert side.processor > 0.0
-    assert len(found.ratios) == len(fields(found.now))
-    assert min(found.ratios) > 0.0
+def test_a_table_takes_its_place_in_a_page() -> None:
+    """A table between its marks has the figures of the report, and the text around it stays."""
+    tables = latency.latency_table([asdict(latency.Latency(1250, 300, 2.0, 4.0, 1.5, 3.0))])
+    assert tables["latency"].splitlines()[-1] == "| 1250 | 2.00 | 4.00 | 1.50 | 3.00 |"
+    start = MARK.format(name="latency")
+    text = f"before\n{start}\nold\n<!-- end latency -->\nafter"
+    assert replace_tables(text, tables) == f"before\n{start}\n{tables['latency']}\n<!-- end latency -->\nafter"
 
 
-def test_what_a_step_costs_is_told_by_thread() -> None:
-    """For 100 commands with subscribers and a bag, each working thread has a positive processor time."""
-    found = cost.measure(500, subscribed=True, recorded=True, steps=100)
-    assert found.period == pytest.approx(found.solve + found.delay)
-    assert found.alone > 0.0
-    assert found.threads[COURIER] > 0.0
-    assert found.threads[RECORDER] > 0.0
+def test_a_mark_that_nothing_is_printed_for_is_named() -> None:
+    """An unknown table and a missing end mark are refused by name."""
+    with pytest.raises(ValueError, match=r"'tides'.*there is: idle"):
+        replace_tables(MARK.format(name="tides") + "\n<!-- end tides -->", {"idle": ""})
+    with pytest.raises(ValueError, match="'idle'"):
+        replace_tables(MARK.format(name="idle"), {"idle": ""})

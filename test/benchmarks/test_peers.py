@@ -8,10 +8,8 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-import scipy.sparse
 
 from benchmarks.cases import CASES, Case, CaseName
-from benchmarks.fine_model import condensed_solve, invert_blocks
 from benchmarks.grids import Grid
 from benchmarks.peers import PeerError, PeerResult, PeerSolution, Solver, Variant, load_peer, run_peer
 from benchmarks.peers.mujoco_model import Drive, node_masses, tetrahedra, write_model
@@ -133,7 +131,7 @@ def test_the_mujoco_model_has_a_body_for_every_moving_node() -> None:
     """MuJoCo's model has a body per free node, and a flex per segment that shares its border nodes with the next."""
     case = CASES[CaseName.BEND5]
     grid = case.grid((10, 1, 1), order=2)
-    root = ElementTree.fromstring(write_model(case, grid, Drive.HEAVY, timestep=0.2))
+    root = ElementTree.fromstring(write_model(case.laws, grid, Drive.HEAVY, timestep=0.2))
     bodies, flexes = root.findall("worldbody/body"), root.findall("deformable/flex")
     assert len(bodies) == len(grid.points()) - 9
     along = [float(body.get("pos").split()[0]) for body in bodies]
@@ -148,7 +146,7 @@ def test_mujoco_nodes_run_fastest_along_z() -> None:
     """The nodes of a flex are listed in MuJoCo's order, with z changing fastest."""
     case = CASES[CaseName.TWIST90_UNIFORM]
     grid = case.grid((2, 1, 1))
-    root = ElementTree.fromstring(write_model(case, grid, Drive.MOCAP, timestep=0.2))
+    root = ElementTree.fromstring(write_model(case.laws, grid, Drive.MOCAP, timestep=0.2))
     nodes = [int(name.removeprefix("node")) for name in root.find("deformable/flex").get("node").split()[4:]]
     points = grid.points()[nodes]
     order = np.lexsort((points[:, 2], points[:, 1], points[:, 0]))
@@ -177,39 +175,4 @@ def test_mujoco_has_no_ogden_law() -> None:
     """A scene with an Ogden material is refused for MuJoCo."""
     case = CASES[CaseName.TWIST90]
     with pytest.raises(ValueError, match="OgdenSeries"):
-        write_model(case, case.grid(), Drive.HEAVY, timestep=0.2)
-
-
-class Values:
-    """A field that has only values."""
-
-    def __init__(self, values: np.ndarray) -> None:
-        self.values = values
-
-
-def test_condensed_cell_fields_give_the_solution_of_the_full_system() -> None:
-    """Condensation of pressure and volume ratio leaves the step of each field unchanged."""
-    grid, rng = Grid(size=(1.0, 1.0, 1.0), cells=(2, 1, 1)), np.random.default_rng(2)
-    n_u, n_p = 3 * len(grid.points()), 4 * grid.n_cells
-    stiffness = rng.normal(size=(n_u, n_u))
-    blocks = [scipy.sparse.block_diag([b @ b.T + 4 * np.eye(4) for b in rng.normal(size=(2, 4, 4))]) for _ in "MH"]
-    coupling, pivot, bulk = rng.normal(size=(n_u, n_p)), -blocks[0].toarray(), blocks[1].toarray()
-    zero, cross = np.zeros((n_p, n_p)), np.zeros((n_u, n_p))
-    full = np.block([[stiffness @ stiffness.T, coupling, cross], [coupling.T, zero, pivot], [cross.T, pivot.T, bulk]])
-    start, right = rng.normal(size=n_u + 2 * n_p), rng.normal(size=n_u + 2 * n_p)
-    fixed = np.array([0, 1, 2, 7])
-    free = np.setdiff1d(np.arange(n_u + 2 * n_p), fixed)
-    target = rng.normal(size=4)
-    state = type("State", (), {"fields": [Values(part) for part in np.split(start, [n_u, n_u + n_p])]})()
-    solve = condensed_solve(grid, lambda a, b: np.linalg.solve(a.toarray(), b))
-    step = solve(scipy.sparse.csr_matrix(full), right, state, free, fixed, target)
-    expected = np.zeros_like(step)
-    expected[fixed] = target - start[fixed]
-    expected[free] = np.linalg.solve(full[np.ix_(free, free)], (right - full @ expected)[free])
-    np.testing.assert_allclose(step, expected, rtol=1e-8, atol=1e-8)
-
-
-def test_blocks_are_inverted_one_by_one() -> None:
-    """A matrix of 4x4 blocks is inverted block by block."""
-    matrix = scipy.sparse.block_diag(np.random.default_rng(4).normal(size=(3, 4, 4)), format="csr")
-    np.testing.assert_allclose((invert_blocks(matrix) @ matrix).toarray(), np.eye(12), atol=1e-12)
+        write_model(case.laws, case.grid(), Drive.HEAVY, timestep=0.2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reference solutions are read back as written, and the error metric is the published one."""
+"""Reference solutions are checked when they are read, and the error metric is the published one."""
 
 from __future__ import annotations
 
@@ -11,12 +11,9 @@ import pytest
 from benchmarks.cases import CASES, CaseName
 from benchmarks.references import (
     Error,
-    Reference,
     ReferenceKind,
     load_reference,
     measure_error,
-    reference_path,
-    save_reference,
 )
 
 
@@ -81,33 +78,16 @@ def test_a_standard_fem_has_the_published_error(name: CaseName, mean: float, max
     assert (100 * error.mean, 100 * error.maximum) == pytest.approx((mean, maximum), rel=0.01)
 
 
-def test_a_reference_survives_being_saved(tmp_path: Path) -> None:
-    """All arrays and metadata of a reference are read back as written."""
-    made = Reference(
-        vertices=np.arange(6.0).reshape(2, 3),
-        displacement=np.ones((2, 3)),
-        reaction=np.arange(6.0),
-        energy=2.5,
-        meta={"command": "made by hand", "mesh": [1, 1, 1]},
-    )
-    save_reference(reference_path(CaseName.BEND5, directory=tmp_path), made)
-    read = load_reference(CaseName.BEND5, directory=tmp_path)
-    np.testing.assert_array_equal(read.vertices, made.vertices)
-    np.testing.assert_array_equal(read.reaction, made.reaction)
-    assert (read.energy, read.meta) == (made.energy, made.meta)
-
-
 def test_a_missing_reference_names_the_file_and_the_remedy(tmp_path: Path) -> None:
-    """A missing reference is an error with the file and the command that makes it."""
-    with pytest.raises(FileNotFoundError, match=r"tensile_fine\.npz.*fine_reference tensile"):
+    """A missing reference is an error with the file and the remedy."""
+    with pytest.raises(FileNotFoundError, match=r"tensile_fine\.npz.*give the directory that holds it"):
         load_reference(CaseName.TENSILE, directory=tmp_path)
 
 
 def test_a_damaged_reference_is_refused(tmp_path: Path) -> None:
     """Displacements that do not fit the vertices are refused."""
-    broken = Reference(
-        vertices=np.zeros((3, 3)), displacement=np.zeros((2, 3)), reaction=np.zeros(6), energy=0.0, meta={}
-    )
-    save_reference(reference_path(CaseName.BEND5, directory=tmp_path), broken)
+    arrays = {"X": np.zeros((3, 3)), "u": np.zeros((2, 3)), "energy": 0.0, "meta": "{}"}
+    forces = {"reaction_force": np.zeros(3), "reaction_moment": np.zeros(3)}
+    np.savez(tmp_path / "bend5_fine.npz", **arrays, **forces)
     with pytest.raises(ValueError, match="must both be"):
         load_reference(CaseName.BEND5, directory=tmp_path)

@@ -18,15 +18,11 @@ from gdfe_ros.solver.minimise.minimiser import Minimiser
 
 ONE_LOOP = "measured before one loop replaced the two minimisers; iterations and times have changed since"
 OLDER: dict[str, str] = {
-    "arm_grasp": ONE_LOOP,
-    "batches": ONE_LOOP,
     "bench": ONE_LOOP,
     "bench_node": ONE_LOOP,
-    "coarse_meshes": ONE_LOOP,
     "contact": ONE_LOOP,
     "environments": ONE_LOOP,
     "motion": ONE_LOOP,
-    "threads": ONE_LOOP,
     "torture": ONE_LOOP,
 }
 """Dict from a table made with an older solver, as its page says, to the reason; delete the entry when remeasured."""

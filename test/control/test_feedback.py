@@ -8,11 +8,10 @@ import threading
 import numpy as np
 import pytest
 
-from benchmarks.control.__main__ import closed_loop
-from benchmarks.control.circles import CIRCLES, measured, robot
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.control import FeedbackControl, RealTimeControl, Target
 from gdfe_ros.errors import CommandError, GdfeError
+from test.control.circles import CIRCLES, closed_loop, measured, robot
 
 FINGER = CIRCLES[0]
 TIP = Target(probe="tip", axes=(0, 2))
@@ -23,11 +22,11 @@ TIP = Target(probe="tip", axes=(0, 2))
 def test_a_wrong_modulus_is_made_up_for(circle: object, modulus: float) -> None:
     """A plant with 70 or 130 % of the modulus follows a circle with a mean error below 2 % of the radius.
 
-    The finger makes two rounds, as in docs/control.md. The mean error of both rounds is from 1.29 to 1.42 % over eleven
+    The finger makes two rounds. The mean error of both rounds is from 1.29 to 1.42 % over eleven
     roundings, because rounding changes the approach to the circle, and with it the learned Jacobian.
     """
     rounds = 2.0 if circle is FINGER else 0.25  # a step of the others takes much longer
-    assert closed_loop(circle, modulus, moves=100, rounds=rounds).error < 0.02
+    assert closed_loop(circle, modulus, moves=100, rounds=rounds) < 0.02
 
 
 def test_goals_out_of_reach_leave_nothing_behind() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.measured_arm.__main__ import MBAR, recorded
+from benchmarks.measured_robots.arm_body import MBAR, recorded
 from docs.scripts.cad_arm import MODELS, NAME, Arm
 from gdfe_ros import Command, Simulation, load_scene
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from selenium.webdriver.support.ui import WebDriverWait
 
-from benchmarks.chromium import PATIENCE, start
+from docs.scripts.chromium import PATIENCE, start
 from gdfe_ros.cli import main
 from gdfe_ros.fitting.match_schema import CompareModel
 from gdfe_ros.fitting.matched import matched_observable

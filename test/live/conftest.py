@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from benchmarks.live.viewer import Viewer
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.simulation import Simulation
+from test.live.viewer import Viewer
 
 BAR = """
 name: pulled

@@ -22,9 +22,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from benchmarks.live.viewer import Viewer
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live import gate
+from test.live.viewer import Viewer
 
 _BURSTS, _BURST = 500, 20
 """Number of bursts of random messages, and of the messages in each."""

@@ -19,7 +19,6 @@ import pytest
 import trimesh
 from websockets.exceptions import ConnectionClosed
 
-from benchmarks.live.viewer import Viewer
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
@@ -33,6 +32,7 @@ from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
+from test.live.viewer import Viewer
 
 
 @pytest.mark.parametrize("name", ["ball_gripper", "gripper", "grasp", "pneunet"])

@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 from websockets.exceptions import WebSocketException
 
-from benchmarks.live.viewer import Viewer
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.page import Page
@@ -29,6 +28,7 @@ from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.link import NodeConnection
+from test.live.viewer import Viewer
 
 FLOOR = "obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.02]}}\n"
 OTHER = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.live.viewer import Viewer, vertices_in
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.cli import main
 from gdfe_ros.errors import RecordingError
@@ -24,6 +23,7 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.twin.measured_body import MeasuredBody
 from gdfe_ros.twin.twin import Twin
+from test.live.viewer import Viewer, vertices_in
 
 ARM = """
 name: arm

@@ -13,7 +13,7 @@ import pytest
 from geometry_msgs.msg import TwistStamped
 from rclpy.parameter import Parameter
 
-from benchmarks.node import idle, lockstep
+from test.node import idle, lockstep
 
 
 def _twist(client: Any, *, z: float = 0.0, turn: float = 0.0) -> None:

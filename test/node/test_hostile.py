@@ -13,8 +13,8 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from benchmarks.node import flood, hostile
-from benchmarks.node.meter import read_processor
+from test.node import flood, hostile
+from test.node.meter import read_processor
 
 REASONS = {"handles": hostile.HANDLE_REASONS, "actuators": hostile.ACTUATOR_REASONS}
 

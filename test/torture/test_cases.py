@@ -3,16 +3,13 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
 from benchmarks.torture.case import Case, Verdict, attempt
 from benchmarks.torture.catalogue import all_cases
-from benchmarks.torture.score import Score
 from benchmarks.torture.walks import STEPS
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
@@ -35,8 +32,7 @@ def kernels() -> None:
 
 @pytest.mark.torture
 @pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
-def test_torture(case: Case, record_property: Callable[[str, object], None]) -> None:
+def test_torture(case: Case) -> None:
     """Each case passes, or is refused with the expected words."""
     outcome = attempt(case)
-    record_property("torture", json.dumps(Score.of(case, outcome).to_json()))
     assert outcome.verdict is not Verdict.FAILED, outcome.text

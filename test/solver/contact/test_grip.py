@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from benchmarks.grip import grip
+from benchmarks.contact import grip
 from benchmarks.peers.grip_case import WEIGHT
 
 

@@ -6,13 +6,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.self_contact import stack
 from benchmarks.torture.bodies import distance
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.compiled import kernel
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.contact.own_contact import DEEPEST, OwnContact
 from gdfe_ros.solver.contact.penetration import bins_between
+from test.solver.contact.stacks import stack
 
 BLOCKS = """
 name: blocks

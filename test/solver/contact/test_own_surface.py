@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.self_contact import stack
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.own_points import OwnPoints
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
 from gdfe_ros.steppers import scene_body
+from test.solver.contact.stacks import stack
 
 
 def the_contact(simulation: Simulation) -> OwnContact:

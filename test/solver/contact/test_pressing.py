@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmarks.pressing import ball_between_plates, hertz, tatara
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh.packing import pack_surface
 from gdfe_ros.scene.loader import scene_from_text
+from test.solver.contact.balls import ball_between_plates, hertz, tatara
 
 REFERENCE = Path(__file__).parents[2] / "data" / "reference" / "contact_block_on_ball.npz"
 QUADRATIC = {0.012: 84.8, 0.016: 128.9, 0.02: 178.8}

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmarks.skin_contact import CALCULIX, press_ball
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.mesh.outside import hang
 from gdfe_ros.mesh.refinement import refine
 from gdfe_ros.solver.contact.contact import Contact
+from test.solver.contact.balls import CALCULIX, press_ball
 
 SLAB = """
 name: slab

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmarks.self_contact import PRESSED, STACK
-from benchmarks.skin_contact import press_on_ball, press_on_plate
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.constraints.self_contact import NAME
 from gdfe_ros.solver.contact.own_contact import OwnContact
+from test.solver.contact.balls import press_on_ball, press_on_plate
+from test.solver.contact.stacks import PRESSED, STACK
 
 CUBE = 0.05
 CUT = "{{voxels: {{surface: cube.stl, cell: {cell}, cells: cut}}, skin: {{file: cube.stl}}, at: [0, 0, {at}]}}"

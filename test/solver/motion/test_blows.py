@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.blows import thrown
 from gdfe_ros import Simulation
 from gdfe_ros.scene.loader import scene_from_text
+from test.solver.motion.landings import thrown
 
 SOFT = """
 materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.4, density: 1000}}

@@ -8,12 +8,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from benchmarks.blows import CUBE as THROWN
-from benchmarks.blows import thrown
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.motion.ledger import Ceiling
 from gdfe_ros.solver.result import StepResult
+from test.solver.motion.landings import THROWN, thrown
 
 CUBE = """
 name: cube

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.landings import BALL, BAR, WAYS, Landing, Outcome, landed
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.scene.loader import scene_from_text
+from test.solver.motion.landings import BALL, BAR, WAYS, Landing, Outcome, landed
 
 HARD = Landing(up="corner", young=1e5, speed=3.0, step=0.002, height=0.001, lasts=0.03)
 """A landing in which the fold barrier acts after three steps."""

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.tets.linear import tangents
 from gdfe_ros.constraints import Handle
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import TetMesh, bar
@@ -20,6 +19,7 @@ from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.fields import corner_forces, element_fields, strain_energies, volume_pressures
 from gdfe_ros.solver.minimise.level import add_wall_tangents
 from gdfe_ros.solver.solution import Increment
+from test.solver.tetrahedra.linear import tangents
 
 MakeBody = Callable[..., Body]
 GRADIENT = np.array([[1.2, 0.3, -0.1], [0.1, 0.9, 0.2], [-0.2, 0.1, 1.05]])
