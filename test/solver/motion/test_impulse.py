@@ -26,8 +26,8 @@ mesh: {bar: {size: [0.05, 0.05, 0.05], cells: [1, 1, 1]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
 regions: [{material: soft}]
 handles: {base: {where: {face: x-}, fixed: true}}
-bodies: {ball: {sphere: {radius: 0.02}, density: 800, at: [0.3, 0, 0.12]}}
-obstacles: {floor: {plane: [0, 0, 1], fixed: true}}
+bodies: {ball: {sphere: {radius: 0.02}, density: 800, at: [0.3, 0, 0.02]}}
+obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.1], fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 dynamics: {step: 0.002}
 """
