@@ -42,6 +42,7 @@ class Obstacle(Handle):
         origin: origin of the obstacle's frame in the rest pose [m].
         turn: rotation vector of the obstacle's frame in the rest pose [rad].
         friction: Coulomb's coefficient of friction.
+        restitution: ratio of the normal speeds of a point after and before an impact, between 0 and 1.
         points: evaluation of contact gaps.
     """
 
@@ -52,6 +53,7 @@ class Obstacle(Handle):
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
     friction: float = 0.0
+    restitution: float = 0.0
     points: ContactPoints = ContactPoints.FACES
 
     def seen_from(self, origin: NDArray[np.float64]) -> Obstacle:

@@ -21,6 +21,7 @@ class SelfContact:
         quads: (q, 4) int32 vertex ids of the boundary faces in contact; triangles repeat their last corner.
         triangles: (t, 3) int32 triangles of contact points of skins, which touch instead of faces of cells.
         friction: Coulomb's coefficient of friction.
+        restitution: ratio of the normal speeds of a point after and before an impact, between 0 and 1.
         parts: dict from the name of each mesh of an assembly to the index of its first vertex; empty for a single mesh.
         origin: (3,) [m] point to which the solver's positions are relative.
     """
@@ -28,6 +29,7 @@ class SelfContact:
     quads: NDArray[np.int32]
     triangles: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 3), np.int32))
     friction: float = 0.0
+    restitution: float = 0.0
     parts: Mapping[str, int] = field(default_factory=dict)
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 

@@ -51,6 +51,11 @@ _CELL = Quantity(
     most=1e6,
 )
 _FRICTION = Quantity("Coulomb's coefficient of friction", least=0.0, most=100.0)
+RESTITUTION = Quantity(
+    "ratio of the normal speeds of a point after and before an impact; in motion, the larger value of two bodies",
+    least=0.0,
+    most=1.0,
+)
 
 
 class SphereObstacleModel(Entry):
@@ -134,7 +139,7 @@ class TriangleMeshModel(Choice):
 class ObstacleModel(Choice):
     """A rigid object that the body cannot penetrate; a commanded pose moves it like a handle."""
 
-    options: ClassVar[tuple[str, ...]] = ("at", "rotation_deg", "friction", "fixed", "gaps")
+    options: ClassVar[tuple[str, ...]] = ("at", "rotation_deg", "friction", "restitution", "fixed", "gaps")
 
     plane: Annotated[tuple[float, float, float], _NORMAL] | None = None
     sphere: SphereObstacleModel | None = None
@@ -145,6 +150,7 @@ class ObstacleModel(Choice):
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     friction: Annotated[float, _FRICTION] = 0.0
+    restitution: Annotated[float, RESTITUTION] = 0.0
     fixed: bool = Field(False, description="true: the obstacle never moves and takes no commands")
     gaps: ContactPoints = Field(
         ContactPoints.FACES,
@@ -175,6 +181,7 @@ class ObstacleModel(Choice):
             origin=self.at,
             turn=tuple(turn.as_rotvec().tolist()),
             friction=self.friction,
+            restitution=self.restitution,
             points=self.gaps,
         )
 
@@ -203,7 +210,7 @@ def form_of(model: ObstacleModel | BodyModel) -> Form:
 class BodyModel(Choice):
     """A rigid body that moves freely and touches the soft body, obstacles and rigid bodies; it needs `dynamics`."""
 
-    options: ClassVar[tuple[str, ...]] = ("density", "mass", "at", "rotation_deg", "friction", "gaps")
+    options: ClassVar[tuple[str, ...]] = ("density", "mass", "at", "rotation_deg", "friction", "restitution", "gaps")
 
     sphere: SphereObstacleModel | None = None
     box: BoxObstacleModel | None = None
@@ -215,6 +222,7 @@ class BodyModel(Choice):
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     friction: Annotated[float, _FRICTION] = 0.0
+    restitution: Annotated[float, RESTITUTION] = 0.0
     gaps: ContactPoints = Field(ContactPoints.FACES, description="as for obstacles")
 
     @model_validator(mode="after")
@@ -247,6 +255,7 @@ class BodyModel(Choice):
             origin=origin,
             turn=vector,
             friction=self.friction,
+            restitution=self.restitution,
             points=self.gaps,
         ).numbered(first)
 

@@ -230,7 +230,7 @@ def _forces(
 def _ringing(actuators: Sequence[Actuator], dynamics: Dynamics | None) -> str:
     """Return a message about grips in a motion by `Scheme.NEWMARK`; empty if there are none."""
     names = [item.name for item in actuators if isinstance(item, Grip)]
-    if not names or dynamics is None or dynamics.scheme is not Scheme.NEWMARK:
+    if not names or dynamics is None or not dynamics.undamped:
         return ""
     text = f"newmark does not damp the oscillating forces of grips: {', '.join(names)}"
     return f"{text}; what they let go of would jump by some per cent of its momentum; remedy: bdf2"

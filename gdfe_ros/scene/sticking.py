@@ -30,6 +30,4 @@ def slipping(scene: Scene) -> list[str]:
 
 def _beats(dynamics: Dynamics) -> bool:
     """Return whether the time scheme damps the fastest oscillations little or not at all."""
-    if dynamics.scheme is Scheme.NEWMARK:
-        return True
-    return dynamics.scheme is Scheme.GENERALISED_ALPHA and dynamics.rho_inf > Dynamics.rho_inf
+    return dynamics.radius > Dynamics.rho_inf

@@ -101,7 +101,8 @@ def build_self_contact(
     lined = faces[:, 0] >= whole.n_vertices
     triangles = faces[lined, :3] - np.int32(whole.n_vertices)
     parts = {name: part.first_vertex for name, part in whole.parts.items()}
-    return SelfContact(quads=faces[~lined], triangles=triangles, friction=model.friction, parts=parts)
+    laws = {"friction": model.friction, "restitution": model.restitution}
+    return SelfContact(quads=faces[~lined], triangles=triangles, parts=parts, **laws)
 
 
 def _renumbered(faces: NDArray[np.int32], mesh: HexMesh, whole: HexMesh) -> NDArray[np.int32]:

@@ -67,6 +67,7 @@ class Contact(ContactTerm):
         if isinstance(touched, RigidBody):
             reals[gap.SIGNS : HEAD] = touched.signs.ravel()
         super().__init__(name, body, reals, integers)
+        self.restitution = touched.restitution
         self._scale, self._held_fast = np.zeros(count), np.zeros(count, dtype=bool)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._faces = np.zeros(0, dtype=np.int64)
@@ -75,7 +76,14 @@ class Contact(ContactTerm):
         self._last: State | None = None
         self._seen: NDArray[np.float64] | None = None
         none = np.zeros((count, 3))
-        self._free = {"press": np.zeros(count), "shear": none, "anchor": none + np.nan, "slips": np.ones(count)}
+        self._free = {
+            "press": np.zeros(count),
+            "shear": none,
+            "anchor": none + np.nan,
+            "slips": np.ones(count),
+            "push": np.zeros(count),
+            "rub": none,
+        }
 
     @property
     def on_body(self) -> bool:
@@ -150,6 +158,13 @@ class Contact(ContactTerm):
         law.stencils(positions, self.reals, self.integers, *found)
         return found
 
+    def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
+        """Return `stencils` whose friction acts on a touched rigid body at the points' present places."""
+        found = self.stencils(positions)
+        if isinstance(self._touched, RigidBody):
+            found.rubbing[:, -4:] = -0.25 - self._in_frame(self._rubbing(positions)) @ self._touched.signs.T
+        return found
+
     def hold_forces(self, axes: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
         """Set the forces (k, 3) [N] of the chosen points along ``axes`` (k, 3, 3)."""
         law.hold_forces(axes, forces, self.reals, self.integers)
@@ -162,14 +177,31 @@ class Contact(ContactTerm):
         """
         if not self.near:
             return {**self._free, "lost": saved["lost"]}
-        _, presses, shears, slips = self._forces(positions)
+        forces, presses, shears, slips = self._forces(positions)
         slips |= ~(presses > 0.0)
-        anchors, places = self._rows()[:, ANCHOR : ANCHOR + 3], self._rubbing(positions)
-        rubbed = -np.einsum("ki,ki->", shears[slips] @ self._axes, (self._in_frame(places) - anchors)[slips])
         anchor, slipping = self._free["anchor"].copy(), self._free["slips"].copy()
-        anchor[self._chosen[~slips]], slipping[self._chosen] = self._kept(places)[~slips], slips
-        kept = {"anchor": anchor, "slips": slipping, "lost": saved["lost"] + self.share * rubbed}
-        return {**self._spread(presses, -shears), **kept, "share": np.array([self.share])}
+        anchor[self._chosen[~slips]], slipping[self._chosen] = self._kept(self._rubbing(positions))[~slips], slips
+        kept = {**self._spread(presses, -shears), "anchor": anchor, "slips": slipping}
+        return self.exerted(saved, kept, positions, np.linalg.norm(forces - shears, axis=1), shears)
+
+    def exerted(
+        self,
+        saved: Saved,
+        kept: Saved,
+        positions: NDArray[np.float64],
+        pushes: NDArray[np.float64],
+        shears: NDArray[np.float64],
+    ) -> Saved:
+        """Return the state ``kept`` after a step from ``saved``, with the mean forces on the chosen points in the step.
+
+        These are the normal forces ``pushes`` (k,) and the friction forces ``shears`` (k, 3) [N].
+        """
+        slips, rubs = kept["slips"][self._chosen] > 0.0, shears @ self._axes
+        slid = self._in_frame(self._rubbing(positions)) - self._rows()[:, ANCHOR : ANCHOR + 3]
+        push, rub = np.zeros(len(self._scale)), np.zeros((len(self._scale), 3))
+        push[self._chosen], rub[self._chosen] = pushes, rubs
+        lost = saved["lost"] - np.einsum("ki,ki->", rubs[slips], slid[slips])
+        return {**kept, "push": push, "rub": rub, "lost": lost}
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Prepare the linearisation of a solve: choose the points in contact at its end, with their contact forces.
@@ -227,20 +259,39 @@ class Contact(ContactTerm):
         self.hold(held)
         return found
 
-    def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the obstacle's wrench (6,) on the points: force [N], then moment [N m] about the obstacle's origin."""
+    def wrench(self, positions: NDArray[np.float64], saved: Saved | None = None) -> NDArray[np.float64]:
+        """Return the obstacle's wrench (6,) on the points: force [N], then moment [N m] about the obstacle's origin.
+
+        It is that of the mean forces in the stored state ``saved`` of the term, or else of the multipliers.
+        """
         if not self.near:
             return np.zeros(6)
-        forces = self.share * self._forces(positions)[0]
+        forces = self._forces(positions)[0]
+        if saved is not None:
+            normals = self._rows()[:, NORMAL : NORMAL + 3]
+            length = np.linalg.norm(normals, axis=1, keepdims=True)
+            normals = normals / np.where(length > 0.0, length, 1.0)
+            forces = saved["push"][self._chosen, None] * normals + saved["rub"][self._chosen] @ self._axes.T
         arms = self._rubbing(positions) - self._origin
         return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
+
+    def led(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
+        """Return the obstacle's displacement (k, 3) [m] at the chosen points since the state ``before``.
+
+        The displacement of a touched rigid body is that of its vertices.
+        """
+        if isinstance(self._touched, RigidBody):
+            return np.zeros((self.count, 3))
+        places = self._points.at(positions)[self._chosen]
+        origin, axes = self._frame(before.positions, before.poses[self._touched.name])
+        return places - origin - self._in_frame(places) @ axes.T
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return the contacts and forces stored in ``state``; its positions are relative to ``origin`` (3,) [m]."""
         saved = state.terms[self.name]
         if saved["press"] is self._free["press"]:
             return NOTHING
-        on = np.flatnonzero(saved["press"])
+        on = np.flatnonzero(saved["push"])
         if not len(on):
             return NOTHING
         middle, axes = self._frame(state.positions, state.poses[self._touched.name])
@@ -248,15 +299,15 @@ class Contact(ContactTerm):
         form = self._touched.form
         head = np.concatenate([axes.ravel(), middle, form.numbers, form.samples])
         gap.distances(places, head, form.kind, gaps, normals)
-        steepness = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)  # below 1 at a mesh's edges
+        length = np.linalg.norm(normals, axis=1, keepdims=True)  # below 1 at a mesh's edges
         return Touch(
             vertices=self._points.vertices[on] if self.on_body else np.zeros(0, dtype=np.int32),
             points=self._points.points[on] if isinstance(self._points, Skin) else np.zeros(0, dtype=np.int32),
             places=places - self._radius * normals + origin,
-            normals=normals / steepness[:, None],
+            normals=normals / np.maximum(length, np.finfo(float).tiny),
             gaps=gaps - self._radius,
-            presses=saved["share"] * saved["press"][on] * steepness,
-            shears=-saved["share"] * saved["shear"][on] @ axes.T,
+            presses=saved["push"][on],
+            shears=saved["rub"][on] @ axes.T,
             slips=saved["slips"][on] > 0.0,
         )
 

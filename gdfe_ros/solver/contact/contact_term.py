@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 
 FAINT = 1e-7
@@ -59,8 +60,7 @@ class ContactTerm(Term):
     Attributes:
         potential: the compiled energy; `add_forces` computes the forces as its gradient.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
-        share: effective contact force over a step with dynamics, divided by the multipliers. The multipliers are the
-            forces at the end of the step.
+        restitution: ratio of the normal speeds of a point after and before an impact.
         valid: relative displacement [m] for which the stencils of the points hold.
         changed: whether points that press touch other faces since `follow` was last called.
     """
@@ -74,7 +74,7 @@ class ContactTerm(Term):
 
     def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         super().__init__(name, reals, integers)
-        self._body, self.share, self.valid, self.changed = body, 1.0, np.inf, False
+        self._body, self.restitution, self.valid, self.changed = body, 0.0, np.inf, False
         self._chosen = np.zeros(0, dtype=np.int64)
 
     @property
@@ -109,6 +109,14 @@ class ContactTerm(Term):
     def ends(self) -> NDArray[np.int32]:
         """Return the vertices (k, c) on which the points' forces can act."""
         raise NotImplementedError
+
+    def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
+        """Return the stencils at ``positions`` (n, 3) [m], with friction at the present places."""
+        return self.stencils(positions)
+
+    def led(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
+        """Return the displacement (k, 3) [m] of what commanded poses move, at the near points, since ``before``."""
+        return np.zeros((self.count, 3))
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return 0: contact stores no energy."""

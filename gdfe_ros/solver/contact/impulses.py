@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.complementarity import HALF, find_violations, solve_laws
-from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, project, pull
+from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, project, pull, stack
 from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ContactTerm
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
 from gdfe_ros.solver.contact.law import ROUNDING
@@ -278,13 +278,7 @@ class Impulses:
             differentiate(*given, axes, ends, pressing, rubbing, rows, blocks, counts)
             friction = np.full(count, contact.friction)
             parts.append((places, axes, held, soft, rows, blocks, counts, friction, contact.scale, ends[:, 0]))
-        if len(parts) == 1:
-            return Points(*parts[0])
-        width, total = max(part[4].shape[1] for part in parts), sum(len(part[3]) for part in parts)
-        rows, blocks, first = np.zeros((total, width), np.int64), np.zeros((total, width, 3, 3)), 0
-        for part in parts:
-            last, own = first + len(part[3]), part[4].shape[1]
-            rows[first:last, :own], blocks[first:last, :own], first = part[4], part[5], last
+        rows, blocks = stack([part[4:6] for part in parts])
         joined = [np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 3, 6, 7, 8, 9)]
         return Points(*joined[:4], rows, blocks, *joined[4:])
 

@@ -64,6 +64,7 @@ class OwnContact(ContactTerm):
         ends[law.BODY], ends[law.CARRIERS] = len(body.rest), len(ends)
         reals[law.FRICTION], ends[law.CARRIED] = meant.friction, law.HEAD + law.STRIDE * count
         super().__init__(NAME, body, reals, np.concatenate([ends, self.points.corners.ravel()]))
+        self.restitution = meant.restitution
         self._yielding, self.valid = np.zeros(0), VALID * self.surface.topology.depth
         self._begins, self._clear, self._clearance = False, False, 0.0
         self._aside = MARGIN * body.size + self.surface.topology.rim  # pairs that stay farther apart take no part
@@ -71,8 +72,8 @@ class OwnContact(ContactTerm):
         self._reach, self._sunk = 0.0, np.zeros(vertices, dtype=np.bool_)
         none = np.zeros((count, 3))
         self._free = {
-            "press": np.zeros(count), "shear": none, "normal": none, "slips": np.ones(count),
-            "face": np.full(count, -1.0), "weights": np.zeros((count, 4)),
+            "press": np.zeros(count), "shear": none, "push": np.zeros(count), "rub": none, "normal": none,
+            "slips": np.ones(count), "face": np.full(count, -1.0), "weights": np.zeros((count, 4)),
         }  # fmt: skip
 
     @property
@@ -168,24 +169,39 @@ class OwnContact(ContactTerm):
         if not self._rows()[:, law.PRESS].any():
             return {**self._free, "lost": saved["lost"]}
         chosen, rows, kept = self._chosen, self._rows(), {name: array.copy() for name, array in self._free.items()}
-        presses, shears, slips, slid = self._forces(positions)
+        presses, shears, slips, _ = self._forces(positions)
         slips |= ~(presses > 0.0)
         axes = frames(self.points.at(positions), self.pairs.carriers(chosen, self._face))
         kept["press"][chosen], kept["slips"][chosen] = presses, slips
         kept["shear"][chosen] = np.einsum("kji,kj->ki", axes, shears)
         kept["normal"][chosen] = rows[:, law.NORMAL : law.NORMAL + 3]
         kept["face"][chosen], kept["weights"][chosen] = self._face, self._weights
-        rubbed = float(np.einsum("ki,ki->", shears[slips], slid[slips]))
-        return {**kept, "lost": saved["lost"] + self.share * rubbed, "share": np.array([self.share])}
+        return self.exerted(saved, kept, positions, presses, -shears)
+
+    def exerted(
+        self,
+        saved: Saved,
+        kept: Saved,
+        positions: NDArray[np.float64],
+        pushes: NDArray[np.float64],
+        shears: NDArray[np.float64],
+    ) -> Saved:
+        """Do what `Contact.exerted` does, for pairs."""
+        chosen, slips, slid = self._chosen, kept["slips"][self._chosen] > 0.0, self._forces(positions)[3]
+        axes = frames(self.points.at(positions), self.pairs.carriers(chosen, self._face))
+        push, rub = self._free["press"].copy(), self._free["shear"].copy()
+        push[chosen], rub[chosen] = pushes, np.einsum("kji,kj->ki", axes, shears)
+        lost = saved["lost"] - np.einsum("ki,ki->", shears[slips], slid[slips])
+        return {**kept, "push": push, "rub": rub, "lost": lost}
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return the forces on both sides of all pairs; positions of ``state`` are relative to ``origin`` (3,) [m]."""
         saved = state.terms[self.name]
-        on = np.flatnonzero(saved["press"])
+        on = np.flatnonzero(saved["push"])
         if not len(on):
             return NOTHING
         x, quads = self.points.at(state.positions), self.pairs.carriers(on, saved["face"][on].astype(np.int64))
-        shears = np.einsum("kij,kj->ki", frames(x, quads), saved["shear"][on])
+        shears = np.einsum("kij,kj->ki", frames(x, quads), saved["rub"][on])
         found = touching_points(
             x,
             origin,
@@ -193,8 +209,8 @@ class OwnContact(ContactTerm):
             quads,
             weights=saved["weights"][on],
             normals=saved["normal"][on],
-            presses=saved["share"] * saved["press"][on],
-            shears=-saved["share"] * shears,
+            presses=saved["push"][on],
+            shears=shears,
             slips=saved["slips"][on] > 0.0,
         )
         if not len(self.points.corners):

@@ -11,16 +11,10 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.contact.gap import NORMAL, PLANE
+from gdfe_ros.solver.contact.gap import PLANE
 from gdfe_ros.solver.contact.surface import Corners
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.state import Saved, State
-
-SUPPORTED = 0.1
-"""Lower bound of a point's displacement by all contacts, divided by its displacement by one contact alone. Impacts are
-computed with the displacement of approach, divided by the displacement by all contacts.
-"""
-
+from gdfe_ros.solver.state import Saved
 
 AT_EDGE, BESIDE, SMOOTH = 1e-3, 1e-5, 0.1
 """A point lies at an edge if its distance, divided by the body's size, is below the first number, and if normals around
@@ -46,7 +40,7 @@ class RigidContact(Contact):
             points = Corners.over(rigid) if isinstance(touched, RigidBody) else Corners.of(rigid)
         friction = max(rigid.friction, touched.friction)
         super().__init__(f"{rigid.name} on {touched.name}", touched, body, points, friction)
-        self._rigid = rigid
+        self._rigid, self.restitution = rigid, max(rigid.restitution, touched.restitution)
 
     def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Choose the points as `Contact` does, and give those at edges of the touched thing a fixed plane.
@@ -86,52 +80,3 @@ class RigidContact(Contact):
         if isinstance(self._touched, RigidBody):
             other = matrix.assembled.diagonal()[self._touched.vertices].sum()
             self._scale = self._scale * other / (self._scale + other)
-
-    def add_impacts(
-        self,
-        positions: NDArray[np.float64],
-        before: State,
-        approach: NDArray[np.float64],
-        moved: tuple[NDArray[np.float64], NDArray[np.float64]],
-        forces: NDArray[np.float64],
-    ) -> None:
-        """Add the impact to ``forces`` (n, 3) [N]: the part of a step's contact forces that stops approaching points.
-
-        Args:
-            positions: (n, 3) [m] at the end of the step.
-            before: the state at the beginning of the step.
-            approach: (n, 3) [m] displacement of the vertices over the step at their last velocity.
-            moved: two arrays (n, 3) [m]: the displacements over the step that all contacts cause, and that this contact
-                alone causes.
-            forces: (n, 3) [N], is added to.
-        """
-        if not self.near:
-            return
-        pushes, presses, shears, _ = self._forces(positions)
-        ends, ways = self.ends()[self._chosen], self._ways(positions)
-        normals = self._rows()[:, NORMAL : NORMAL + 3]
-        came, stopped, alone = (np.einsum("ka,kai,ki->k", ways, each[ends], normals) for each in (approach, *moved))
-        if not isinstance(self._touched, RigidBody):
-            came -= np.einsum("ki,ki->k", self._carried(positions, before), normals)
-        way = np.maximum(stopped, SUPPORTED * alone)
-        spent = np.where((presses > 0.0) & (way > 0.0), np.clip(-came / np.where(way > 0.0, way, 1.0), 0.0, 1.0), 0.0)
-        self._scatter(forces, ways, spent[:, None] * pushes, spent[:, None] * shears)
-
-    def _scatter(
-        self,
-        forces: NDArray[np.float64],
-        ways: NDArray[np.float64],
-        pushes: NDArray[np.float64],
-        shears: NDArray[np.float64],
-    ) -> None:
-        """Add forces ``pushes`` (k, 3) [N] on the chosen points to the vertices' forces.
-
-        ``shears`` (k, 3) [N] is the friction part of these forces.
-        """
-        np.add.at(forces, self.ends()[self._chosen], ways[:, :, None] * pushes[:, None, :])
-
-    def _carried(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
-        """Return the obstacle's displacement (k, 3) [m] since the state ``before`` at the chosen points."""
-        places = self._points.at(positions)[self._chosen]
-        origin, axes = self._frame(before.positions, before.poses[self._touched.name])
-        return places - origin - self._in_frame(places) @ axes.T

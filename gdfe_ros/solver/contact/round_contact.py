@@ -73,25 +73,6 @@ class RoundContact(RigidContact):
         rows = self._rows()
         return rows[:, MATERIAL : MATERIAL + 4] @ positions[self._rigid.vertices]
 
-    def _rub_ways(self) -> NDArray[np.float64]:
-        """Return the friction Jacobian (k, c): d(slip of a material point) / d(position of each coupled vertex)."""
-        rows = self._rows()
-        ways = rows[:, MATERIAL : MATERIAL + 4]
-        if not isinstance(self._touched, RigidBody):
-            return ways
-        return np.column_stack([ways, -0.25 - rows[:, ANCHOR : ANCHOR + 3] @ self._touched.signs.T])
-
-    def _scatter(
-        self,
-        forces: NDArray[np.float64],
-        ways: NDArray[np.float64],
-        pushes: NDArray[np.float64],
-        shears: NDArray[np.float64],
-    ) -> None:
-        ends = self.ends()[self._chosen]
-        np.add.at(forces, ends, ways[:, :, None] * (pushes - shears)[:, None, :])
-        np.add.at(forces, ends, self._rub_ways()[:, :, None] * shears[:, None, :])
-
     def _correct(self, positions: NDArray[np.float64]) -> float:
         """Set the offsets to the radius; return their error 0."""
         self._rows()[:, OFFSET] = self._radius

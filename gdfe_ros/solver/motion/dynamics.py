@@ -87,8 +87,13 @@ class Dynamics:
 
     @property
     def radius(self) -> float:
-        """Spectral radius at infinite frequency; 1 for ``newmark``, which damps nothing."""
-        return 1.0 if self.scheme is Scheme.NEWMARK else self.rho_inf
+        """Spectral radius at infinite frequency: 1 for ``newmark``, 0 for ``bdf2``."""
+        return {Scheme.NEWMARK: 1.0, Scheme.BDF2: 0.0}.get(self.scheme, self.rho_inf)
+
+    @property
+    def undamped(self) -> bool:
+        """Whether the scheme has no numerical damping; `generalised_alpha` with the radius 1 is `newmark`."""
+        return self.radius == 1.0
 
     @property
     def swing(self) -> float:

@@ -58,7 +58,7 @@ def mass_matrix(
 
 
 class FreeMass:
-    """Mass matrix of the free vertices and the rigid bodies; factored on first use.
+    """Inverse mass of the free vertices and the rigid bodies; factored on first use.
 
     Args:
         body: the discretised body.
@@ -72,17 +72,62 @@ class FreeMass:
         moves.reshape(-1)[body.unknowns.fixed] = False
         self._free = [free[along] for along in moves.T]
         self._factors: list[LuFactor] = []
+        self._rigid = np.array(rigid, dtype=np.int32).reshape(-1, 4)
+        self._columns: list[dict[int, NDArray[np.float64]]] = []
 
-    def accelerated(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices."""
+    def accelerated(
+        self, forces: NDArray[np.float64], positions: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices.
+
+        At ``positions`` (n, 3) [m], rigid bodies stay rigid.
+        """
+        acceleration, factors = np.zeros_like(forces), self._factored()
+        for axis, free in enumerate(self._free):
+            acceleration[free, axis] = factors[axis % len(factors)].solve(forces[free, axis])
+        if positions is not None and len(self._rigid):
+            acceleration[self._rigid] = rigid_part(positions[self._rigid], acceleration[self._rigid])
+        return acceleration
+
+    def inverse(self, positions: NDArray[np.float64], vertices: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the inverse mass (3 m, 3 m) [1/kg] between ``vertices`` (m,), ascending, at positions (n, 3) [m].
+
+        If a vertex of a rigid body is among them, all four must be.
+        """
+        found, factors = np.zeros((len(vertices), 3, len(vertices), 3)), self._factored()
+        for axis in range(3):
+            if axis < len(factors):
+                soft = self._between(axis, vertices)
+            found[:, axis, :, axis] = 0.5 * (soft + soft.T)
+        for four in self._rigid[np.isin(self._rigid[:, 0], vertices)]:
+            own, mass = np.searchsorted(vertices, four), self._mass[four[0], four[0]]
+            every = rigid_part(np.broadcast_to(positions[four], (12, 4, 3)), np.eye(12).reshape(12, 4, 3))
+            found[np.ix_(own, range(3), own, range(3))] = every.reshape(4, 3, 4, 3) / mass
+        return found.reshape(3 * len(vertices), -1)
+
+    def _factored(self) -> list[LuFactor]:
+        """Return the factors: one for each axis, or one for all if the same vertices are free."""
         if not self._factors:
             alike = all(len(free) == len(self._free[0]) for free in self._free)  # no rollers, or alike in x, y and z
             axes = self._free[:1] if alike and all(map(np.array_equal, self._free, self._free[1:])) else self._free
             self._factors = [LuFactor(self._mass[free][:, free].tocsc()) for free in axes]
-        acceleration = np.zeros_like(forces)
-        for axis, free in enumerate(self._free):
-            acceleration[free, axis] = self._factors[axis % len(self._factors)].solve(forces[free, axis])
-        return acceleration
+            self._columns = [{} for _ in axes]
+        return self._factors
+
+    def _between(self, axis: int, vertices: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the inverse mass (m, m) [1/kg] between ``vertices`` (m,) along an axis; each column is kept."""
+        free, columns, factor = self._free[axis], self._columns[axis], self._factors[axis]
+        place = np.full(self._mass.shape[0], -1)
+        place[free] = np.arange(len(free))
+        found, moves = np.zeros((len(vertices), len(vertices))), place[vertices] >= 0
+        for k in np.flatnonzero(moves):
+            vertex = int(vertices[k])
+            if vertex not in columns:
+                right = np.zeros(len(free))
+                right[place[vertex]] = 1.0
+                columns[vertex] = factor.solve(right)
+            found[moves, k] = columns[vertex][place[vertices[moves]]]
+        return found
 
 
 def rigid_part(positions: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -127,7 +172,7 @@ def rigid_fields(positions, vectors, out):
 
 NAME = "(inertia)"
 """Name of the term; no actuator or load of a scene can have it."""
-OPTIONAL = ("pushed", "shadow")
+OPTIONAL = ("pushed",)
 """Arrays that a state stores only if contact is possible."""
 
 
@@ -221,7 +266,7 @@ class Inertia(Term):
         rule, damping = rule_of(self._dynamics, self._h, saved), self._dynamics.mass_damping
         velocity, acceleration = self._followed(positions, saved["positions"], saved["velocity"])
         factor = rule.kappa + damping * rule.theta
-        resisted = rule.kappa * rule.aim + damping * rule.theta * rule.drift
+        resisted = rule.kappa * rule.aim + damping * (rule.theta * rule.drift - rule.lag)
         driven = factor * positions - acceleration - damping * velocity
         self.reals[0] = factor
         aim = self.reals[1 : 1 + positions.size].reshape(-1, 3)

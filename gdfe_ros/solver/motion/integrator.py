@@ -21,7 +21,7 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.flight import Flight
-from gdfe_ros.solver.motion.impact import Impacts, Pushes
+from gdfe_ros.solver.motion.impulse import ContactImpulses
 from gdfe_ros.solver.motion.inertia import NAME, FreeMass, Inertia, kinematics_of
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import SolverSettings
@@ -115,16 +115,16 @@ class Integrator:
         euler: bool = False,
     ) -> None:
         self._body, self._settings, self._mass, self._acting, self._euler = body, settings, mass, acting, euler
-        self._scheme = dynamics.scheme
+        self._undamped = dynamics.undamped
+        # Pressures that lag behind a motion add energy to it; without damping they must not lag.
+        self._fed = dynamics.scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.mass_damping)
+        self._coarser = 1.0 if dynamics.undamped else self.HELD
         if euler:
             dynamics = replace(dynamics, scheme=Scheme.BDF2, rho_inf=Dynamics.rho_inf)
         self._dynamics = dynamics
-        # Pressures that lag behind a motion add energy to it; without damping they must not lag.
-        self._fed = self._scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.mass_damping)
         self._held = bool(body.handles) and not body.rigid_bodies
-        self._coarser = 1.0 if self._scheme is Scheme.NEWMARK else self.HELD
         self._made: dict[float, EquilibriumSolver] = {}
-        self._pushes, self._impacts = Pushes(free_mass, dynamics, self._scheme), Impacts(body, dynamics, self._scheme)
+        self._impulses = ContactImpulses(free_mass, dynamics)
 
     def solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
         """Return the solution of the next internal step of ``flight``, of length ``h`` [s]."""
@@ -141,28 +141,20 @@ class Integrator:
             keeping=tolerance,
             volumes=tolerance * reduction(bent, size) if self._fed else None,
         )
-        equilibrium = self.equilibrium(h)
-        self._pushes.fit(state, h, equilibrium.actuation.contacts)
-        return equilibrium.solve(problem, state)
+        return self.equilibrium(h).solve(problem, state)
 
     def accepted(self, state: State, solution: Solution, h: float) -> State:
         """Return the state after an internal step of length ``h`` [s] from ``state``, with the ledger of ``state``."""
-        first, equilibrium = bool(state.terms[inertia.NAME]["first"][0]), self.equilibrium(h)
+        equilibrium = self.equilibrium(h)
         state = self.begun(state)
         now = equilibrium.accept(solution, state)
         balance = now.balance or equilibrium.actuation.balance(now.positions, now.commands)
         now = now.with_(unfinished=None, balance=balance, sound=True)
-        return self.followed(state, now, h, first=first)
+        return self.followed(state, now, h)
 
-    def followed(self, before: State, now: State, h: float, *, first: bool) -> State:
-        """Return the state ``now`` after a step, without pushes and impacts in the forces that the next step uses."""
-        contacts = self.equilibrium(h).actuation.contacts
-        now = self._impacts.stopped(before, now, h, contacts, first=first)
-        return self._pushes.forgotten(before, now, h, contacts)
-
-    def fit(self, before: State, h: float) -> None:
-        """Set the contacts' ratio of force to multiplier for a step of length ``h`` [s] from ``before``."""
-        self._pushes.fit(before, h, self.equilibrium(h).actuation.contacts)
+    def followed(self, before: State, now: State, h: float) -> State:
+        """Return the state ``now`` after a step from ``before``, with the impulse of the contacts."""
+        return self._impulses.add(before, now, h, self.equilibrium(h).actuation.contacts)
 
     @property
     def dynamics(self) -> Dynamics:
@@ -185,7 +177,7 @@ class Integrator:
             skip=self._settings.skip,
             threads=self._settings.threads,
             predictor=lambda *given: FlightPredictor(self._body, *given, h, masses),
-            softening=self._scheme is not Scheme.NEWMARK,
+            softening=not self._undamped,
         )
         return self._made[h]
 

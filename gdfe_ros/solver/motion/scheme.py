@@ -34,9 +34,7 @@ class Kinematics:
         before: positions [m] at the end of the previous step.
         velocity_before: [m/s] at the end of the previous step.
         first: whether there is no previous step, or the previous step has another length.
-        pushed: phi of `docs/theory/motion.md`, the acceleration by contacts [m/s^2]; None if contact is impossible.
-        shadow: psi of `docs/theory/motion.md`, minus the scheme's acceleration [m/s^2] of a vertex that a rigid
-            obstacle keeps from moving; None if contact is impossible.
+        pushed: mean acceleration [m/s^2] by contacts during the step; None if contact is impossible.
     """
 
     velocity: Vectors
@@ -46,7 +44,6 @@ class Kinematics:
     velocity_before: Vectors
     first: bool = False
     pushed: Vectors | None = None
-    shadow: Vectors | None = None
 
     @classmethod
     def started(
@@ -70,7 +67,7 @@ class Kinematics:
         """
         acceleration = self.balanced if self.pushed is None else self.balanced + self.pushed
         fresh = self.started(positions, self.velocity, acceleration, h, first=True)
-        return changed(fresh, balanced=self.balanced, pushed=self.pushed, shadow=self.pushed)
+        return changed(fresh, balanced=self.balanced, pushed=self.pushed)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,9 +81,8 @@ class Rule:
         rest: x_a (n, 3) [m].
         kappa: df/dx [1/s^2].
         aim: x_hat (n, 3) [m].
-        share: ratio of a contact's constant force to its multiplier, the force at the end of the step.
-        answer: coefficient of the present push in `shadow`.
-        echo: contribution of earlier pushes to `shadow` (n, 3) [m/s^2].
+        lag: (n, 3) [m/s] what a velocity theta (x - x_v) lacks where contacts hold a vertex: the impulse of a step
+            changes its velocity by more than by theta times the displacement. Damping relative to the world adds it.
     """
 
     theta: float
@@ -95,9 +91,7 @@ class Rule:
     rest: Vectors
     kappa: float
     aim: Vectors
-    share: float
-    answer: float = 1.0
-    echo: Vectors | float = 0.0
+    lag: Vectors | float = 0.0
 
     @classmethod
     def of(cls, dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
@@ -118,10 +112,6 @@ class Rule:
         """Return f (n, 3) [m/s^2] at new positions."""
         return self.kappa * (x - self.aim)
 
-    def shadow(self, pushed: Vectors) -> Vectors:
-        """Return `Kinematics.shadow` (n, 3) [m/s^2] after the accelerations ``pushed`` (n, 3) [m/s^2]."""
-        return self.answer * pushed + self.echo
-
 
 def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
     """Return kappa [1/s^2] and theta [1/s] of a step of length ``h`` [s]; they do not depend on the kinematics."""
@@ -134,11 +124,12 @@ def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
 def _bdf2(h: float, x: Vectors, now: Kinematics) -> Rule:
     if now.first:  # backward Euler: an assumed previous step may have far more energy than the body
         aim = x + h * now.velocity
-        return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim, share=1.0)
+        return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim)
     theta = 1.5 / h
     drift = (4.0 * x - now.before) / 3.0
     aim = drift + (4.0 * now.velocity - now.velocity_before) / (3.0 * theta)
-    return Rule(theta=theta, drift=drift, kappa_a=theta * theta, rest=aim, kappa=theta * theta, aim=aim, share=1.0)
+    kappa = theta * theta
+    return Rule(theta=theta, drift=drift, kappa_a=kappa, rest=aim, kappa=kappa, aim=aim, lag=_lag(theta, h, now))
 
 
 def _generalised_alpha(rho: float, h: float, x: Vectors, now: Kinematics) -> Rule:
@@ -148,29 +139,17 @@ def _generalised_alpha(rho: float, h: float, x: Vectors, now: Kinematics) -> Rul
     """
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     beta, gamma = 0.25 * (1.0 - am + af) ** 2, 0.5 - am + af
-    way = _way(beta, gamma)
     kappa_a, theta = 1.0 / (beta * h * h), gamma / (beta * h)
-    acceleration, moved, sped, echo = now.acceleration, 0.0, 0.0, 0.0
-    if now.pushed is not None:
-        late = (0.5 - way) * now.pushed
-        acceleration, moved = acceleration - now.pushed, h * h * late
-        sped = h * ((1.0 - 0.5 * gamma / beta) * now.shadow + gamma / beta * late)
-        echo = (late - (0.5 - beta) * now.shadow) / beta
-    rest = x + h * now.velocity + h * h * (0.5 - beta) * acceleration + moved
-    drift = rest - (now.velocity + h * (1.0 - gamma) * acceleration + sped) / theta
+    acceleration = now.acceleration if now.pushed is None else now.acceleration - now.pushed
+    rest = x + h * now.velocity + h * h * (0.5 - beta) * acceleration
+    drift = rest - (now.velocity + h * (1.0 - gamma) * acceleration) / theta
     if rho == 1.0:  # the same without the large accelerations of light bodies
         drift = x + 0.5 * h * now.velocity
     kappa = kappa_a * (1.0 - am) / (1.0 - af)
     aim = rest - (am * acceleration - af * now.balanced) / (kappa * (1.0 - af))
-    pushing = {"share": 1.0 / (way * kappa * h * h), "answer": way / beta, "echo": echo}
-    return Rule(theta=theta, drift=drift, kappa_a=kappa_a, rest=rest, kappa=kappa, aim=aim, **pushing)
+    return Rule(theta=theta, drift=drift, kappa_a=kappa_a, rest=rest, kappa=kappa, aim=aim, lag=_lag(theta, h, now))
 
 
-def _way(beta: float, gamma: float) -> float:
-    """Return p: the displacement that a contact's push [m/s^2] causes within its step, divided by h^2 times the push.
-
-    Without numerical dissipation p is 1/2. With this value, a rigid body leaves an obstacle at most as fast as it came,
-    and a body that the obstacle keeps from moving does not move in later steps.
-    """
-    swing = (1.0 - 0.5 * gamma / beta) * (0.5 / beta - 1.0)
-    return max(beta, 0.5 * (1.0 + swing))
+def _lag(theta: float, h: float, now: Kinematics) -> Vectors | float:
+    """Return `Rule.lag` if the contacts push as in the last step: by h^2 phi / 2, with the impulse h phi per mass."""
+    return 0.0 if now.pushed is None else (1.0 - 0.5 * theta * h) * h * now.pushed

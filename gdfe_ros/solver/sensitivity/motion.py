@@ -23,6 +23,8 @@ from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
 Kept = Mapping[str, Mapping[str, NDArray[np.float64]]]
 """Dict from term name to the term's stored state, itself a dict from name to array."""
+REACTIONS = "(reactions)"
+"""Name under which the reactions stand beside the terms' states."""
 REPLACED = "no derivative: the state was replaced after `follow`, by restore, reset or set_positions; remedy: follow"
 
 
@@ -94,7 +96,6 @@ class Trail:
             while len(self._tangents) >= self.MOST_LENGTHS:
                 del self._tangents[next(iter(self._tangents))]
             self._tangents[id(equilibrium)] = Tangents(equilibrium)
-        integrator.fit(stage.before, h)
         solve = self._tangents[id(equilibrium)].at(stage.before, stage.after)
         own, found = own_side(body, stage.before, stage.after), []
         try:
@@ -104,15 +105,11 @@ class Trail:
                 if (history := self._history(own, parameter, column)) is not None:
                     pairs.append(history)
                 made = Column(solve, pairs)
-                parts = made.after(lambda side, x: self._left(stage, side, x), _difference)
-                found.append(
-                    Carried(
-                        positions=made.change.positions,
-                        terms=_summed(parts),
-                        share=share,
-                        reactions=made.reactions(),
-                    )
-                )
+                terms = _summed(made.after(lambda side, x: self._left(stage, side, x), _difference))
+                struck = terms.pop(REACTIONS)
+                touched = [contact.name for contact in equilibrium.actuation.contacts if contact.on_body]
+                reactions = {**made.reactions(), **{name: struck[name] for name in touched}}
+                found.append(Carried(positions=made.change.positions, terms=terms, share=share, reactions=reactions))
         finally:
             solve.restore()
         return found
@@ -130,13 +127,14 @@ class Trail:
         return Pair(*sides, own, step)
 
     def _left(self, stage: InternalStep, side: VariedInputs, x: NDArray[np.float64]) -> Kept:
-        """Return the terms' states after a varied step that ends at ``x``, without pushes and impacts of contacts."""
+        """Return the terms' states after a varied step that ends at ``x``, and, as `REACTIONS`, the reactions."""
         integrator, h = stage.integrator, stage.h
         terms = {}
         for term in integrator.equilibrium(h).actuation.terms:
             terms[term.name] = side.terms.get(term.name, term).finish(side.start.terms[term.name], x)
         now = stage.after.with_(positions=x, poses=side.poses, commands=side.commands, terms=terms)
-        return integrator.followed(side.start, now, h, first=stage.first).terms
+        now = integrator.followed(side.start, now, h)
+        return {**now.terms, REACTIONS: now.summary.reactions}
 
     def _started(self, stage: InternalStep) -> list[Carried]:
         """Return the derivatives at the start of a motion; only the initial accelerations depend on the parameters."""
@@ -196,5 +194,5 @@ def _difference(above: Kept, below: Kept, twice: float) -> Kept:
     }
 
 
-def _summed(parts: Sequence[Kept]) -> Kept:
+def _summed(parts: Sequence[Kept]) -> dict[str, Mapping[str, NDArray[np.float64]]]:
     return {name: {key: sum(part[name][key] for part in parts) for key in kept} for name, kept in parts[0].items()}

@@ -136,27 +136,36 @@ def collide(pair: Callable[..., Simulation], scheme: str, h: float, shift: float
 
 @pytest.mark.parametrize("other", ["sphere", "capsule", "box"])
 def test_a_ball_that_hits_another_body_keeps_momenta(pair: Callable[..., Simulation], other: str) -> None:
-    """An eccentric hit of a ball keeps momentum to 1e-6, angular momentum to the step's order; energy never grows."""
-    shapes = {"sphere": {"radius": 0.02}, "capsule": {"radius": 0.02, "length": 0.03}, "box": {"size": [0.04] * 3}}
-    two = {other: shapes[other], "density": 1200, "at": [0.16, 0.012, 0.006], "friction": 0.3}
-    one = {"sphere": {"radius": 0.02}, "density": 800, "at": [0.1, 0.0, 0.0], "friction": 0.3}
+    """An eccentric hit of a ball keeps momentum to 1e-6, angular momentum to the step's order; energy never grows.
+
+    The error depends on the moment of the hit within a step; its mean over five starts shows the order.
+    """
     errors = []
     for h in (0.002, 0.0005):
-        simulation = pair(more={"bodies.one": one, "bodies.two": two, "dynamics.step": h})
-        kick(simulation, one=((0.5, 0.0, 0.0), (0.0, 0.0, 5.0)))
-        start, last = momenta(simulation), math.inf
-        for _ in range(round(0.1 / h)):
-            result = simulation.step()
-            assert result.converged, result.message
-            assert result.energies["kinetic"] < last * (1.0 + 1e-4)
-            last = result.energies["kinetic"]
-        now = momenta(simulation)
-        np.testing.assert_allclose(now[0], start[0], atol=1e-6 * np.abs(start[0]).max())
-        errors.append(np.abs(now[1] - start[1]).max() / (0.02 * np.abs(start[0]).max()))
-        assert simulation.handle_pose("two").translation[0] > 0.005
-        assert list(simulation.result.contacts) == contact_names(simulation.scene.handles)
-    assert errors[0] < 0.02
+        found = [strike(pair, other, h, shift) for shift in (0.0, 0.0002, 0.0004, 0.0006, 0.0008)]
+        assert max(found) < 0.02
+        errors.append(np.mean(found))
     assert errors[1] < 0.6 * errors[0]
+
+
+def strike(pair: Callable[..., Simulation], other: str, h: float, shift: float) -> float:
+    """Return the relative error of angular momentum after a hit; the ball starts farther by ``shift``."""
+    shapes = {"sphere": {"radius": 0.02}, "capsule": {"radius": 0.02, "length": 0.03}, "box": {"size": [0.04] * 3}}
+    two = {other: shapes[other], "density": 1200, "at": [0.16, 0.012, 0.006], "friction": 0.3}
+    one = {"sphere": {"radius": 0.02}, "density": 800, "at": [0.1 - shift, 0.0, 0.0], "friction": 0.3}
+    simulation = pair(more={"bodies.one": one, "bodies.two": two, "dynamics.step": h})
+    kick(simulation, one=((0.5, 0.0, 0.0), (0.0, 0.0, 5.0)))
+    start, last = momenta(simulation), math.inf
+    for _ in range(round(0.1 / h)):
+        result = simulation.step()
+        assert result.converged, result.message
+        assert result.energies["kinetic"] < last * (1.0 + 1e-4)
+        last = result.energies["kinetic"]
+    now = momenta(simulation)
+    np.testing.assert_allclose(now[0], start[0], atol=1e-6 * np.abs(start[0]).max())
+    assert simulation.handle_pose("two").translation[0] > 0.005
+    assert list(simulation.result.contacts) == contact_names(simulation.scene.handles)
+    return float(np.abs(now[1] - start[1]).max() / (0.02 * np.abs(start[0]).max()))
 
 
 @pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha", "newmark"])

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Impulse of the contacts in a step.
+
+The positions at the end of a step keep the laws of contact, with multipliers R. A scheme of second order would go on
+with these forces after the body has left the contact, and throw it back. Positions and velocities are therefore treated
+apart, as Bruels, Acary and Cardona (2014) do: the multipliers displace the body by d = M^-1 R / kappa in this step, and
+nothing else. The velocity without them, v - theta d, gets the impulses L with which the velocities keep the laws at the
+points that press:
+
+    L_n >= 0,  v_n + e v_0 >= 0,  L_n (v_n + e v_0) = 0,  |L_t| <= mu L_n, against the slip,
+
+with v_0 the speed at the beginning of the step, and e the restitution. The published forces are L / h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.contact.complementarity import solve_laws
+from gdfe_ros.solver.contact.compliance import join, project, pull, stack
+from gdfe_ros.solver.contact.contact_term import ContactTerm
+from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.inertia import NAME, FreeMass, rule_of
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.value import changed
+
+Array = NDArray[np.float64]
+
+
+class Pressing(NamedTuple):
+    """Points of one contact that press at the end of a step.
+
+    Attributes:
+        contact: the term.
+        chosen: (k,) their places among the near points.
+        axes: (k, 3, 3) unit normals and tangents.
+        ends: (k, c) vertices that move the points.
+        blocks: (k, c, 3, 3) derivatives of gaps and slips with respect to these vertices.
+        led: (k, 3) [m] displacement of what commanded poses move.
+        first: (k, 3) [N] multipliers along the axes.
+        soft: (k,) [m/N] compliance of springs.
+    """
+
+    contact: ContactTerm
+    chosen: NDArray[np.int64]
+    axes: Array
+    ends: NDArray[np.int64]
+    blocks: Array
+    led: Array
+    first: Array
+    soft: Array
+
+    @classmethod
+    def of(cls, contact: ContactTerm, positions: Array, before: State) -> Pressing:
+        """Return the points of ``contact`` that press at ``positions`` (n, 3) [m] after the state ``before``."""
+        found = contact.present_stencils(positions)
+        on = np.flatnonzero(found.held[:, 0] > 0.0)
+        axes, held = found.axes[on], found.held[on]
+        length = np.linalg.norm(axes[:, 0], axis=1)  # below 1 at edges of a surface of triangles
+        axes[:, 0] /= length[:, None]
+        held[:, 0] *= length
+        weights = np.stack([found.pressing[on], found.rubbing[on], found.rubbing[on]], axis=2)
+        blocks, led = weights[..., None] * axes[:, None], contact.led(positions, before)[on]
+        return cls(contact, on, axes, found.ends[on], blocks, np.einsum("kai,ki->ka", axes, led), held, found.soft[on])
+
+
+class ContactImpulses:
+    """Finds the impulses of the contacts of a body.
+
+    Args:
+        mass: mass of the free vertices and of the rigid bodies.
+        dynamics: scheme and damping of the steps.
+    """
+
+    EXACT = 1e-10
+    """Violation of the laws that is looked for, divided by the largest speed of a point that presses."""
+    SETTLED = 1e-5
+    """Largest such violation with which a step has converged."""
+
+    def __init__(self, mass: FreeMass, dynamics: Dynamics) -> None:
+        self._mass, self._dynamics = mass, dynamics
+
+    def add(self, before: State, now: State, h: float, contacts: Sequence[ContactTerm]) -> State:
+        """Return ``now``, the state after a step of length ``h`` [s] from ``before``, with velocities by impulses."""
+        near, x = [contact for contact in contacts if contact.near], now.positions
+        if not near:
+            return now
+        rule, saved, multipliers = rule_of(self._dynamics, h, before.terms[NAME]), now.terms[NAME], np.zeros_like(x)
+        for contact in near:
+            contact.add_forces(x, multipliers)
+        moved = self._mass.accelerated(multipliers, x) / rule.kappa
+        velocity = saved["velocity"] - rule.theta * moved
+        parts = [Pressing.of(contact, x, before) for contact in near]
+        gained, now = self._strike(parts, velocity, 2.0 / (rule.kappa * h), before, now, h)
+        kept = {
+            **saved,
+            "velocity": velocity + gained,
+            "acceleration": saved["acceleration"] - rule.kappa_a * moved + gained / h,
+            "balanced": saved["balanced"] - rule.kappa * moved,
+            "before": saved["before"] + moved - h * gained,
+            "velocity_before": saved["velocity_before"] + gained,
+            "pushed": gained / h,
+        }
+        return now.with_(terms={**now.terms, NAME: kept})
+
+    def _strike(
+        self, parts: Sequence[Pressing], velocity: Array, time: float, before: State, now: State, h: float
+    ) -> tuple[Array, State]:
+        """Return the change (n, 3) [m/s] of ``velocity`` by the impulses, and ``now`` with the mean forces.
+
+        ``time`` [s] times the multipliers are the impulses if the contacts push steadily.
+        """
+        sizes, contacts = [len(part.chosen) for part in parts], [part.contact for part in parts]
+        count, vertices = sum(sizes), np.unique(np.concatenate([part.ends.ravel() for part in parts]))
+        if not count:
+            return np.zeros_like(velocity), now
+        friction = np.repeat([float(contact.friction) for contact in contacts], sizes)
+        restitution = np.repeat([float(contact.restitution) for contact in contacts], sizes)
+        rows, blocks = stack([(np.searchsorted(vertices, part.ends), part.blocks) for part in parts])
+        counts = np.repeat([part.ends.shape[1] for part in parts], sizes)
+        given, (came, speeds) = (rows, blocks, counts), np.empty((2, count, 3))
+        w, led = np.empty((3 * count, 3 * count)), np.concatenate([part.led for part in parts]) / h
+        for found, of in ((came, before.terms[NAME]["velocity"]), (speeds, velocity)):
+            project(of[vertices].ravel(), *given, found)
+            found -= led
+        speeds[:, 0] += restitution * np.minimum(came[:, 0], 0.0)
+        between, every = self._mass.inverse(now.positions, vertices), np.arange(count)
+        join(every, *given, np.arange(len(vertices)), between, np.zeros((0, 9)), 1.0, w)
+        w[3 * every, 3 * every] += np.concatenate([part.soft for part in parts]) / h**2
+        impulses, scale = time * np.concatenate([part.first for part in parts]).ravel(), float(np.abs(speeds).max())
+        left = solve_laws(w, speeds.ravel(), friction, impulses, self.EXACT * scale, self.EXACT * scale)
+        if left > self.SETTLED * scale:
+            now = _tell(parts, left, now)
+        pulls, impulses = np.zeros_like(velocity), impulses.reshape(-1, 3)
+        local = np.zeros(3 * len(vertices))
+        pull(impulses, *given, local)
+        pulls[vertices] = local.reshape(-1, 3)
+        return self._mass.accelerated(pulls, now.positions), _publish(parts, impulses / h, before, now)
+
+
+def _publish(parts: Sequence[Pressing], forces: Array, before: State, now: State) -> State:
+    """Return ``now`` with the mean forces (k, 3) [N] of the points in the contacts' states and in the reactions."""
+    terms, reactions, first = dict(now.terms), dict(now.summary.reactions), 0
+    for part in parts:
+        contact, last = part.contact, first + len(part.chosen)
+        pushes, shears = np.zeros(contact.count), np.zeros((contact.count, 3))
+        pushes[part.chosen] = forces[first:last, 0]
+        shears[part.chosen] = np.einsum("ka,kai->ki", forces[first:last, 1:], part.axes[:, 1:])
+        name, first = contact.name, last
+        terms[name] = contact.exerted(before.terms[name], terms[name], now.positions, pushes, shears)
+        if contact.on_body:
+            reactions[name] = contact.wrench(now.positions, terms[name])
+    return now.with_(terms=terms, summary=changed(now.summary, reactions=reactions))
+
+
+def _tell(parts: Sequence[Pressing], left: float, now: State) -> State:
+    """Return ``now`` as not converged, because impulses leave the violation ``left`` [m/s] of the laws."""
+    names = ", ".join(part.contact.name for part in parts if len(part.chosen))
+    text = f"the impulses of the contacts {names} leave {left:.3g} m/s; remedy: a smaller dynamics.step"
+    message = "; ".join(part for part in (now.summary.message, text) if part)
+    return now.with_(summary=changed(now.summary, converged=False, message=message))
