@@ -19,9 +19,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from gdfe_ros.analysis.sweep.cases import Case, grid_cases
-from gdfe_ros.analysis.sweep.runner import connect, run_cases
+from gdfe_ros.analysis.sweep import Case, grid_cases, run_cases
 from gdfe_ros.scene import load_scene
+from gdfe_ros.workers import connect
 
 SCENE = "bend5"
 STEPS = 20

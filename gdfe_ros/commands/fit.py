@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.table import Table
 
 from gdfe_ros.commands.waiting import waiting
-from gdfe_ros.commands.workers_option import add_workers
+from gdfe_ros.commands.workers_option import add_workers, open_client
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.terminal import PlainConsole
@@ -133,7 +133,6 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
     from gdfe_ros.fitting.fit import fit_scene
     from gdfe_ros.fitting.fit_report import write_fit
     from gdfe_ros.fitting.parameter import read_parameters
-    from gdfe_ros.fitting.pool import open_pool
     from gdfe_ros.fitting.reading import read_recordings, split_held_out
     from gdfe_ros.scene import load_scene
 
@@ -151,12 +150,12 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
         for text in recording.remarks:
             console.print(f"{recording.name}: {text}", highlight=False)
     starts = ", ".join(f"{parameter.key} = {parameter.start:.4g}" for parameter in parameters)
-    with open_pool(scene.source, arguments.workers) as pool, waiting(f"simulating and searching, from {starts}"):
+    with open_client(arguments) as client, waiting(f"simulating and searching, from {starts}"):
         fit = fit_scene(
             scene,
             fitted,
             parameters,
-            pool=pool,
+            client=client,
             held_out=held_out,
             loss=arguments.loss,
             told=lambda text: console.print(text, highlight=False),

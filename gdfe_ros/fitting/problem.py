@@ -13,10 +13,9 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import Own, SurfaceDistances, first_own, residuals
 from gdfe_ros.fitting.observable import POSITIONS
 from gdfe_ros.fitting.parameter import FittedParameter
-from gdfe_ros.fitting.pool import Pool
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.sensitivity import trajectory_columns
-from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
+from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulator, Trajectory
 
 SHARE = 0.01
 """Assumed standard deviation of a series that states none, divided by the largest range of the series with its unit."""
@@ -49,7 +48,7 @@ class FitProblem:
     The unknowns are the coordinates u of the parameters, then the unknowns of each recording: time shift and frame.
 
     Args:
-        pool: pool that runs the simulations.
+        simulator: runs the simulations.
         parameters: parameters to fit.
         recordings: recordings to fit.
         surface: function for distances from the surface; None if no cloud is compared with the surface.
@@ -61,7 +60,7 @@ class FitProblem:
 
     def __init__(
         self,
-        pool: Pool,
+        simulator: Simulator,
         parameters: Sequence[FittedParameter],
         recordings: Sequence[Recording],
         *,
@@ -69,7 +68,7 @@ class FitProblem:
         sigmas: Sequence[Sequence[float]] | None = None,
     ) -> None:
         self.parameters, self.recordings = tuple(parameters), tuple(recordings)
-        self._pool, self._surface = pool, surface
+        self._simulator, self._surface = simulator, surface
         self.sigmas = sigmas or standard_deviations(recordings)
         self.horizons = [np.inf] * len(self.recordings)
         self._known: tuple[tuple[object, ...], list[Trajectory | NotSimulatedError]] | None = None
@@ -131,7 +130,7 @@ class FitProblem:
         if self._known is None or self._known[0] != key:
             given = {p.key: value for p, value in zip(self.parameters, values, strict=True)}
             tasks = [(given, *pair) for pair in zip(self.recordings, self.horizons, strict=True)]
-            self._known = (key, self._pool.run(tasks))
+            self._known = (key, self._simulator.run(tasks))
         return self._known[1]
 
     def residuals(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -153,7 +152,7 @@ class FitProblem:
         base = self.stacked(here.trajectories, here.own)
         given = {"horizons": self.horizons}
         changes = trajectory_columns(
-            self._pool, self.recordings, self.parameters, here.values, here.trajectories, **given
+            self._simulator, self.recordings, self.parameters, here.values, here.trajectories, **given
         )
         columns = []
         for change in changes:

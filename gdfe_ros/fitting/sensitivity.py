@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gdfe_ros.fitting.parameter import FittedParameter
-from gdfe_ros.fitting.pool import Pool
 from gdfe_ros.fitting.recording import Recording
-from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
+from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulator, Trajectory
 
 STEP = 0.01
 """Largest change of a coordinate u in a finite difference: 1 % of the value if u is a logarithm, else 1 % of the
@@ -20,7 +19,7 @@ interval. The relative error of the derivative is about 1 %, plus the solver's t
 
 
 def trajectory_columns(
-    pool: Pool,
+    simulator: Simulator,
     recordings: Sequence[Recording],
     parameters: Sequence[FittedParameter],
     values: Sequence[float],
@@ -33,7 +32,7 @@ def trajectory_columns(
     The differences are one-sided, towards the middle of the bounds.
 
     Args:
-        pool: pool that runs the simulations.
+        simulator: runs the simulations.
         recordings: recordings to simulate.
         parameters: parameters with the coordinates u.
         values: values of the parameters.
@@ -46,13 +45,13 @@ def trajectory_columns(
     steps = [_step(parameter, value) for parameter, value in zip(parameters, values, strict=True)]
     pairs = list(zip(recordings, horizons, strict=True))
     tasks = [(_changed(parameters, values, place, step), *pair) for place, step in enumerate(steps) for pair in pairs]
-    results = pool.run(tasks)
+    results = simulator.run(tasks)
     columns = []
     for place, step in enumerate(steps):
         changed, length = results[place * len(pairs) : (place + 1) * len(pairs)], step
         if any(isinstance(item, NotSimulatedError) for item in changed):
             length = -step
-            changed = pool.run([(_changed(parameters, values, place, length), *pair) for pair in pairs])
+            changed = simulator.run([(_changed(parameters, values, place, length), *pair) for pair in pairs])
         for item in changed:
             if isinstance(item, NotSimulatedError):
                 raise item

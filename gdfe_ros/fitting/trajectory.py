@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulation of a recording with its commands; the results are the quantities that were measured."""
+"""Simulations of recordings with their commands; the results are the quantities that were measured."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,13 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.workers import map_tasks
 
+if TYPE_CHECKING:
+    from distributed import Client
+
+Task = tuple[Mapping[str, float], Recording, float]
+"""Arguments of one simulation: dict from parameter key to value; the recording; the horizon [s]."""
 EQUILIBRIA, MOTION = 1e-6, 1e-5
 """Largest solver tolerances in a fit, for equilibria and for motion. Larger tolerances disturb finite differences of
 simulations. With 1e-5, a finite difference of an oscillation has an error of 1.5 %.
@@ -43,6 +50,39 @@ class Trajectory:
         """Return this trajectory plus ``length`` times the trajectory ``change``."""
         pairs = zip(self.outputs, change.outputs, strict=True)
         return Trajectory(self.times, tuple(own + length * other for own, other in pairs), self.not_converged)
+
+
+class Simulator:
+    """Simulates recordings on workers.
+
+    Args:
+        text: YAML text of the scene, which needs no other file.
+        client: client of the workers (`gdfe_ros.workers.connect`); None simulates in this process.
+
+    Attributes:
+        count: number of simulations so far.
+    """
+
+    def __init__(self, text: str, client: Client | None = None) -> None:
+        self._text, self._client = text, client
+        self.count = 0
+
+    def run(self, tasks: Sequence[Task]) -> list[Trajectory | NotSimulatedError]:
+        """Return the trajectory of each task, or the error that prevented it.
+
+        Raises:
+            GdfeError: the workers die.
+        """
+        self.count += len(tasks)
+        return map_tasks(self._client, partial(_simulate, self._text), tasks)
+
+
+def _simulate(text: str, task: Task) -> Trajectory | NotSimulatedError:
+    values, recording, horizon = task
+    try:
+        return simulate(text, values, recording, horizon=horizon)
+    except NotSimulatedError as error:
+        return NotSimulatedError(str(error))
 
 
 def simulate(text: str, values: Mapping[str, float], recording: Recording, *, horizon: float = np.inf) -> Trajectory:

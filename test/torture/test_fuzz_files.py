@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from gdfe_ros.arms.urdf import parse_urdf
-from gdfe_ros.analysis.sweep.cases import read_list
+from gdfe_ros.analysis.sweep import read_list
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.table_file import TableFile
