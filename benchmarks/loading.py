@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import trimesh
 
-from gdfe_ros.mesh.finger import finger
+from gdfe_ros.mesh.generators import finger
 
 SCENE = """
 name: cad_finger

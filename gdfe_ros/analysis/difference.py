@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, StepKey
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.mesh import Mesh
-from gdfe_ros.mesh.shape import EDGES
+from gdfe_ros.mesh.quality import EDGES
 from gdfe_ros.mesh.tetrahedra import EDGES as TET_EDGES
 from gdfe_ros.scene import Scene
 

@@ -12,8 +12,8 @@ from rich.table import Table
 from gdfe_ros.commands.number_option import require_number
 from gdfe_ros.commands.output_file import require_picture
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.inspection import Inspection, inspect_file
+from gdfe_ros.mesh.mesh_input import require_file
 from gdfe_ros.mesh.quality import check_mesh
 from gdfe_ros.scene.mesh_schema import SIZE
 from gdfe_ros.scene.skin_schema import SCALE

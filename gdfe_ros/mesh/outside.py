@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces
-from gdfe_ros.mesh.refinement import refine
+from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.mesh.tet_faces import facets
 from gdfe_ros.mesh.trilinear import CORNERS, MODES, NEWTON_STEPS, SETTLED, trilinear_weights
 

@@ -10,9 +10,9 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
+from gdfe_ros.mesh.assembly import mirrored
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mesh import MeshPart
-from gdfe_ros.mesh.mirror import mirrored
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
 from gdfe_ros.mesh.voxels import CutCubes, read_voxels

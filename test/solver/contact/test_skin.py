@@ -12,7 +12,7 @@ import trimesh
 from benchmarks.skin_contact import CALCULIX, press_ball
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.mesh.outside import hang
-from gdfe_ros.mesh.refinement import refine
+from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.solver.contact.contact import Contact
 
 SLAB = """
