@@ -168,7 +168,7 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
 
 def _print(console: PlainConsole, fit: object, elapsed: float) -> None:
     """Print values, misfits and warnings."""
-    from gdfe_ros.fitting.fit_tables import NOT_INCLUDED, match_rows, own_rows, parameter_rows
+    from gdfe_ros.fitting.fit_report import NOT_INCLUDED, match_rows, own_rows, parameter_rows
 
     table = Table(title="parameters", title_justify="left")
     for head in ("key", "value", "95 % interval", "correlations with those above"):

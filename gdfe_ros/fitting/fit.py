@@ -12,14 +12,12 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.bounds import require_bounds
 from gdfe_ros.fitting.comparison import SurfaceDistances, first_own
 from gdfe_ros.fitting.observable import QuantityKind
 from gdfe_ros.fitting.parameter import FittedParameter
-from gdfe_ros.fitting.problem import FitPoint, FitProblem, require_motion
+from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved, require_motion, solve
 from gdfe_ros.fitting.recording import Recording
-from gdfe_ros.fitting.solve import Solved, solve
-from gdfe_ros.fitting.statistics import Confidence, confidence
+from gdfe_ros.fitting.statistics import Confidence, confidence, require_bounds
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulator
 from gdfe_ros.fitting.verdict import Match, matches, warnings
 from gdfe_ros.scene import Scene, scene_from_text
