@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import embed
-from gdfe_ros.commands.number_option import require_number
-from gdfe_ros.commands.output_file import require_folder
+from gdfe_ros.commands.options import require_folder, require_number
 from gdfe_ros.errors import GdfeError, MeshError
 from gdfe_ros.materials.presets import LIBRARY, PRESETS
 from gdfe_ros.mesh.cavities import NO_CAVITY, find_cavities, misplaced_cavities

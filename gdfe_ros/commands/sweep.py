@@ -9,8 +9,8 @@ from pathlib import Path
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from gdfe_ros.analysis.sweep import Archive, Case, grid_cases, read_axes, read_list, run_cases
+from gdfe_ros.commands.options import add_workers
 from gdfe_ros.commands.waiting import waiting
-from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 from gdfe_ros.terminal import PlainConsole
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run all cases and write the results; return 0, or 1 if a case failed or did not converge."""
-    from gdfe_ros.analysis.export.table import write_parquet
+    from gdfe_ros.analysis.export import write_parquet
     from gdfe_ros.analysis.sweep_results import draw_results, flat_row
 
     with waiting(f"loading {arguments.scene}"):

@@ -10,9 +10,8 @@ from pathlib import Path
 from rich.table import Table
 
 from gdfe_ros.actuators import Mode
-from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.commands.options import add_workers, open_client, read_overrides
 from gdfe_ros.commands.waiting import waiting
-from gdfe_ros.commands.workers_option import add_workers, open_client
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import load_scene

@@ -6,8 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.bag_steps import BagStep, BagSteps
+from gdfe_ros.analysis.bag_run import BagRun, BagStep, BagSteps
 from gdfe_ros.analysis.replay import command_of
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.bag_topics import TopicValues

@@ -20,8 +20,7 @@ from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.testing.approach import Approach
-from gdfe_ros.testing.observed_space import default_space
-from gdfe_ros.testing.settling import is_held, settle
+from gdfe_ros.testing.observed_space import default_space, is_held, settle
 
 Observation = Callable[[Simulation], ArrayLike]
 Reward = Callable[[Simulation, NDArray[np.float64]], float]

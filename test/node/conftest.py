@@ -30,7 +30,7 @@ from std_msgs.msg import Int32MultiArray, String
 
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing import NodeProcess
-from gdfe_ros.testing.discovery import await_discovery
+from gdfe_ros.testing.client import await_discovery
 from gdfe_ros.testing.interfaces import build_interfaces
 
 COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
