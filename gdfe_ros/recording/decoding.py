@@ -6,8 +6,6 @@ from __future__ import annotations
 import bz2
 import os
 from collections.abc import Callable, Iterable
-from functools import cache
-from importlib import import_module
 from types import ModuleType, SimpleNamespace
 from typing import IO, Any
 
@@ -205,15 +203,3 @@ def _types_of(topic: TopicInfo) -> dict[str, Any]:
 def _line(error: Exception) -> str:
     """Return the text of an error of rosbags as one line of at most 200 characters."""
     return " ".join(str(error).split())[:200] if type(error).__module__.startswith("rosbags") else "it is damaged"
-
-
-def rclpy_decoder() -> Decoder:
-    """Return a function that returns a message of an installed ROS package from its type name and its CDR bytes."""
-    from rclpy.serialization import deserialize_message
-
-    @cache
-    def message_class(type_name: str) -> type:
-        package, _, name = type_name.split("/")
-        return getattr(import_module(f"{package}.msg"), name)
-
-    return lambda type_name, data: deserialize_message(data, message_class(type_name))
