@@ -8,10 +8,9 @@ import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-import meshio
 import numpy as np
 
 from gdfe_ros.actuators import Actuator, Mode
@@ -20,6 +19,9 @@ from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.csv_cells import quoted
 from gdfe_ros.mesh import Mesh
 from gdfe_ros.scene import Scene
+
+if TYPE_CHECKING:
+    import meshio
 
 JOINTS = "joint_states"
 _CABLE = (Mode.TENSION, Mode.LENGTH, Mode.SHORTENING)
@@ -252,6 +254,8 @@ def write_vtk_series(steps: Iterable[BagStep], mesh: Mesh, directory: Path) -> i
 
 
 def _grid(step: BagStep, mesh: Mesh) -> meshio.Mesh:
+    import meshio  # tables and arrays need no meshio
+
     values = step.samples["mesh"]
     positions, shift = (np.stack([values[start + axis] for axis in "xyz"], axis=1) for start in ("", "u"))
     strain = step.samples.get("strain", {})

@@ -17,9 +17,8 @@ from gdfe_ros.fitting.observable import QuantityKind
 from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved, require_motion, solve
 from gdfe_ros.fitting.recording import Recording
-from gdfe_ros.fitting.statistics import Confidence, confidence, require_bounds
+from gdfe_ros.fitting.statistics import Confidence, Match, confidence, matches, require_bounds, warnings
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulator
-from gdfe_ros.fitting.verdict import Match, matches, warnings
 from gdfe_ros.scene import Scene, scene_from_text
 
 if TYPE_CHECKING:

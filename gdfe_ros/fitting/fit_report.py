@@ -22,7 +22,7 @@ from gdfe_ros.fitting.comparison import predicted
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.recording import ROW, Recording
-from gdfe_ros.fitting.verdict import percent
+from gdfe_ros.fitting.statistics import percent
 from gdfe_ros.scene.keys import unit_of
 
 RESIDUAL = "residual: simulated - measured"

@@ -134,7 +134,7 @@ def hang(
     Raises:
         MeshError: points are too far outside of the cells.
     """
-    from gdfe_ros.mesh.carriers import find_carriers  # scenes without skins load without numba
+    from gdfe_ros.mesh.cell_kernels import find_carriers  # scenes without skins load without numba
 
     corners = vertices[cells]
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAR, len(cells)))
