@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.self_cuts import BoxTree
+from gdfe_ros.mesh.box_tree import BoxTree
 from gdfe_ros.mesh.shells import inertia_of, inside, points_inside
 from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.mesh.triangle_kernels import first_hits, grid_distances
