@@ -13,15 +13,20 @@ import signal
 import socket
 import sys
 import tempfile
+import threading
+import time
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 from threadpoolctl import threadpool_limits
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 # How long an example takes says nothing on a machine that others use, too.
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -284,3 +289,24 @@ def kept_bags() -> dict[Path, float]:
     text = (folder / "README.md").read_text(encoding="utf-8")
     cells = [re.split(r"\s*\|\s*", line) for line in text.splitlines() if line.startswith("| `")]
     return {folder / row[1].strip("`"): float(row[8]) for row in cells}
+
+
+@pytest.fixture
+def kill_one() -> Iterator[Callable[[Client], None]]:
+    """Give a function that kills one worker of a dask client, as soon as one is at work."""
+    threads = []
+
+    def kill(client: Client) -> None:
+        pids = client.run(os.getpid)
+
+        def wait() -> None:
+            while not (busy := [worker for worker, tasks in client.processing().items() if tasks]):
+                time.sleep(0.01)
+            os.kill(pids[busy[0]], signal.SIGKILL)
+
+        threads.append(threading.Thread(target=wait))
+        threads[-1].start()
+
+    yield kill
+    for thread in threads:
+        thread.join()

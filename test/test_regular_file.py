@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gdfe_ros.analysis.export.columns import Columns
-from gdfe_ros.analysis.export.table import write_csv
+from gdfe_ros.analysis.export import Columns, write_csv
 from gdfe_ros.arms.meshes import find_mesh
 from gdfe_ros.checkpoint import load_state, save_state, write_state
 from gdfe_ros.csv_cells import quoted

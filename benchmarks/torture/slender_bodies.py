@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.packing import pack_mesh
-from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.scene import Scene, scene_from_text
 
 CLAMP = "clamp"

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gdfe_ros import Simulation, load_scene
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.bag_steps import BagSteps
+from gdfe_ros.analysis.bag_run import BagRun, BagSteps
 from gdfe_ros.analysis.picture import draw_body
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.mesh import HexMesh

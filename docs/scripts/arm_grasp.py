@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.obstacle_faces import obstacle_faces
+from gdfe_ros.analysis.scenery import obstacle_faces
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 

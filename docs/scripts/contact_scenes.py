@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.obstacle_faces import obstacle_faces
 from gdfe_ros.analysis.picture import COLOURS, obstacle_collection, shaded
+from gdfe_ros.analysis.scenery import obstacle_faces
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.scene import load_scene

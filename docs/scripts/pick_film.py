@@ -15,7 +15,7 @@ import pyvista
 from numpy.typing import NDArray
 from PIL import Image
 
-from gdfe_ros.analysis.obstacle_faces import obstacle_faces
+from gdfe_ros.analysis.scenery import obstacle_faces
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.scene import load_scene

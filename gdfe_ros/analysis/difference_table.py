@@ -7,7 +7,7 @@ from collections import defaultdict
 
 from rich.table import Table
 
-from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD
+from gdfe_ros.analysis.bag_run import CONTACTS, RECORD
 from gdfe_ros.analysis.difference import Differences, FieldDifference, Place
 from gdfe_ros.terminal import PlainConsole
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators import ActuatorState, Mode, Readings
-from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD
+from gdfe_ros.analysis.bag_run import CONTACTS, RECORD
 from gdfe_ros.analysis.difference import VELOCITIES
 from gdfe_ros.analysis.message_values import Values, record_values
 from gdfe_ros.contacts import contact_names, contact_points

@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.bag_steps import BagStep, BagSteps
+from gdfe_ros.analysis.bag_run import BagRun, BagStep, BagSteps
 from gdfe_ros.analysis.difference import Difference, Differences
 from gdfe_ros.analysis.published import Publication
 from gdfe_ros.checkpoint import load_state

@@ -6,7 +6,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +19,10 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
-from gdfe_ros.workers import open_workers
+from gdfe_ros.workers import map_tasks
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 FLAT = 1e-3
 """Thickness of a point cloud, divided by its length, below which the cloud is a line or a sheet without volume."""
@@ -27,6 +32,10 @@ RETRIES = 8
 """Number of equal steps from the initial state to a command that could not be reached from the previous command."""
 LONG = 1e6
 """Duration of a step [s]; it is so long that no rate limit restricts a command."""
+PART = 25
+"""Number of successive commands of a task, which starts from the initial state. If a worker dies, its task is repeated.
+The number does not depend on the number of workers; therefore the points do not, either.
+"""
 MOST_GRID = 2
 """Largest number of actuators for which the commands are a grid. For more actuators, see `command_samples`."""
 
@@ -133,38 +142,34 @@ def _tour(unit: NDArray[np.float64]) -> list[int]:
 
 
 def find_workspace(
-    scene: Scene, probe: str, actuators: Sequence[str], commands: NDArray[np.float64], *, workers: int = 1
+    scene: Scene, probe: str, actuators: Sequence[str], commands: NDArray[np.float64], *, client: Client | None = None
 ) -> ReachableSet:
-    """Return the positions of a probe at the equilibrium of each command, computed in parallel.
+    """Return the positions of a probe at the equilibrium of each command.
 
     Args:
         scene: the scene; its dynamics are switched off.
         probe: name of the probe.
         actuators: names (a,); the other actuators keep their neutral commands.
         commands: (k, a) in the unit of each actuator.
-        workers: number of processes; with 1 no other process is started.
+        client: client of the workers (`gdfe_ros.workers.connect`); None computes in this process.
 
     Raises:
-        GdfeError: there is no such probe.
+        GdfeError: there is no such probe, or the workers die.
     """
     if probe not in scene.probes:
         raise GdfeError(f"no probe {probe!r} in scene {scene.name!r}; probes: {', '.join(scene.probes) or 'none'}")
-    shares = [part for part in np.array_split(commands, max(1, workers)) if len(part)]
-    given = [(scene.source, probe, tuple(actuators), part) for part in shares]
-    if workers < 2:
-        results = [_reach(item) for item in given]
-    else:
-        with open_workers(workers) as executor:
-            results = list(executor.map(_reach, given))
+    parts = [commands[start : start + PART] for start in range(0, len(commands), PART)]
+    results = map_tasks(client, partial(_reach, scene.source, probe, tuple(actuators)), parts)
     points = np.concatenate([places for places, _ in results])
     messages = tuple(text for _, texts in results for text in texts)
     rest = scene.probes[probe].at(scene.mesh.vertices)[0]
     return ReachableSet(probe, tuple(actuators), commands, points, rest, messages)
 
 
-def _reach(given: tuple[str, str, tuple[str, ...], NDArray[np.float64]]) -> tuple[NDArray[np.float64], list[str]]:
+def _reach(
+    text: str, probe: str, names: tuple[str, ...], commands: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], list[str]]:
     """Return a probe's positions (k, 3) [m] and messages (k,) for successive commands; NaN without an equilibrium."""
-    text, probe, names, commands = given
     simulation = Simulation(scene_from_text(text, origin="of the workspace", overrides={"dynamics": None}))
     neutral = dict(simulation.rest_command().actuators)
     points, messages = np.full((len(commands), 3), np.nan), []

@@ -6,8 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gdfe_ros.analysis.comparison import Comparison, compare_bags
-from gdfe_ros.analysis.difference import Difference
+from gdfe_ros.analysis.difference import Comparison, Difference, compare_bags
 from gdfe_ros.analysis.difference_table import difference_table, wide_console
 
 DIFFERENT = 1

@@ -13,8 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.commands.convergence import convergence, print_failures
-from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.commands.waiting import convergence, print_failures, waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import IN_RUN
 from gdfe_ros.regular_file import path_inside

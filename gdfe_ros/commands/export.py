@@ -9,8 +9,7 @@ from enum import Enum
 from itertools import islice
 from pathlib import Path
 
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.bag_steps import BagStep, BagSteps
+from gdfe_ros.analysis.bag_run import BagRun, BagStep, BagSteps
 from gdfe_ros.errors import GdfeError
 
 
@@ -64,15 +63,14 @@ def _format(arguments: argparse.Namespace) -> Format:
 
 def _write(kind: Format, steps: Iterator[BagStep], recorded: BagRun, out: Path) -> int:
     if kind is Format.VTK:
-        from gdfe_ros.analysis.export.vtk_series import write_vtk_series
+        from gdfe_ros.analysis.export import write_vtk_series
 
         return write_vtk_series(steps, recorded.mesh, out)
     if kind is Format.NPZ:
-        from gdfe_ros.analysis.export.arrays import write_npz
+        from gdfe_ros.analysis.export import write_npz
 
         return write_npz(steps, recorded.scene, out)
-    from gdfe_ros.analysis.export.columns import Columns
-    from gdfe_ros.analysis.export.table import step_row, write_csv, write_parquet
+    from gdfe_ros.analysis.export import Columns, step_row, write_csv, write_parquet
 
     known = Columns(recorded.scene.actuators)
     rows = [step_row(step, known) for step in steps]

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from rich.table import Table
 
+from gdfe_ros.commands.options import add_workers, open_client
 from gdfe_ros.commands.waiting import waiting
-from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.terminal import PlainConsole
@@ -96,8 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _fit_tensile(arguments: argparse.Namespace) -> int:
-    from gdfe_ros.fitting.tensile import fit_tensile
-    from gdfe_ros.fitting.tensile_report import draw_tensile, material_text, tensile_remarks, tensile_rows
+    from gdfe_ros.fitting.tensile import draw_tensile, fit_tensile, material_text, tensile_remarks, tensile_rows
     from gdfe_ros.materials import Law
     from gdfe_ros.scene.table import read_stress_table
 
@@ -133,7 +132,6 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
     from gdfe_ros.fitting.fit import fit_scene
     from gdfe_ros.fitting.fit_report import write_fit
     from gdfe_ros.fitting.parameter import read_parameters
-    from gdfe_ros.fitting.pool import open_pool
     from gdfe_ros.fitting.reading import read_recordings, split_held_out
     from gdfe_ros.scene import load_scene
 
@@ -151,12 +149,12 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
         for text in recording.remarks:
             console.print(f"{recording.name}: {text}", highlight=False)
     starts = ", ".join(f"{parameter.key} = {parameter.start:.4g}" for parameter in parameters)
-    with open_pool(scene.source, arguments.workers) as pool, waiting(f"simulating and searching, from {starts}"):
+    with open_client(arguments) as client, waiting(f"simulating and searching, from {starts}"):
         fit = fit_scene(
             scene,
             fitted,
             parameters,
-            pool=pool,
+            client=client,
             held_out=held_out,
             loss=arguments.loss,
             told=lambda text: console.print(text, highlight=False),
@@ -169,7 +167,7 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
 
 def _print(console: PlainConsole, fit: object, elapsed: float) -> None:
     """Print values, misfits and warnings."""
-    from gdfe_ros.fitting.fit_tables import NOT_INCLUDED, match_rows, own_rows, parameter_rows
+    from gdfe_ros.fitting.fit_report import NOT_INCLUDED, match_rows, own_rows, parameter_rows
 
     table = Table(title="parameters", title_justify="left")
     for head in ("key", "value", "95 % interval", "correlations with those above"):

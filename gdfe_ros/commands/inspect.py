@@ -9,11 +9,10 @@ from pathlib import Path
 
 from rich.table import Table
 
-from gdfe_ros.commands.number_option import require_number
-from gdfe_ros.commands.output_file import require_picture
+from gdfe_ros.commands.options import require_number, require_picture
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.inspection import Inspection, inspect_file
+from gdfe_ros.mesh.mesh_input import require_file
 from gdfe_ros.mesh.quality import check_mesh
 from gdfe_ros.scene.mesh_schema import SIZE
 from gdfe_ros.scene.skin_schema import SCALE
@@ -104,8 +103,10 @@ def _table(found: Inspection) -> Table:
 
 
 def _draw(path: Path, found: Inspection) -> None:
-    from gdfe_ros.analysis.picture import draw_body  # matplotlib takes a second to import
-    from gdfe_ros.analysis.surface_picture import draw_surface
+    from gdfe_ros.analysis.picture import (
+        draw_body,  # matplotlib takes a second to import
+        draw_surface,
+    )
 
     if found.surface is not None:
         draw_surface(path, found.surface, title=f"{found.path.name}: {len(found.surface.triangles)} triangles")

@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from gdfe_ros.bounded_text import plain_lines
-from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.commands.options import read_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.entry import catch_endings, collect, without_collection
 from gdfe_ros.errors import GdfeError

@@ -11,19 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import embed
-from gdfe_ros.commands.number_option import require_number
-from gdfe_ros.commands.output_file import require_folder
+from gdfe_ros.commands.options import require_folder, require_number
 from gdfe_ros.errors import GdfeError, MeshError
 from gdfe_ros.materials.presets import LIBRARY, PRESETS
-from gdfe_ros.mesh.cavities import NO_CAVITY, find_cavities
-from gdfe_ros.mesh.cavity_places import misplaced_cavities
-from gdfe_ros.mesh.existing_file import require_file
+from gdfe_ros.mesh.cavities import NO_CAVITY, find_cavities, misplaced_cavities
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mesh import Mesh
-from gdfe_ros.mesh.size_field import default_size
-from gdfe_ros.mesh.step_file import STEP_SUFFIXES, step_bounds
-from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
+from gdfe_ros.mesh.mesh_input import require_file
+from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, from_step, from_surface, step_bounds
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
+from gdfe_ros.mesh.walls import default_size
 from gdfe_ros.scene.document import write_document
 from gdfe_ros.scene.mesh_schema import LEAST_SIZE, SIZE
 from gdfe_ros.scene.report import suggest

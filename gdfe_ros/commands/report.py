@@ -41,8 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the HTML page, the PNG and, on request, the animation; return 0."""
-    from gdfe_ros.analysis.report.motion import require_video, write_gif, write_mp4
-    from gdfe_ros.analysis.report.pictures import draw_steps, write_png
+    from gdfe_ros.analysis.report.pictures import draw_steps, require_video, write_gif, write_mp4, write_png
     from gdfe_ros.analysis.report.writer import write_report
 
     if arguments.mp4:

@@ -14,11 +14,8 @@ from rich.table import Table
 
 from gdfe_ros.actuators.actuator import Mode
 from gdfe_ros.analysis.result_file import write_result
-from gdfe_ros.commands.convergence import convergence, print_failures
-from gdfe_ros.commands.output_file import require_folder, require_picture
-from gdfe_ros.commands.overrides import read_overrides
-from gdfe_ros.commands.play_progress import PlayProgress
-from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.commands.options import read_overrides, require_folder, require_picture
+from gdfe_ros.commands.waiting import PlayProgress, convergence, print_failures, waiting
 from gdfe_ros.contacts import contact_points, total_forces
 from gdfe_ros.entry import INTERRUPTED
 from gdfe_ros.scene import Scene, load_scene

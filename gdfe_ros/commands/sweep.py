@@ -8,13 +8,13 @@ from pathlib import Path
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from gdfe_ros.analysis.sweep.archive import Archive
-from gdfe_ros.analysis.sweep.cases import Case, grid_cases, read_axes, read_list
+from gdfe_ros.analysis.sweep import Archive, Case, grid_cases, read_axes, read_list, run_cases
+from gdfe_ros.commands.options import add_workers
 from gdfe_ros.commands.waiting import waiting
-from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 from gdfe_ros.terminal import PlainConsole
+from gdfe_ros.workers import connect
 
 FAILED = 1
 _SHOWN = 10
@@ -41,16 +41,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, required=True, help="directory for the results; a second run continues in it"
     )
     add_workers(parser)
-    parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="address of the scheduler of your own dask cluster, instead of --workers"
-    )
     parser.add_argument("--retry", action="store_true", help="repeat the cases that failed in an earlier run")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run all cases and write the results; return 0, or 1 if a case failed or did not converge."""
-    from gdfe_ros.analysis.export.table import write_parquet
-    from gdfe_ros.analysis.sweep.results import draw_results, flat_row
+    from gdfe_ros.analysis.export import write_parquet
+    from gdfe_ros.analysis.sweep_results import draw_results, flat_row
 
     with waiting(f"loading {arguments.scene}"):
         scene = load_scene(arguments.scene)
@@ -84,8 +81,6 @@ def _cases(arguments: argparse.Namespace) -> list[Case]:
 
 def _complete(arguments: argparse.Namespace, scene: str, cases: list[Case], archive: Archive) -> None:
     """Run the cases that have no result in the archive and, with ``--retry``, the failed cases; store the results."""
-    from gdfe_ros.analysis.sweep.runner import connect, run_cases
-
     left = [case for case in cases if _is_left(archive, case, retry=arguments.retry)]
     console = PlainConsole(stderr=True)
     if len(left) < len(cases):

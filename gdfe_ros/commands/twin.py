@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gdfe_ros.bounded_text import plain_lines
-from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.commands.options import read_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.entry import catch_endings
 from gdfe_ros.errors import GdfeError

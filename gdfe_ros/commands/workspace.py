@@ -10,9 +10,8 @@ from pathlib import Path
 from rich.table import Table
 
 from gdfe_ros.actuators import Mode
-from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.commands.options import add_workers, open_client, read_overrides
 from gdfe_ros.commands.waiting import waiting
-from gdfe_ros.commands.workers_option import add_workers
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import load_scene
@@ -67,7 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
     probe = arguments.probe or next(iter(scene.probes))
     limits = ranges(scene, names, _read_ranges(arguments.range, names))
     commands = command_samples(limits, arguments.count)
-    found = find_workspace(scene, probe, names, commands, workers=arguments.workers)
+    with open_client(arguments) as client:
+        found = find_workspace(scene, probe, names, commands, client=client)
     out = arguments.out or path_inside(Path(), f"{scene.name}_workspace")
     out.mkdir(parents=True, exist_ok=True)
     write_workspace(out / "workspace.csv", found)

@@ -12,9 +12,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.inertia import SolidIntegrals, inertia_of
-from gdfe_ros.mesh.refinement import refine
+from gdfe_ros.mesh.shells import SolidIntegrals, inertia_of
 from gdfe_ros.mesh.solid import Solid
+from gdfe_ros.mesh.surface_edges import refine
 
 NO_SAMPLES = np.zeros(0)
 

@@ -6,17 +6,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.bag_steps import BagStep, BagSteps
+from gdfe_ros.analysis.bag_run import BagRun, BagStep, BagSteps
 from gdfe_ros.analysis.replay import command_of
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.bag_topics import TopicValues
-from gdfe_ros.fitting.match import Source
-from gdfe_ros.fitting.match_schema import CommandModel, CompareModel
-from gdfe_ros.fitting.matched import along_of, matched_observable, scale_of
+from gdfe_ros.fitting.match import CommandModel, CompareModel, Source, along_of, matched_observable, scale_of
 from gdfe_ros.fitting.observable import CLOUDS, Observable, QuantityKind
-from gdfe_ros.fitting.recording import Schedule, Series
-from gdfe_ros.fitting.track import Track, constant
+from gdfe_ros.fitting.recording import Schedule, Series, Track, constant
 from gdfe_ros.recording.foreign_bag import open_bag
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene

@@ -6,23 +6,23 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.bounds import require_bounds
 from gdfe_ros.fitting.comparison import SurfaceDistances, first_own
 from gdfe_ros.fitting.observable import QuantityKind
 from gdfe_ros.fitting.parameter import FittedParameter
-from gdfe_ros.fitting.pool import Pool
-from gdfe_ros.fitting.problem import FitPoint, FitProblem, require_motion
+from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved, require_motion, solve
 from gdfe_ros.fitting.recording import Recording
-from gdfe_ros.fitting.solve import Solved, solve
-from gdfe_ros.fitting.statistics import Confidence, confidence
-from gdfe_ros.fitting.trajectory import NotSimulatedError
-from gdfe_ros.fitting.verdict import Match, matches, warnings
+from gdfe_ros.fitting.statistics import Confidence, Match, confidence, matches, require_bounds, warnings
+from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulator
 from gdfe_ros.scene import Scene, scene_from_text
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def fit_scene(
     recordings: Sequence[Recording],
     parameters: Sequence[FittedParameter],
     *,
-    pool: Pool,
+    client: Client | None = None,
     held_out: Sequence[Recording] = (),
     loss: str = "linear",
     told: Callable[[str], None] | None = None,
@@ -75,7 +75,7 @@ def fit_scene(
         scene: scene to fit; it is not modified.
         recordings: recordings to fit.
         parameters: parameters to fit.
-        pool: pool that simulates ``scene.source``.
+        client: client of the workers (`gdfe_ros.workers.connect`); None simulates in this process.
         held_out: recordings that are only predicted.
         loss: loss of scipy's `least_squares`: linear, soft_l1, huber, cauchy or arctan.
         told: function that is called with a line of text after each search.
@@ -89,7 +89,8 @@ def fit_scene(
     for recording in (*recordings, *held_out):
         require_motion(recording, scene.mesh.size)
     surface = _surface(scene, [*recordings, *held_out])
-    problem = FitProblem(pool, parameters, recordings, surface=surface)
+    simulator = Simulator(scene.source, client)
+    problem = FitProblem(simulator, parameters, recordings, surface=surface)
     solved = solve(problem, moves=scene.dynamics is not None, loss=loss, told=told)
     known = confidence(problem, solved)
     require_bounds(problem, solved, known)
@@ -97,7 +98,7 @@ def fit_scene(
     fitted = matches(problem, solved.point)
     other = point = None
     if held_out:
-        other = FitProblem(pool, parameters, held_out, surface=surface)
+        other = FitProblem(simulator, parameters, held_out, surface=surface)
         point = predict(other, solved.point.values)
     predicted = matches(other, point, held_out=True) if held_out else []
     return Fit(
@@ -110,7 +111,7 @@ def fit_scene(
         prediction=point,
         matches=(*fitted, *predicted),
         warnings=tuple([*warnings(fitted, predicted, known, parameters), *_unconverged(solved.point, problem)]),
-        simulations=pool.count,
+        simulations=simulator.count,
     )
 
 

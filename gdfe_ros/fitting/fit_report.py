@@ -1,20 +1,232 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Output files of a fit: scene, values, table of residuals, picture, HTML page."""
+"""Output of a fit: rows of text, scene, values, table of residuals, picture, HTML page."""
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from plotly.offline import get_plotlyjs
 
+from gdfe_ros.analysis.report.template import fill, read_file, to_json
 from gdfe_ros.csv_cells import quoted
-from gdfe_ros.fitting.curves import ComparedColumn, curves
+from gdfe_ros.fitting.comparison import predicted
 from gdfe_ros.fitting.fit import Fit
-from gdfe_ros.fitting.fit_page import fit_page
+from gdfe_ros.fitting.problem import FitPoint, FitProblem
+from gdfe_ros.fitting.recording import ROW, Recording
+from gdfe_ros.fitting.statistics import percent
+from gdfe_ros.scene.keys import unit_of
+
+RESIDUAL = "residual: simulated - measured"
+_PAGE = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>@@title@@</title><link rel="icon" href="data:,"><style>@@style@@</style></head>
+<body><header><h1>@@title@@</h1><p>@@description@@</p></header>
+<main><div class="tables">@@tables@@</div><div id="charts"></div></main>
+<script type="application/json" id="chart-data">@@charts@@</script>
+<script>@@plotly@@</script>
+<script>
+"use strict";
+const charts = JSON.parse(document.getElementById("chart-data").textContent);
+const places = charts.map((chart) => {
+  const section = document.createElement("section");
+  const head = section.appendChild(document.createElement("h2"));
+  head.textContent = chart.title;
+  const place = section.appendChild(document.createElement("div"));
+  place.className = "chart";
+  document.getElementById("charts").appendChild(section);
+  return place;
+});
+// Drawn once all sections are there, because each further one may make the others narrower.
+const drawn = charts.map((chart, k) =>
+  Plotly.newPlot(places[k], chart.data, chart.layout, {displayModeBar: false, responsive: true}));
+Promise.all(drawn).then(() => { document.body.dataset.ready = "yes"; });
+</script></body></html>
+"""
+
+
+def fit_page(fit: Fit, shown: Sequence[ComparedColumn]) -> str:
+    """Return the HTML text of a fit's page; ``shown`` are the columns that have charts."""
+    tables = [
+        _table("Parameters", ("key", "value", "95 % interval", "correlations"), parameter_rows(fit)),
+        f"<section><p>{escape(NOT_INCLUDED)}</p></section>",
+        _table("Recordings", ("recording", "series", "", "values", "misfit", "of the motion"), match_rows(fit)),
+    ]
+    if fit.warnings:
+        notes = "".join(f"<li>{escape(text)}</li>" for text in fit.warnings)
+        tables.append(f"<section><h2>Warnings</h2><ul>{notes}</ul></section>")
+    parts = {
+        "title": escape(f"{fit.scene.name}, fitted"),
+        "description": escape(fit.scene.description),
+        "style": read_file("page.css"),
+        "tables": "\n".join(tables),
+        "charts": to_json([_chart(curve) for curve in shown]),
+        "plotly": get_plotlyjs(),
+    }
+    return fill(_PAGE, parts)
+
+
+def _table(heading: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    top = "".join(f"<th>{escape(name)}</th>" for name in head)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<section><h2>{escape(heading)}</h2><table><tr>{top}</tr>{body}</table></section>"
+
+
+def _chart(curve: ComparedColumn) -> dict[str, Any]:
+    """Return a chart of measured and simulated values over time, with the residual below."""
+    times = _list(curve.times)
+    word = "predicted" if curve.held_out else "fitted"
+    traces = [
+        {"x": times, "y": _list(curve.measured), "name": "measured", "mode": "markers", "marker": {"size": 4}},
+        {"x": times, "y": _list(curve.simulated), "name": word, "mode": "lines"},
+        {"x": times, "y": _list(curve.simulated - curve.measured), "name": RESIDUAL, "yaxis": "y2", "mode": "lines"},
+    ]
+    unit = f" [{curve.unit}]" if curve.unit else ""
+    ticks = {"tick0": 0, "dtick": max(1, len(times) // 10)} if curve.over == ROW else {}
+    numbers = {"exponentformat": "e", "automargin": True}
+    layout = {
+        "margin": {"l": 84, "r": 10, "t": 6, "b": 40},
+        "xaxis": {"anchor": "y2", "title": {"text": curve.over}} | ticks,
+        "yaxis": {"domain": [0.36, 1.0], "title": {"text": f"{curve.series}{unit}", "standoff": 10}} | numbers,
+        "yaxis2": {"domain": [0.0, 0.28], "title": {"text": f"residual{unit}", "standoff": 10}, "nticks": 4} | numbers,
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
+    }
+    return {"title": f"{curve.series} of recording {curve.recording} ({word})", "data": traces, "layout": layout}
+
+
+def _list(values: NDArray[np.float64]) -> list[float | None]:
+    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values]
+
+
+NOT_INCLUDED = "The intervals do not include the error of the mesh; repeat the fit with twice as many cells to see it."
+"""What a reader of the intervals has to know."""
+
+
+def parameter_rows(fit: Fit) -> list[tuple[str, str, str, str]]:
+    """Return a row for each parameter: key, value with unit, 95 % interval, correlations with the ones above it."""
+    rows = []
+    for place, item in enumerate(fit.known.estimates):
+        interval = f"at its bound ({item.bound})" if item.bound else f"{item.low:.7g} to {item.high:.7g}"
+        above = fit.known.correlations[place][:place]
+        correlations = "  ".join("-" if np.isnan(value) else f"{value:+.2f}" for value in above)
+        rows.append((item.key, f"{item.value:.7g} {unit_of(item.key)}".rstrip(), interval, correlations))
+    return rows
+
+
+def match_rows(fit: Fit) -> list[tuple[str, str, str, str, str, str]]:
+    """Return a row for each series: recording, series, fitted or predicted, value count, misfit, misfit / motion."""
+    return [
+        (
+            match.recording,
+            match.series,
+            "predicted" if match.held_out else "fitted",
+            str(match.count),
+            f"{match.rms:.3g} {match.unit}".rstrip(),
+            percent(match.relative),
+        )
+        for match in fit.matches
+    ]
+
+
+def own_rows(fit: Fit) -> list[tuple[str, str]]:
+    """Return a row for each recording with a fitted time shift or frame: its name, and a text with the values."""
+    pairs = [(fit.problem, fit.solved.point)]
+    if fit.held_out is not None:
+        pairs.append((fit.held_out, fit.prediction))
+    rows = []
+    for problem, point in pairs:
+        for recording, own in zip(problem.recordings, point.own, strict=True):
+            rest = list(own)
+            words = []
+            if recording.shift_between is not None:
+                words.append(f"time shift {1e3 * rest.pop(0):.3g} ms")
+            if recording.frame == 6:
+                words.append(f"rotation vector {_three(rest[:3])} rad")
+            if recording.frame:
+                words.append(f"translation {_three(rest[-3:])} m")
+            if words:
+                rows.append((recording.name, ", ".join(words)))
+    return rows
+
+
+def _three(values: list[float]) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedColumn:
+    """One measured column with the simulated values.
+
+    Attributes:
+        recording: name of the recording.
+        series: name of the series, with the column's label.
+        unit: SI unit of the values.
+        held_out: whether its recording was only predicted, not fitted.
+        times: (m,) [s] on the recording's clock.
+        measured: measured values (m,).
+        simulated: simulated values (m,).
+        over: the quantity of ``times``, `Recording.over`.
+    """
+
+    recording: str
+    series: str
+    unit: str
+    held_out: bool
+    times: NDArray[np.float64]
+    measured: NDArray[np.float64]
+    simulated: NDArray[np.float64]
+    over: str
+
+
+def curves(fit: Fit) -> list[ComparedColumn]:
+    """Return every measured column with its simulated values; a cloud has one column of root mean square distances."""
+    found = list(_curves(fit.problem, fit.solved.point, held_out=False))
+    if fit.held_out is not None:
+        found += _curves(fit.held_out, fit.prediction, held_out=True)
+    return found
+
+
+def _curves(problem: FitProblem, point: FitPoint, *, held_out: bool) -> Iterator[ComparedColumn]:
+    parts = problem.series_residuals(point)
+    for number, recording in enumerate(problem.recordings):
+        values = predicted(recording, point.trajectories[number], point.own[number])
+        for place, series in enumerate(recording.series):
+            unit = series.observable.unit
+            common = (recording, held_out, series.times)
+            if len(series.labels) != series.values.shape[-1] or series.values.ndim == 3:
+                distance = _distance(parts[number][place] * problem.sigmas[number][place])
+                yield _curve(*common, f"{series.name}, distance", unit, np.zeros(distance.size), distance)
+                continue
+            for column, label in enumerate(series.labels):
+                name = f"{series.name}.{label}" if label else series.name
+                yield _curve(*common, name, unit, series.values[:, column], values[place][:, column])
+
+
+def _distance(residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the root mean square (m,) of the residuals at each time."""
+    flat = residual.reshape(residual.shape[0], -1)
+    return np.sqrt(np.nanmean(flat**2, axis=1))
+
+
+def _curve(
+    recording: Recording,
+    held_out: bool,
+    times: NDArray[np.float64],
+    series: str,
+    unit: str,
+    measured: NDArray[np.float64],
+    simulated: NDArray[np.float64],
+) -> ComparedColumn:
+    return ComparedColumn(recording.name, series, unit, held_out, times, measured, simulated, recording.over)
+
 
 MOST_DRAWN = 12
 """Largest number of columns in the picture: those with the largest motion. The HTML page has all columns."""

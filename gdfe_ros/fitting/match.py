@@ -1,20 +1,215 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of a match file, which states the file of each recording and the options for reading it."""
+"""Match files: keys and units, the recordings that they state, and the simulated quantities that they name."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import ValidationError
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
+from gdfe_ros.actuators import Cable, Chamber
 from gdfe_ros.bounded_text import LARGEST_TEXT
-from gdfe_ros.errors import DefectsError, GdfeError
-from gdfe_ros.fitting.match_schema import MatchModel, RecordingModel
+from gdfe_ros.errors import DefectsError, GdfeError, MeshError
+from gdfe_ros.fitting.observable import CLOUDS, POSITIONS, Observable, QuantityKind, require_known
+from gdfe_ros.mesh import select_vertices
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.document import parse_document
-from gdfe_ros.scene.entry import TAG
+from gdfe_ros.scene.entry import TAG, Choice, Entry
+from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.scene.where_schema import WhereModel
+
+FACTORS = {
+    "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254,
+    "N": 1.0, "mN": 1e-3, "gf": 9.80665e-3, "kgf": 9.80665,
+    "Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "mbar": 1e2, "bar": 1e5, "psi": 6894.757293168,
+    "m^3": 1.0, "l": 1e-3, "ml": 1e-6,
+    "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
+    "1": 1.0,
+}  # fmt: skip
+"""Dict from unit to its value in SI units."""
+Unit = Literal[
+    "m", "cm", "mm", "um", "in", "N", "mN", "gf", "kgf", "Pa", "kPa", "MPa", "mbar", "bar", "psi", "m^3", "l", "ml",
+    "s", "ms", "us", "ns", "1",
+]  # fmt: skip
+
+
+AXES = ("x", "y", "z")
+_SIGMA = Quantity("standard deviation of a value, in the unit given", above=0.0)
+_SHIFT = Quantity("time by which the recording's clock is ahead of the simulation's", "s", least=-1e6, most=1e6)
+_BETWEEN = Quantity("bounds of the time shift", "s", least=-1e6, most=1e6, count=2, ascending=True)
+_ALONG = Quantity("direction [x, y, z] that a single column is measured along", count=3)
+_EVERY = Quantity("use only every n-th sample", least=1, most=1_000_000, whole=True)
+_RANGE = Quantity("least and largest value of a column", count=2, ascending=True, infinite=True)
+_NUMBER = Quantity("command in SI units", least=-1e15, most=1e15)
+
+
+class _Found(Entry):
+    """Source of a quantity in a recording: columns of a CSV file, or a topic of a bag."""
+
+    column: str | None = Field(None, description="CSV: a single column")
+    columns: dict[Literal[AXES], str | tuple[str, ...]] = Field(
+        {}, description="CSV: column of each axis; several columns are averaged"
+    )
+    topic: str | None = Field(None, description="bag: name of the topic")
+    frame_id: str | None = Field(None, description="bag: child frame in a TFMessage")
+    marker: str | None = Field(None, description="bag: `namespace/id` in a Marker or MarkerArray")
+    joint: str | None = Field(None, description="bag: name in a JointState, or index in a Float64MultiArray")
+    field: Literal["position", "velocity", "effort"] = Field("effort", description="bag: field of a JointState")
+    path: str | None = Field(
+        None,
+        description="bag: path to a number, point, vector or pose in a message of any type, e.g. "
+        "`rigid_bodies[0].pose.position` or `rigid_bodies[rigid_body_name=tip].pose`",
+    )
+    unit: Unit | None = Field(None, description="unit of the numbers (default: SI)")
+
+
+class CompareModel(_Found, Choice):
+    """A measured quantity, and the simulated quantity with which it is compared."""
+
+    options: ClassVar[tuple[str, ...]] = (
+        "column", "columns", "topic", "frame_id", "marker", "joint", "field", "path", "unit", "along", "displacement",
+        "sigma",
+    )  # fmt: skip
+
+    probe: str | None = Field(None, description="position of a probe [m]")
+    mean: WhereModel | None = Field(None, description="mean position of these vertices [m], e.g. {face: x+}")
+    handle: str | None = Field(None, description="position of a handle, obstacle or rigid body from rest [m]")
+    force: str | None = Field(None, description="force [N] that a handle or obstacle exerts on the body")
+    effort: str | None = Field(None, description="tension [N] or pressure [Pa] of an actuator")
+    extent: str | None = Field(None, description="length [m] or volume [m^3] of an actuator")
+    cloud: Literal["vertices", "surface"] | None = Field(
+        None, description="bag: a PointCloud2 of all vertices in order, or of points anywhere on the surface"
+    )
+    along: Annotated[tuple[float, float, float], _ALONG] | None = None
+    displacement: bool = Field(False, description="true: positions are relative to rest, not to the world's origin")
+    sigma: Annotated[float, _SIGMA] | None = None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> CompareModel:
+        given = [name for name in ("column", "columns", "topic") if getattr(self, name)]
+        if len(given) > 1:
+            raise ValueError(f"give one of column, columns, topic; given: {', '.join(given)}")
+        return self
+
+
+class CommandModel(_Found):
+    """A column or topic that commanded an actuator, a load or a handle."""
+
+
+def _kind_of_command(value: Any) -> str:
+    return TAG + ("found" if isinstance(value, dict | CommandModel) else "number")
+
+
+class FrameModel(Entry):
+    """Pose of the scene's frame in the recording's frame: x_recorded = R x + t."""
+
+    fit: Literal["translation", "pose"] = Field(
+        "pose", description="fit the translation t alone, or the rotation R and t"
+    )
+
+
+class RecordingModel(Entry):
+    """Options for reading a recording; the options of one recording replace those for all recordings."""
+
+    file: str | None = Field(None, description="name of the file (default: the name of the recording)")
+    time: str | None = Field(None, description="CSV: column of the time; without it each row is an equilibrium")
+    time_unit: Unit = "s"
+    where: dict[str, Annotated[tuple[float, float], _RANGE]] = Field(
+        {}, description="CSV: rows that are used, by ranges of their columns, e.g. pressure_mbar: [50, 200]"
+    )
+    every: Annotated[int, _EVERY] = 1
+    compare: dict[str, CompareModel] = Field({}, description="measured quantities, by names of your choice")
+    commands: dict[
+        str,
+        Annotated[
+            Annotated[float, _NUMBER, Tag(TAG + "number")] | Annotated[CommandModel, Tag(TAG + "found")],
+            Discriminator(_kind_of_command),
+        ],
+    ] = Field(
+        {}, description="commands of actuators, loads (factors) and handles: a number, or a recorded column or topic"
+    )
+    set: dict[str, Any] = Field({}, description="keys of the scene that differ in this recording")
+    shift: Annotated[float, _SHIFT] = 0.0
+    shift_between: Annotated[tuple[float, float], _BETWEEN] | None = Field(
+        None, description="the time shift is fitted within these bounds [s]"
+    )
+    frame: FrameModel | None = None
+    start: Literal["rest", "equilibrium"] = Field(
+        "rest", description="initial state of a motion: the rest shape, or the equilibrium under the first commands"
+    )
+
+
+class MatchModel(RecordingModel):
+    """A match file."""
+
+    recordings: dict[str, RecordingModel] = Field({}, description="recordings by name; `--holdout` takes these names")
+
+
+def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observable:
+    """Return the simulated quantity to which an entry refers.
+
+    Raises:
+        GdfeError: the scene lacks the named item, or the selection of vertices is invalid or empty.
+    """
+    key, value = model.chosen
+    if key == "mean":
+        try:
+            vertices = select_vertices(scene.mesh, value.build())
+        except MeshError as error:
+            raise GdfeError(f"{where}: {error}") from error
+        if not vertices.size:
+            raise GdfeError(f"{where}: `mean` selects no vertex of scene {scene.name!r}")
+        return Observable(QuantityKind.MEAN, vertices=vertices, displacement=model.displacement)
+    kind = QuantityKind(value) if key == "cloud" else QuantityKind(key)
+    name = "" if key == "cloud" else value
+    require_known(kind, name, scene, where)
+    return Observable(kind, name, displacement=model.displacement, actuator_unit=_actuator_unit(kind, name, scene))
+
+
+def _actuator_unit(kind: QuantityKind, name: str, scene: Scene) -> str:
+    """Return the SI unit of an actuator's effort or extent; empty for other quantities and for growth."""
+    units = {Cable: ("N", "m"), Chamber: ("Pa", "m^3")}
+    actuator = next((each for each in scene.actuators if each.name == name), None)
+    if kind not in (QuantityKind.EFFORT, QuantityKind.EXTENT):
+        return ""
+    return units.get(type(actuator), ("", ""))[kind is QuantityKind.EXTENT]
+
+
+def along_of(
+    model: CompareModel, observable: Observable, where: str
+) -> tuple[tuple[str, ...], NDArray[np.float64] | None]:
+    """Return the labels of the c measured columns, and their directions (c, 3); None for a scalar or a cloud.
+
+    Raises:
+        GdfeError: one column of a vector has no direction or a zero direction, or a scalar has `columns`.
+    """
+    vector = observable.kind in POSITIONS or observable.kind is QuantityKind.FORCE
+    if observable.kind in CLOUDS or (not vector and not model.columns):
+        return ("",), None
+    if not vector:
+        raise GdfeError(f"{where}: an actuator has one number; give `column`, not `columns`")
+    if model.columns or (model.topic and model.along is None):
+        axes = [axis for axis in AXES if not model.columns or axis in model.columns]
+        return tuple(axes), np.array([[float(axis == other) for other in AXES] for axis in axes])
+    if model.along is None:
+        raise GdfeError(
+            f"{where}: along what is column {model.column!r} measured? give `along: [x, y, z]`, or `columns`"
+        )
+    length = float(np.linalg.norm(model.along))
+    if length == 0.0:
+        raise GdfeError(f"{where}: along has no direction: {model.along}")
+    return ("",), np.array([model.along]) / length
+
+
+def scale_of(unit: str | None) -> float:
+    """Return the factor that converts a unit to SI."""
+    return FACTORS[unit or "1"]
 
 
 class MatchError(DefectsError):

@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The least-squares problem of a fit: unknowns, residuals and their derivatives."""
+"""The least-squares problem of a fit: unknowns, residuals, derivatives, and the search over growing horizons."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import Own, SurfaceDistances, first_own, residuals
 from gdfe_ros.fitting.observable import POSITIONS
 from gdfe_ros.fitting.parameter import FittedParameter
-from gdfe_ros.fitting.pool import Pool
 from gdfe_ros.fitting.recording import Recording
-from gdfe_ros.fitting.sensitivity import trajectory_columns
-from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
+from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulator, Trajectory, trajectory_columns
 
 SHARE = 0.01
 """Assumed standard deviation of a series that states none, divided by the largest range of the series with its unit."""
@@ -49,7 +48,7 @@ class FitProblem:
     The unknowns are the coordinates u of the parameters, then the unknowns of each recording: time shift and frame.
 
     Args:
-        pool: pool that runs the simulations.
+        simulator: runs the simulations.
         parameters: parameters to fit.
         recordings: recordings to fit.
         surface: function for distances from the surface; None if no cloud is compared with the surface.
@@ -61,7 +60,7 @@ class FitProblem:
 
     def __init__(
         self,
-        pool: Pool,
+        simulator: Simulator,
         parameters: Sequence[FittedParameter],
         recordings: Sequence[Recording],
         *,
@@ -69,7 +68,7 @@ class FitProblem:
         sigmas: Sequence[Sequence[float]] | None = None,
     ) -> None:
         self.parameters, self.recordings = tuple(parameters), tuple(recordings)
-        self._pool, self._surface = pool, surface
+        self._simulator, self._surface = simulator, surface
         self.sigmas = sigmas or standard_deviations(recordings)
         self.horizons = [np.inf] * len(self.recordings)
         self._known: tuple[tuple[object, ...], list[Trajectory | NotSimulatedError]] | None = None
@@ -131,7 +130,7 @@ class FitProblem:
         if self._known is None or self._known[0] != key:
             given = {p.key: value for p, value in zip(self.parameters, values, strict=True)}
             tasks = [(given, *pair) for pair in zip(self.recordings, self.horizons, strict=True)]
-            self._known = (key, self._pool.run(tasks))
+            self._known = (key, self._simulator.run(tasks))
         return self._known[1]
 
     def residuals(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -153,7 +152,7 @@ class FitProblem:
         base = self.stacked(here.trajectories, here.own)
         given = {"horizons": self.horizons}
         changes = trajectory_columns(
-            self._pool, self.recordings, self.parameters, here.values, here.trajectories, **given
+            self._simulator, self.recordings, self.parameters, here.values, here.trajectories, **given
         )
         columns = []
         for change in changes:
@@ -237,3 +236,107 @@ def _nudges(recording: Recording) -> list[float]:
     shift = [NUDGE["shift"]] if recording.shift_between is not None else []
     turn = [NUDGE["turn"]] * 3 if recording.frame == 6 else []
     return [*shift, *turn, *([NUDGE["translation"]] * 3 if recording.frame else [])]
+
+
+HORIZONS = (1 / 16, 1 / 4, 1.0)
+"""Fractions of a motion's duration that are fitted one after the other. Over the whole motion, an oscillation that is
+wrong by a whole period is a local minimum of the misfit. The first oscillation alone has no such minimum.
+"""
+STEP = 1e-5
+"""Relative change of the unknowns, or of the sum of squares, at which a search ends."""
+COARSE = 0.01
+"""Relative change of the sum of squares at which a search ends, if a search with a longer horizon follows."""
+MOST_TRIALS = 60
+SILENT = 1e-3
+"""Root mean square of d(residual)/du below which a parameter has no influence. At this limit, a factor e on its value
+changes the simulated values by a thousandth of the measured values' standard deviation.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Solution of a search.
+
+    Attributes:
+        unknowns: unknowns found (u,).
+        jacobian: d(residual)/d(unknown) at these unknowns, (values, unknowns), weighted by the loss.
+        cost: half the sum of squares of the residuals, or of their loss.
+        point: simulations at these unknowns.
+        message: reason why the search ended.
+    """
+
+    unknowns: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
+    cost: float
+    point: FitPoint
+    message: str
+
+
+def solve(
+    problem: FitProblem, *, moves: bool, loss: str = "linear", told: Callable[[str], None] | None = None
+) -> Solved:
+    """Minimise the sum of squares, or of a robust loss, of the residuals.
+
+    Args:
+        problem: problem with the residuals.
+        moves: whether the scene has dynamics; then the horizon grows from search to search.
+        loss: loss of scipy's `least_squares`.
+        told: function that is called with a line of text after each search.
+
+    Raises:
+        GdfeError: the initial values cannot be simulated, or a parameter has no influence.
+    """
+    low, high = problem.bounds()
+    shares = HORIZONS if moves else (1.0,)
+    framed = any(recording.frame for recording in problem.recordings)
+    problem.look_to(1.0 if framed else shares[0])
+    unknowns = problem.first()
+    _require_influence(problem, unknowns)
+    for share in shares:
+        problem.look_to(share)
+        last = share == 1.0
+        accuracy = {
+            "xtol": STEP,
+            "ftol": STEP if last else COARSE,
+            "gtol": None,
+            "max_nfev": MOST_TRIALS if last else 15,
+        }
+        result = least_squares(
+            problem.residuals,
+            np.clip(unknowns, low, high),
+            problem.jacobian,
+            bounds=(low, high),
+            x_scale="jac",
+            loss=loss,
+            **accuracy,
+        )
+        unknowns = result.x
+        if told is not None:
+            told(_line(problem, unknowns, share, result.nfev))
+    point = problem.point(unknowns)
+    return Solved(unknowns, result.jac, float(result.cost), point, result.message)
+
+
+def _line(problem: FitProblem, unknowns: NDArray[np.float64], share: float, trials: int) -> str:
+    pairs = zip(problem.parameters, problem.values(unknowns), strict=True)
+    values = ", ".join(f"{parameter.key} = {value:.5g}" for parameter, value in pairs)
+    return f"{100.0 * share:.3g} % of the time, {trials} trials: {values}"
+
+
+def _require_influence(problem: FitProblem, unknowns: NDArray[np.float64]) -> None:
+    """Raise GdfeError if a parameter has no influence on the present horizon, and none on the whole recordings."""
+    silent = _silent(problem, unknowns)
+    if silent:
+        problem.look_to(1.0)
+        silent = _silent(problem, unknowns)
+    if silent:
+        raise GdfeError(
+            f"{', '.join(silent)}: no influence on the measured values; remedy: leave it out of --vary, or record a "
+            "quantity that it changes (damping shows in motion, density under gravity, a modulus where forces act)"
+        )
+
+
+def _silent(problem: FitProblem, unknowns: NDArray[np.float64]) -> list[str]:
+    jacobian = problem.jacobian(unknowns)[:, : len(problem.parameters)]
+    influence = np.sqrt((jacobian**2).mean(axis=0))
+    return [p.key for p, size in zip(problem.parameters, influence, strict=True) if size < SILENT]

@@ -11,8 +11,7 @@ import numpy as np
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.csv_source import CsvSource
 from gdfe_ros.fitting.match import Source, find_sources
-from gdfe_ros.fitting.recording import ROW, TIME, Recording, Schedule
-from gdfe_ros.fitting.track import make_schedule, require_commanded
+from gdfe_ros.fitting.recording import ROW, TIME, Recording, Schedule, make_schedule, require_commanded
 from gdfe_ros.scene import Scene, scene_from_text
 
 

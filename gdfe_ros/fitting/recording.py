@@ -1,17 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording for a fit: its commands and its measured series."""
+"""Recordings for a fit: commands, schedules of simulations that follow them, and measured series."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.actuators import Actuator
 from gdfe_ros.command import Command
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.observable import Observable
+from gdfe_ros.scene.scene import Scene
 
 TIME, ROW = "time [s]", "row"
 """Values of `Recording.over`."""
@@ -108,3 +113,106 @@ class Recording:
     def count(self) -> int:
         """Number of measured values."""
         return sum(series.count for series in self.series)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Commands of one actuator, load or handle over time.
+
+    Attributes:
+        name: name of the actuator, load or handle.
+        times: times of the commands (m,) [s], ascending.
+        values: commands in SI units: (m, 1) for an actuator or load; for a handle, (m, 3) translations, or (m, 6)
+            translations and rotation vectors.
+        held: whether a command is constant until the next command, as for messages. Otherwise commands are
+            interpolated linearly.
+    """
+
+    name: str
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+    held: bool = False
+
+    def at(self, time: float) -> NDArray[np.float64]:
+        """Return the command (d,) at a ``time`` [s]."""
+        if self.held:
+            return self.values[max(int(np.searchsorted(self.times, time + 1e-12, side="right")) - 1, 0)]
+        return np.array([np.interp(time, self.times, column) for column in self.values.T])
+
+
+def constant(name: str, value: float) -> Track:
+    """Return the track of a constant command."""
+    return Track(name, np.zeros(1), np.full((1, 1), value))
+
+
+def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None:
+    """Check that the scene accepts the commands.
+
+    Raises:
+        GdfeError: a name is unknown, a command has the wrong number of components, is missing, or is out of range.
+    """
+    drives = [*(item.name for item in scene.actuators), *(item.name for item in scene.loads)]
+    movers = [handle.name for handle in scene.handles if not handle.fixed]
+    for track in tracks:
+        if track.name not in drives + movers:
+            known = ", ".join(drives + movers) or "none"
+            raise GdfeError(f"{where}: scene {scene.name!r} takes no command {track.name!r}; it takes {known}")
+        counts = (3, 6) if track.name in movers else (1,)
+        if track.values.shape[1] not in counts:
+            text = f"a command of {track.name!r} has {track.values.shape[1]} numbers; allowed: {counts[0]}"
+            raise GdfeError(
+                f"{where}: {text}; remedy: `columns: {{x: ..., y: ..., z: ...}}` for a handle, else `column`"
+            )
+        if not np.isfinite(track.values).all():
+            raise GdfeError(f"{where}: a command of {track.name!r} is missing")
+        if actuator := next((each for each in scene.actuators if each.name == track.name), None):
+            _require_range(track.values, actuator, where)
+
+
+def _require_range(values: NDArray[np.float64], actuator: Actuator, where: str) -> None:
+    """Check commands (m, 1) of an actuator, e.g. for a wrong unit."""
+    slack = 1e-9 * max(abs(values.min()), abs(values.max()))
+    if actuator.low - slack <= values.min() and values.max() <= actuator.high + slack:
+        return
+    quantity = f"{actuator.mode.value} [{actuator.mode.unit or 1}]"
+    raise GdfeError(
+        f"{where}: the commands of {actuator.name!r} are from {values.min():g} to {values.max():g}; allowed: "
+        f"{actuator.low:g} <= {quantity} <= {actuator.high:g}; remedy: the `unit` of this command in the match file, "
+        f"or the key actuators.{actuator.name}.range of the scene"
+    )
+
+
+def make_schedule(tracks: Sequence[Track], scene: Scene, moments: NDArray[np.float64]) -> Schedule:
+    """Return the steps of a simulation that follows tracks.
+
+    Args:
+        tracks: recorded commands.
+        scene: scene to simulate.
+        moments: times [s] at which the simulation is compared. Without dynamics, each of these times has a step to an
+            equilibrium. With dynamics, the steps have the length of the scene's internal steps and end after the last
+            of these times.
+    """
+    if scene.dynamics is None:
+        times = np.unique(moments)
+    else:
+        step = scene.dynamics.step
+        times = step * np.arange(1, max(1, math.ceil(float(moments.max()) / step - 1e-9)) + 1)
+    starts = np.concatenate([[0.0], times[:-1]]) if scene.dynamics is not None else times
+    loads = {load.name for load in scene.loads}
+    drives = {actuator.name for actuator in scene.actuators}
+    commands = []
+    for start, end in zip(starts, times, strict=True):
+        given = {track.name: track.at(float(start if track.held else end)) for track in tracks}
+        commands.append(
+            Command(
+                handles={n: _pose(v) for n, v in given.items() if n not in loads | drives},
+                actuators={n: float(v[0]) for n, v in given.items() if n in drives},
+                loads={n: float(v[0]) for n, v in given.items() if n in loads},
+            )
+        )
+    return Schedule(times, tuple(commands))
+
+
+def _pose(values: NDArray[np.float64]) -> Pose:
+    six = [*map(float, values), *([0.0] * (6 - len(values)))]
+    return Pose(tuple(six[:3]), tuple(six[3:]))

@@ -1,20 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulation of a recording with its commands; the results are the quantities that were measured."""
+"""Simulations of recordings with their commands, and derivatives with respect to parameters by finite differences."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.workers import map_tasks
 
+if TYPE_CHECKING:
+    from distributed import Client
+
+
+Task = tuple[Mapping[str, float], Recording, float]
+"""Arguments of one simulation: dict from parameter key to value; the recording; the horizon [s]."""
 EQUILIBRIA, MOTION = 1e-6, 1e-5
 """Largest solver tolerances in a fit, for equilibria and for motion. Larger tolerances disturb finite differences of
 simulations. With 1e-5, a finite difference of an oscillation has an error of 1.5 %.
@@ -43,6 +52,39 @@ class Trajectory:
         """Return this trajectory plus ``length`` times the trajectory ``change``."""
         pairs = zip(self.outputs, change.outputs, strict=True)
         return Trajectory(self.times, tuple(own + length * other for own, other in pairs), self.not_converged)
+
+
+class Simulator:
+    """Simulates recordings on workers.
+
+    Args:
+        text: YAML text of the scene, which needs no other file.
+        client: client of the workers (`gdfe_ros.workers.connect`); None simulates in this process.
+
+    Attributes:
+        count: number of simulations so far.
+    """
+
+    def __init__(self, text: str, client: Client | None = None) -> None:
+        self._text, self._client = text, client
+        self.count = 0
+
+    def run(self, tasks: Sequence[Task]) -> list[Trajectory | NotSimulatedError]:
+        """Return the trajectory of each task, or the error that prevented it.
+
+        Raises:
+            GdfeError: the workers die.
+        """
+        self.count += len(tasks)
+        return map_tasks(self._client, partial(_simulate, self._text), tasks)
+
+
+def _simulate(text: str, task: Task) -> Trajectory | NotSimulatedError:
+    values, recording, horizon = task
+    try:
+        return simulate(text, values, recording, horizon=horizon)
+    except NotSimulatedError as error:
+        return NotSimulatedError(str(error))
 
 
 def simulate(text: str, values: Mapping[str, float], recording: Recording, *, horizon: float = np.inf) -> Trajectory:
@@ -99,3 +141,72 @@ def _run(simulation: Simulation, recording: Recording, horizon: float) -> Trajec
         for row, observable in zip(rows, observed, strict=True):
             row.append(observable.of(simulation))
     return Trajectory(np.array(times), tuple(np.array(row) for row in rows), failed)
+
+
+STEP = 0.01
+"""Largest change of a coordinate u in a finite difference: 1 % of the value if u is a logarithm, else 1 % of the
+interval. The relative error of the derivative is about 1 %, plus the solver's tolerance divided by this change.
+"""
+
+
+def trajectory_columns(
+    simulator: Simulator,
+    recordings: Sequence[Recording],
+    parameters: Sequence[FittedParameter],
+    values: Sequence[float],
+    base: Sequence[Trajectory],
+    *,
+    horizons: Sequence[float],
+) -> list[list[Trajectory]]:
+    """Return d(trajectory)/du for each parameter (outer list) and recording, at given values.
+
+    The differences are one-sided, towards the middle of the bounds.
+
+    Args:
+        simulator: runs the simulations.
+        recordings: recordings to simulate.
+        parameters: parameters with the coordinates u.
+        values: values of the parameters.
+        base: trajectories at these values.
+        horizons: for each recording, the time [s] up to which it is simulated.
+
+    Raises:
+        NotSimulatedError: the simulation fails for both signs of a change.
+    """
+    steps = [_step(parameter, value) for parameter, value in zip(parameters, values, strict=True)]
+    pairs = list(zip(recordings, horizons, strict=True))
+    tasks = [(_changed(parameters, values, place, step), *pair) for place, step in enumerate(steps) for pair in pairs]
+    results = simulator.run(tasks)
+    columns = []
+    for place, step in enumerate(steps):
+        changed, length = results[place * len(pairs) : (place + 1) * len(pairs)], step
+        if any(isinstance(item, NotSimulatedError) for item in changed):
+            length = -step
+            changed = simulator.run([(_changed(parameters, values, place, length), *pair) for pair in pairs])
+        for item in changed:
+            if isinstance(item, NotSimulatedError):
+                raise item
+        columns.append([_quotient(item, own, length) for item, own in zip(changed, base, strict=True)])
+    return columns
+
+
+def _step(parameter: FittedParameter, value: float) -> float:
+    """Return the change of the coordinate u, towards the middle of the bounds."""
+    low, here, high = (parameter.coordinate(each) for each in (parameter.low, value, parameter.high))
+    size = min(STEP, 0.25 * (high - low))
+    return size if here <= 0.5 * (low + high) else -size
+
+
+def _changed(
+    parameters: Sequence[FittedParameter], values: Sequence[float], place: int, step: float
+) -> dict[str, float]:
+    """Return dict from key to value, with the coordinate u of the parameter at ``place`` changed by ``step``."""
+    given = {parameter.key: value for parameter, value in zip(parameters, values, strict=True)}
+    changed = parameters[place]
+    given[changed.key] = changed.value(changed.coordinate(values[place]) + step)
+    return given
+
+
+def _quotient(changed: Trajectory, own: Trajectory, step: float) -> Trajectory:
+    pairs = zip(changed.outputs, own.outputs, strict=True)
+    return Trajectory(own.times, tuple((other - mine) / step for other, mine in pairs))

@@ -2,7 +2,6 @@
 """Stress-strain laws and a library of materials."""
 
 from gdfe_ros.materials.curve_data import CurveData
-from gdfe_ros.materials.density import cell_densities, lacks_density
 from gdfe_ros.materials.invariant import ArrudaBoyce, Gent, Yeoh
 from gdfe_ros.materials.material import (
     Curve,
@@ -13,6 +12,8 @@ from gdfe_ros.materials.material import (
     NeoHookean,
     Ogden,
     StableNeoHookean,
+    cell_densities,
+    lacks_density,
 )
 from gdfe_ros.materials.presets import LIBRARY, PRESETS, preset
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar
@@ -326,3 +327,17 @@ def require_within(name: str, value: float, low: float, high: float, remedy: str
     """Raise ValueError with a remedy if a value is not between two bounds."""
     if not low < value < high:
         raise ValueError(f"{name} must lie in {low:g} < {name} < {high:g}, got {value!r}; {remedy}")
+
+
+def lacks_density(materials: Mapping[str, Material], what: str) -> str:
+    """Return a message that names the materials without a density; empty if every material has one.
+
+    The message starts with ``what``, e.g. ``gravity needs``.
+    """
+    light = [key for key, material in materials.items() if material.density is None]
+    return f"{what} a density: give `density` [kg/m^3] to {', '.join(light)}" if light else ""
+
+
+def cell_densities(materials: Mapping[str, Material], cell_material: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the density (m,) [kg/m^3] of each cell; ``cell_material`` (m,) are the indices of the cells' materials."""
+    return np.array([material.density for material in materials.values()])[cell_material]

@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 from gdfe_ros.mesh.generators import bar
-from gdfe_ros.mesh.hexmesh import HexMesh
-from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.mesh import HexMesh, Mesh
 from gdfe_ros.mesh.quality import QualityReport, check_mesh, require_sound
 from gdfe_ros.mesh.selection import select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.tetmesh import TetMesh

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.existing_file import LARGEST
+from gdfe_ros.mesh.mesh_input import LARGEST
 from gdfe_ros.regular_file import is_file, read_bytes
 
 MOST_INCLUDES = 100

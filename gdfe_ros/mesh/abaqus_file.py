@@ -244,7 +244,13 @@ class _Reader:
                 placed.append(("", _Instance(self._flat)))
         if self._assembly.elements:
             self._remarks.append(f"{len(self._assembly.elements)} elements of the assembly itself are left out")
-        return _joined(placed, self._heading, self._remarks)
+        builder = _MeshBuilder()
+        for name, item in placed:
+            try:
+                builder.add(item, name if len(placed) > 1 else "")
+            except ValueError as error:
+                raise self._defect(str(error)) from error
+        return builder.mesh(self._remarks)
 
 
 def _named(sets: dict[str, list[int]], name: str) -> list[int] | None:
@@ -291,37 +297,43 @@ def _add_elements(
     return places
 
 
-def _joined(placed: list[tuple[str, _Instance]], heading: str, remarks: list[str]) -> RawMesh:
-    """Return all instances as one mesh, with one block of cells for each kind."""
-    points = np.concatenate([item.points() for _, item in placed]) if placed else np.zeros((0, 3))
-    cells: dict[str, list[list[int]]] = {}
-    cell_sets: dict[str, dict[str, list[int]]] = {}
-    point_sets: dict[str, list[int]] = {}
-    left_out: dict[str, int] = {}
-    start = 0
-    for name, item in placed:
-        part = item.part
+class _MeshBuilder:
+    """Puts instances together as one mesh, with one block of cells for each kind."""
+
+    def __init__(self) -> None:
+        self._points = [np.zeros((0, 3))]
+        self._cells: dict[str, list[list[int]]] = {}
+        self._cell_sets: dict[str, dict[str, list[int]]] = {}
+        self._point_sets: dict[str, list[int]] = {}
+        self._left_out: dict[str, int] = {}
+
+    def add(self, item: _Instance, name: str = "") -> None:
+        """Add an instance; with a name, its solids are also a set of cells.
+
+        Raises:
+            ValueError: an element has a node that is not in the part.
+        """
+        part, start = item.part, sum(len(points) for points in self._points)
         row = {number: start + k for k, number in enumerate(part.nodes)}
-        start += len(row)
-        try:
-            places = _add_elements(part, row, cells, left_out)
-        except ValueError as error:
-            raise MeshError(heading, [str(error)]) from error
-        own = {name: list(part.elements)} if len(placed) > 1 and name else {}
+        self._points.append(item.points())
+        places = _add_elements(part, row, self._cells, self._left_out)
+        own = {name: list(part.elements)} if name else {}
         for key, numbers in (*part.element_sets.items(), *own.items()):
             for kind, place in (places[number] for number in numbers if number in places):
-                cell_sets.setdefault(key, {}).setdefault(kind, []).append(place)
+                self._cell_sets.setdefault(key, {}).setdefault(kind, []).append(place)
         for key, numbers in part.node_sets.items():
-            point_sets.setdefault(key, []).extend(row[number] for number in numbers if number in row)
-    remarks += [
-        f"{count} elements of type {kind} are left out, because they are no solids" for kind, count in left_out.items()
-    ]
-    return RawMesh(
-        points=points,
-        cells=[CellBlock(kind, np.array(block, dtype=np.int64)) for kind, block in cells.items()],
-        cell_sets={
-            key: [np.array(per.get(kind, []), dtype=np.int64) for kind in cells] for key, per in cell_sets.items()
-        },
-        point_sets={key: np.array(ids, dtype=np.int64) for key, ids in point_sets.items()},
-        remarks=remarks,
-    )
+            self._point_sets.setdefault(key, []).extend(row[number] for number in numbers if number in row)
+
+    def mesh(self, remarks: list[str]) -> RawMesh:
+        """Return the mesh, with ``remarks`` and one about each type of elements that was left out."""
+        left_out = [f"{count} elements of type {kind} are" for kind, count in self._left_out.items()]
+        return RawMesh(
+            points=np.concatenate(self._points),
+            cells=[CellBlock(kind, np.array(block, dtype=np.int64)) for kind, block in self._cells.items()],
+            cell_sets={
+                key: [np.array(per.get(kind, []), dtype=np.int64) for kind in self._cells]
+                for key, per in self._cell_sets.items()
+            },
+            point_sets={key: np.array(ids, dtype=np.int64) for key, ids in self._point_sets.items()},
+            remarks=[*remarks, *(f"{text} left out, because they are no solids" for text in left_out)],
+        )

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +11,11 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from gdfe_ros.mesh.edge_ids import number_edges
 from gdfe_ros.mesh.faces import enclosed_volume, turned
 from gdfe_ros.mesh.mesh import Mesh
-from gdfe_ros.mesh.shells import shell_numbers, shells
+from gdfe_ros.mesh.self_cuts import find_self_cuts
+from gdfe_ros.mesh.shells import inside, shell_numbers, shells
+from gdfe_ros.mesh.surface_edges import number_edges
 from gdfe_ros.mesh.tet_faces import flat_quads, six_node_volume
 
 NO_CAVITY = (
@@ -157,3 +159,99 @@ def _across_gaps(
     following = np.roll(np.arange(len(ring)), -1)
     opens = along & ~along[following]
     return np.stack([half_edges[ring[opens]], half_edges[ring[following[opens]]]], axis=1)
+
+
+_REMEDY = "allowed: wholly inside of the body's material; remedy: export all surfaces in the same frame and unit"
+
+Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
+"""Vertices (n, 3) [m] and triangles (t, 3) of a closed surface."""
+
+
+def misplaced_cavities(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], cavities: Sequence[Surface]
+) -> dict[int, str]:
+    """Return the text of a defect for the number of each cavity that is not inside of the body's material.
+
+    A cavity is inside if no other surface cuts or touches it, and a point of each of its shells is inside.
+
+    Args:
+        vertices: positions of the body's surface [m], shape (n, 3).
+        triangles: vertex ids of the body's closed surface, shape (t, 3).
+        cavities: closed surfaces of the air, in the same frame.
+    """
+    surfaces = [(vertices, triangles), *cavities]
+    starts = np.cumsum([0, *(len(points) for points, _ in surfaces)])
+    points = np.concatenate([own for own, _ in surfaces])
+    joined = np.concatenate([ids + start for (_, ids), start in zip(surfaces, starts[:-1], strict=True)])
+    owner = np.repeat(np.arange(len(surfaces)), [len(ids) for _, ids in surfaces])
+    cuts = find_self_cuts(points, joined)
+    found = {}
+    for number, (own, ids) in enumerate(cavities):
+        mine = owner == number + 1
+        crossed = mine[cuts.cut]
+        crossed[crossed] = ~find_self_cuts(own, ids).cut[cuts.cut[mine]]
+        if crossed.any():
+            x, y, z = cuts.places[crossed][0]
+            text = "the air is partly outside: its surface cuts or touches that of the body or of other air"
+            found[number] = f"{text}, e.g. near ({x:.4g}, {y:.4g}, {z:.4g}) m; {_REMEDY}"
+            continue
+        _, first = np.unique(shell_numbers(len(own), ids), return_index=True)
+        corners = own[ids[first, 0]]
+        outside = corners[~inside(corners, points, joined[~mine])]
+        if len(outside):
+            x, y, z = outside[0]
+            text = f"the air is outside of the body's material at ({x:.4g}, {y:.4g}, {z:.4g}) m"
+            found[number] = f"{text}; {_REMEDY}"
+    return found
+
+
+def close_on(faces: NDArray[np.int32], holder: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the plates (k, c) that close a surface, as faces with repeated nodes, and the edges (l, 2) that leak.
+
+    All open edges on one holder are joined to one of their vertices. A side of a six-node plate between two vertices
+    without a common edge has one of these vertices as its middle node: it runs along the same straight line.
+
+    Args:
+        faces: vertex ids (q, 4) or (q, 6), oriented.
+        holder: (n,) number of the rigid set of each vertex, -1 for vertices of none.
+    """
+    edges = _open_half_edges(faces)
+    ends = holder[edges]
+    leaks = (ends != ends[:, :1]).any(axis=1) | (ends[:, 0] < 0)
+    plates = [np.zeros((0, faces.shape[1]), np.int32)]
+    for number in np.unique(ends[:, 0]) if not leaks.any() else ():
+        own = ends[:, 0] == number
+        out, into = (np.bincount(edges[own, side], minlength=len(holder)) for side in (0, 1))
+        if (out != into).any():
+            leaks |= own
+        else:
+            plates.append(_fan(edges[own], faces.shape[1]))
+    return np.concatenate(plates), edges[leaks, :2]
+
+
+def _open_half_edges(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return begin, end and, of six-node faces, middle node (k, 2 or 3) of each half edge without a counterpart."""
+    corners = corners_of(faces)
+    edges = [corners.ravel(), np.roll(corners, -1, axis=1).ravel()]
+    if faces.shape[1] == 6:
+        edges.append(faces[:, 3:].ravel())
+    half = np.stack(edges, axis=1)
+    _, which = np.unique(np.sort(half[:, :2], axis=1), axis=0, return_inverse=True)
+    sign = np.where(half[:, 0] < half[:, 1], 1, -1) * (half[:, 0] != half[:, 1])
+    balance = np.bincount(which.ravel(), sign)[which.ravel()]
+    found = half[sign * balance > 0]
+    first = np.unique(found[:, :2], axis=0, return_index=True)[1]
+    return np.ascontiguousarray(found[np.sort(first)], dtype=np.int32)
+
+
+def _fan(edges: NDArray[np.int32], size: int) -> NDArray[np.int32]:
+    """Return triangles that join half edges (k, 2 or 3) to the first vertex, as faces with ``size`` nodes."""
+    origin = edges[0, 0]
+    apart = edges[(edges[:, :2] != origin).all(axis=1)]
+    start, end = apart[:, 0], apart[:, 1]
+    first = np.full(len(apart), origin, dtype=np.int32)
+    if size == 4:
+        return np.stack([first, end, start, start], axis=1)
+    beside = {int(a if b == origin else b): int(m) for a, b, m in edges if origin in (a, b)}
+    sides = [[beside.get(int(vertex), int(origin)) for vertex in vertices] for vertices in (end, start)]
+    return np.stack([first, end, start, sides[0], apart[:, 2], sides[1]], axis=1).astype(np.int32)

@@ -47,7 +47,7 @@ def _along(
     A crossing is an intersection of a column with the surface. Columns resolve the surface exactly along their axis.
     The axis with most crossings is closest to the surface's normal.
     """
-    from gdfe_ros.mesh.columns import integrate_columns  # scenes without cut cells load without numba
+    from gdfe_ros.mesh.cell_kernels import integrate_columns  # scenes without cut cells load without numba
 
     turn = [(axis + 1) % 3, (axis + 2) % 3, axis]
     size = tuple(count[i] for i in turn)

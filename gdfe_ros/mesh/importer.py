@@ -12,15 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.file_sets import named_sets
-from gdfe_ros.mesh.hexmesh import HexMesh
-from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.assembly import keep_cells, merge_vertices
+from gdfe_ros.mesh.mesh import HexMesh, Mesh
 from gdfe_ros.mesh.mesh_file import read_file
+from gdfe_ros.mesh.mesh_input import unit_defects
 from gdfe_ros.mesh.quality import check_mesh, list_ids, require_sound
-from gdfe_ros.mesh.raw_mesh import CellBlock, RawMesh
-from gdfe_ros.mesh.subset import keep_cells, merge_vertices
+from gdfe_ros.mesh.raw_mesh import CellBlock, RawMesh, named_sets
 from gdfe_ros.mesh.tetmesh import TetMesh, raised
-from gdfe_ros.mesh.units import unit_defects
 
 _FILL = "fill its surface with `mesh: {tets: {surface: FILE.stl, size: SIZE}}`"
 _TETRAHEDRA = ("tetra", "tetra10")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base class of meshes: flat arrays in one layout, SI units."""
+"""Meshes of hexahedra and their base class: flat arrays in one layout, SI units."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.faces import Faces
+from gdfe_ros.mesh.faces import Faces, boundary_faces
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.touching import Touching
@@ -158,3 +158,26 @@ class MeshPart:
         if self.at.any():
             vertices = vertices + self.at
         return replace(self.mesh, vertices=vertices)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class HexMesh(Mesh):
+    """A mesh of 8-vertex hexahedra.
+
+    The vertices of ``cells`` (m, 8) are in VTK's order: the four bottom vertices, counter-clockwise seen from the top,
+    then the four top vertices, each above its bottom vertex. The other attributes are those of `Mesh`.
+    """
+
+    nodes: ClassVar[int] = 8
+    noun: ClassVar[str] = "hexahedra"
+    vtk: ClassVar[str] = "hexahedron"
+
+    @cached_property
+    def centroids(self) -> NDArray[np.float64]:
+        """Mean of the eight vertices of each cell [m], shape (m, 3)."""
+        return self.vertices[self.cells].mean(axis=1)
+
+    @cached_property
+    def boundary(self) -> Faces:
+        """Faces that belong to one cell only, oriented out of the material."""
+        return boundary_faces(self.cells)

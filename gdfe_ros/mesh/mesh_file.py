@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.abaqus_file import read_abaqus
-from gdfe_ros.mesh.existing_file import require_file
+from gdfe_ros.mesh.mesh_input import limited_time, require_file
 from gdfe_ros.mesh.mesher import run_script
 from gdfe_ros.mesh.raw_mesh import CellBlock, RawMesh
-from gdfe_ros.mesh.reading_time import limited_time
 
 #: Suffixes that the tests cover; meshio reads more.
 SUFFIXES = (".msh", ".vtk", ".vtu", ".inp")

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces
-from gdfe_ros.mesh.refinement import refine
+from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.mesh.tet_faces import facets
 from gdfe_ros.mesh.trilinear import CORNERS, MODES, NEWTON_STEPS, SETTLED, trilinear_weights
 
@@ -134,7 +134,7 @@ def hang(
     Raises:
         MeshError: points are too far outside of the cells.
     """
-    from gdfe_ros.mesh.carriers import find_carriers  # scenes without skins load without numba
+    from gdfe_ros.mesh.cell_kernels import find_carriers  # scenes without skins load without numba
 
     corners = vertices[cells]
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAR, len(cells)))

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.filling import Filling
-from gdfe_ros.mesh.hexmesh import HexMesh
-from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.mesh import HexMesh, Mesh
 from gdfe_ros.mesh.tetmesh import TetMesh
 
 _CELL_SET, _VERTEX_SET, _FILLING = "cell_set:", "vertex_set:", "filling:"

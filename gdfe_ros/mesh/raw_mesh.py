@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Content of a mesh file before its cells are chosen: points, blocks of cells, sets and data."""
+"""Content of a mesh file before its cells are chosen, and its named sets of cells and points."""
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -47,3 +49,80 @@ class RawMesh:
     point_data: dict[str, NDArray] = field(default_factory=dict)
     field_data: dict[str, Any] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+
+
+Sets = dict[str, NDArray[np.int32]]
+#: Limit of distinct values in cell or point data that define groups. Data with more values are item numbers.
+MOST_GROUPS = 256
+
+_PHYSICAL = "gmsh:physical"
+
+
+def named_sets(raw: RawMesh, starts: dict[int, int]) -> tuple[Sets, Sets]:
+    """Return the cell sets and the vertex sets of a file.
+
+    Args:
+        raw: content of the file.
+        starts: dict from the index of a block of solid cells to the index of its first cell in the mesh.
+
+    Returns:
+        Two dicts from set name to sorted ids, int32: one of solid cells, one of vertices. A group of faces, edges or
+        points becomes a set of its vertices. Whole-number data ``name`` become a set for each value except zero:
+        ``name_1``, ``name_2``, ...
+    """
+    cells: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
+    vertices: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
+    for name, block, ids in _block_groups(raw):
+        if block in starts:
+            cells[name].append(starts[block] + ids)
+        else:
+            vertices[name].append(np.unique(np.asarray(raw.cells[block].data)[ids]))
+    for name, ids in raw.point_sets.items():
+        vertices[str(name)].append(np.asarray(ids, dtype=np.int64))
+    for name, data in raw.point_data.items():
+        for value in _groups(np.asarray(data)):
+            vertices[f"{name}_{value}"].append(np.flatnonzero(np.asarray(data) == value))
+    return _joined(cells), _joined(vertices)
+
+
+def _block_groups(raw: RawMesh) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
+    """Yield the name, the block index and the cell indices in the block, for each block of each set or group."""
+    yield from _set_blocks(raw)
+    for key, per_block in raw.cell_data.items():
+        whole = np.concatenate([np.asarray(data).ravel() for data in per_block]) if per_block else np.zeros(0)
+        for value in [] if key == "gmsh:geometrical" else _groups(whole):
+            yield from _value_blocks(raw, key, value)
+
+
+def _set_blocks(raw: RawMesh) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
+    """Yield the name, the block index and the cell indices in the block, for each block of each set of cells."""
+    for name, per_block in raw.cell_sets.items():
+        if not name or name.startswith("gmsh:"):
+            continue
+        for block, ids in enumerate(per_block):
+            if ids is not None and len(ids):
+                yield name, block, np.asarray(ids, dtype=np.int64)
+
+
+def _value_blocks(raw: RawMesh, key: str, value: int) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
+    """Yield the name, the block index and the cell indices in the block of cells whose data ``key`` are ``value``."""
+    names = {(int(tag), int(dim)): name for name, (tag, dim) in raw.field_data.items()}
+    for block, data in enumerate(raw.cell_data[key]):
+        name = f"{key}_{value}"
+        if key == _PHYSICAL:
+            name = names.get((value, raw.cells[block].dim), f"physical_{value}")
+        ids = np.flatnonzero(np.asarray(data) == value)
+        if len(ids) and not (key == _PHYSICAL and name in raw.cell_sets):
+            yield name, block, ids
+
+
+def _groups(data: NDArray[np.generic]) -> list[int]:
+    """Return the nonzero values of whole-number data, one for each group; none if more than `MOST_GROUPS`."""
+    if data.ndim != 1 or not np.issubdtype(data.dtype, np.integer):
+        return []
+    values = [int(value) for value in np.unique(data) if value]
+    return values if len(values) <= MOST_GROUPS else []
+
+
+def _joined(found: dict[str, list[NDArray[np.int64]]]) -> Sets:
+    return {name: np.unique(np.concatenate(ids)).astype(np.int32) for name, ids in found.items()}

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.assembly import join, merge_vertices
 from gdfe_ros.mesh.generators import grid, require_counts, require_sizes
-from gdfe_ros.mesh.hexmesh import HexMesh
-from gdfe_ros.mesh.subset import join, merge_vertices
+from gdfe_ros.mesh.mesh import HexMesh
 
 Map = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], tuple[ArrayLike, ...]]
 

@@ -57,7 +57,7 @@ def find_self_cuts(vertices: NDArray[np.float64], triangles: NDArray[np.integer]
         triangles: vertex ids, shape (t, 3).
         touch: length up to which triangles touch, divided by the diagonal of the surface.
     """
-    from gdfe_ros.mesh.triangle_pairs import count_cuts  # loads numba
+    from gdfe_ros.mesh.triangle_kernels import count_cuts  # loads numba
 
     tolerance = touch * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     tree = BoxTree.of(vertices, triangles, flat=tolerance)

@@ -115,7 +115,7 @@ def require_outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64],
 
 @lru_cache(maxsize=8)
 def _measured(vertex_bytes: bytes, triangle_bytes: bytes, cell: float) -> Solid:
-    from gdfe_ros.mesh.distance_grid import grid_distances  # scenes without such obstacles load without numba
+    from gdfe_ros.mesh.triangle_kernels import grid_distances  # scenes without such obstacles load without numba
 
     vertices = np.frombuffer(vertex_bytes).reshape(-1, 3)
     triangles = np.frombuffer(triangle_bytes, dtype=np.int64).reshape(-1, 3)

@@ -15,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.cut_cells import cube_moments, gather_slivers
-from gdfe_ros.mesh.existing_file import require_file
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.generators import grid
-from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.mesh import HexMesh
+from gdfe_ros.mesh.mesh_input import require_file, unit_defects
 from gdfe_ros.mesh.shells import Shells, points_inside, shells
-from gdfe_ros.mesh.subset import keep_cells
-from gdfe_ros.mesh.units import unit_defects
-from gdfe_ros.mesh.winding import open_edges_of
+from gdfe_ros.mesh.surface_edges import open_edges_of
 
 #: Suffixes of surface files.
 SUFFIXES = (".stl", ".obj", ".ply", ".off")

@@ -14,9 +14,8 @@ from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.outputs import TopicOutputs
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.run import Run
-from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
-from gdfe_ros.recording.recorder import Recorder, RecorderStatus
+from gdfe_ros.recording.recorder import BackPressure, QueueOptions, Recorder, RecorderStatus
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene.scene import Scene
 

@@ -21,9 +21,8 @@ from rosbags.rosbag2 import storage_mcap
 from rosbags.typesys import Stores, get_typestore
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.bag_info import bag_directory
-from gdfe_ros.recording.bag_kind import BagKind, file_kind, is_plain_mcap, storage_files
-from gdfe_ros.recording.expansion import bound_libraries, expand_message, open_zstd
+from gdfe_ros.recording.bag_info import BagKind, bag_directory, file_kind, is_plain_mcap, storage_files
+from gdfe_ros.recording.decoding import bound_libraries, expand_message, open_zstd
 from gdfe_ros.recording.reader import BagMessage, BagReader
 from gdfe_ros.recording.topic import TopicInfo
 

@@ -18,7 +18,7 @@ from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Message
 from mcap.stream_reader import breakup_chunk
 from zstandard import ZstdError
 
-from gdfe_ros.recording.expansion import bound_libraries, require_bounded
+from gdfe_ros.recording.decoding import bound_libraries, require_bounded
 
 bound_libraries()
 MAGIC = b"\x89MCAP0\r\n"

@@ -18,10 +18,15 @@ from mcap.records import Channel, Schema
 from gdfe_ros.bounded_text import load_yaml
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_file import RECORDING_RECORD, ROLE_KEY, RUN_RECORD
-from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY, bag_directory
-from gdfe_ros.recording.bag_kind import LARGEST_METADATA, require_mcap, storage_files
-from gdfe_ros.recording.decoding import array_decoder
-from gdfe_ros.recording.expansion import require_bounded
+from gdfe_ros.recording.bag_info import (
+    LARGEST_METADATA,
+    METADATA_FILE,
+    ROOT_KEY,
+    bag_directory,
+    require_mcap,
+    storage_files,
+)
+from gdfe_ros.recording.decoding import array_decoder, require_bounded
 from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
 from gdfe_ros.recording.frames import chunk_size, require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo

@@ -35,7 +35,7 @@ from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.faces import turned
-from gdfe_ros.mesh.skin_selection import select_skin
+from gdfe_ros.mesh.selection import select_skin
 from gdfe_ros.scene.actuator_schema import (
     AnchorModel,
     CableModel,
@@ -171,30 +171,31 @@ def _limits(value: DriveModel, mode: Mode, path: KeyPath, report: Defects) -> tu
 
 def _cable(value: CableModel, mesh: HexMesh, common: dict, path: KeyPath, report: Defects) -> Cable | None:
     """Return a cable; points up to half a cell outside of the body are moved onto it."""
+    world, groups = [], {}
+    for number, point in enumerate(value.points):
+        if isinstance(point, AnchorModel):
+            world.append(number)
+        else:
+            groups.setdefault(point.mesh if isinstance(point, PlaceModel) else value.mesh, []).append(number)
     count = len(value.points)
-    kinds = [type(each) for each in value.points]
-    parts = [each.mesh if isinstance(each, PlaceModel) else value.mesh for each in value.points]
     corners, weights, anchors = (
         np.zeros((count, mesh.nodes), np.int32),
         np.zeros((count, mesh.nodes)),
         np.zeros((count, 3)),
     )
-    moved, valid = 0.0, True
-    for part in dict.fromkeys(part for part, kind in zip(parts, kinds, strict=True) if kind is not AnchorModel):
-        own = [i for i in range(count) if kinds[i] is not AnchorModel and parts[i] == part]
-        places = [getattr(value.points[i], "at", value.points[i]) for i in own]
+    moved = [0.0]
+    for part, own in groups.items():
+        places = [getattr(value.points[number], "at", value.points[number]) for number in own]
         found = _embedded(mesh, part, places, path, report, key="points", reach=HALF_A_CELL[mesh.nodes])
-        if found is None:
-            valid = False
-            continue
-        corners[own], weights[own], moved = found.corners, found.weights, max(moved, found.moved)
-    world = [i for i in range(count) if kinds[i] is AnchorModel]
-    if not valid:
+        if found is not None:
+            corners[own], weights[own] = found.corners, found.weights
+            moved.append(found.moved)
+    if len(moved) <= len(groups):
         return None
     if world:
-        anchors[world] = [value.points[i].world for i in world]
-        corners[world] = next(corners[i] for i in range(count) if i not in world)  # their weights are zero
-    points = Embedding(corners, weights, anchors if world else None, moved)
+        anchors[world] = [value.points[number].world for number in world]
+        corners[world] = corners[next(iter(groups.values()))[0]]  # their weights are zero
+    points = Embedding(corners, weights, anchors if world else None, max(moved))
     return Cable(points=points, stiffness=value.stiffness or math.inf, **common)
 
 

@@ -9,8 +9,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.finger import finger
-from gdfe_ros.mesh.generators import bar, cut, grid
+from gdfe_ros.mesh.generators import bar, cut, finger, grid
 from gdfe_ros.mesh.round_bodies import ring, sphere, tube
 from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.quantity import ANY, Quantity

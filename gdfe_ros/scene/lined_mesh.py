@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh import Mesh
-from gdfe_ros.mesh.existing_file import LARGEST
+from gdfe_ros.mesh.mesh_input import LARGEST
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
 from gdfe_ros.mesh.store import keep, key_of, recall

@@ -11,15 +11,14 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
+from gdfe_ros.mesh.assembly import mirrored
 from gdfe_ros.mesh.contact_skin import is_closed
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.mesher_process import expected_cells
-from gdfe_ros.mesh.mirror import mirrored
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.shells import shells
-from gdfe_ros.mesh.step_file import step_volume
-from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
+from gdfe_ros.mesh.tetrahedralise import from_step, from_surface, step_volume
 from gdfe_ros.mesh.voxels import CutCubes, examine_surface, read_voxels
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, RingModel, SphereShellModel, TubeModel

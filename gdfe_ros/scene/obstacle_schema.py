@@ -15,8 +15,8 @@ from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.contact_skin import out_of_material
-from gdfe_ros.mesh.inertia import inertia_of
 from gdfe_ros.mesh.packing import pack_surface, unpack_surface
+from gdfe_ros.mesh.shells import inertia_of
 from gdfe_ros.mesh.solid import make_solid, read_solid, require_outward
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.scene.entry import Choice, Entry

@@ -11,7 +11,7 @@ from gdfe_ros.constraints.form import Sphere
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.mesh import TetMesh
 from gdfe_ros.mesh.faces import enclosed_volume
-from gdfe_ros.mesh.wall_cells import flat_walls
+from gdfe_ros.mesh.walls import flat_walls
 from gdfe_ros.scene.scene import Scene
 
 LEAST_CELLS = 3.0

@@ -9,6 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.regular_file import read_bytes
@@ -58,28 +59,40 @@ def read_stress_table(path: Path) -> StressTable:
         ValueError: the file cannot be read, has no such columns or several tests, has an unknown unit, has rows that
             are not finite numbers, or has fewer than two rows.
     """
+    rows = _numbered_rows(path)
+    places = [place for place in range(len(rows)) if _columns_at(path, rows, place) is not None]
+    if not places:
+        titles = [cell.lower() for cell in rows[0][1]]
+        raise ValueError(f"{path} line {rows[0][0]}: the header is {titles}; {_REMEDY}")
+    begin, end = _find_test(path, rows, places)
+    strain, stress, remarks = _columns_at(path, rows, begin)
+    remarks += [f"the table of results in line {rows[place][0]} is left out" for place in places if place != begin]
+    begin += 2 if begin + 1 < len(rows) and is_unit_row(rows[begin + 1][1]) else 1
+    points = [
+        _Point(line, strain.value(row, _number), stress.value(row, _number), row) for line, row in rows[begin:end]
+    ]
+    return _table(path, points, remarks)
+
+
+def _numbered_rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Return the number and the cells of each line that is neither empty nor a comment."""
     numbered = [(i, line) for i, line in enumerate(_text(path).splitlines(), 1) if line.strip() and line[0] != "#"]
     if not numbered:
         raise ValueError(f"{path} is empty; {_REMEDY}")
     if len(numbered) > _MOST_ROWS:
         raise ValueError(f"{path} has {len(numbered)} rows; allowed: up to {_MOST_ROWS}; remedy: leave out some rows")
-    rows = [
-        (number, row) for (number, _), row in zip(numbered, _cells(path, [line for _, line in numbered]), strict=True)
-    ]
-    places = [place for place in range(len(rows)) if _columns_at(path, rows, place) is not None]
-    if not places:
-        titles = [cell.lower() for cell in rows[0][1]]
-        raise ValueError(f"{path} line {rows[0][0]}: the header is {titles}; {_REMEDY}")
+    numbers, lines = zip(*numbered, strict=True)
+    return list(zip(numbers, _cells(path, lines), strict=True))
+
+
+def _find_test(path: Path, rows: Sequence[tuple[int, list[str]]], places: Sequence[int]) -> tuple[int, int]:
+    """Return begin and end of the only test, given the ``places`` of all headers; short tables are summaries."""
     tests = list(zip(places, [*places[1:], len(rows)], strict=True))
     long = [(begin, end) for begin, end in tests if end - begin > _SUMMARY] if len(tests) > 1 else tests
     if len(long) != 1:
         lines = ", ".join(str(rows[place][0]) for place in places[:_LISTED])
         raise ValueError(f"{path} has {len(places)} tests, with headers in line {lines}; remedy: one file for each")
-    begin, end = long[0]
-    strain, stress, remarks = _columns_at(path, rows, begin)
-    remarks += [f"the table of results in line {rows[place][0]} is left out" for place in places if place != begin]
-    begin += 2 if begin + 1 < len(rows) and is_unit_row(rows[begin + 1][1]) else 1
-    return _table(path, rows[begin:end], strain, stress, remarks)
+    return long[0]
 
 
 def _text(path: Path) -> str:
@@ -136,30 +149,40 @@ def _columns_at(
         raise ValueError(f"{path} line {line}: {error}") from error
 
 
-def _table(
-    path: Path, rows: Sequence[tuple[int, list[str]]], strain: TableColumn, stress: TableColumn, remarks: list[str]
-) -> StressTable:
-    points = [(line, strain.value(row, _number), stress.value(row, _number), _is_empty(row)) for line, row in rows]
-    last = max((k for k, (_, e, s, _) in enumerate(points) if e is not None and s is not None), default=-1)
+class _Point(NamedTuple):
+    """A row below the header: its line in the file, strain and stress [Pa], each None without a number, its cells."""
+
+    line: int
+    strain: float | None
+    stress: float | None
+    row: list[str]
+
+    @property
+    def count(self) -> int:
+        """Number of its two values that are numbers."""
+        return (self.strain is not None) + (self.stress is not None)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no cell has a content."""
+        return all(cell.lower() in _EMPTY for cell in self.row)
+
+
+def _table(path: Path, points: Sequence[_Point], remarks: list[str]) -> StressTable:
+    last = max((k for k, point in enumerate(points) if point.count == 2), default=-1)
     data, below = points[: last + 1], points[last + 1 :]
-    tail = [row for (*_, empty), (_, row) in zip(below, rows[last + 1 :], strict=True) if not empty]
-    if tail:
+    if tail := [point.row for point in below if not point.is_empty]:
         remarks.append(f"{len(tail)} rows below the data are left out, the first: {', '.join(tail[0])[:60]}")
-    kept = [point for point in data if not point[-1]]
+    kept = [point for point in data if not point.is_empty]
     if len(kept) < len(data):
         remarks.append(f"{len(data) - len(kept)} empty rows between the data are left out")
-    wrong = [str(line) for line, e, s, _ in kept if e is None or s is None]
-    wrong += [str(line) for line, e, s, _ in below if (e is None) != (s is None)]
-    if wrong or (last < 0 and points):
-        listed = ", ".join((wrong or [str(line) for line, *_ in points])[:_LISTED])
-        raise ValueError(f"{path}: not two finite numbers in line {listed}; {_REMEDY}")
+    wrong = [point for point in kept if point.count < 2] + [point for point in below if point.count == 1]
+    if listed := wrong or (points if last < 0 else []):
+        lines = ", ".join(str(point.line) for point in listed[:_LISTED])
+        raise ValueError(f"{path}: not two finite numbers in line {lines}; {_REMEDY}")
     if len(kept) < 2:
         raise ValueError(f"{path} has {len(kept)} rows of data; at least 2 are needed")
-    return StressTable(tuple(e for _, e, _, _ in kept), tuple(s for _, _, s, _ in kept), tuple(remarks))
-
-
-def _is_empty(row: Sequence[str]) -> bool:
-    return all(cell.lower() in _EMPTY for cell in row)
+    return StressTable(tuple(point.strain for point in kept), tuple(point.stress for point in kept), tuple(remarks))
 
 
 def _number(cell: str) -> float | None:

@@ -72,25 +72,26 @@ def find_columns(
     Raises:
         ValueError: there are such columns, but with an unknown unit, or only of true stress.
     """
-    plain = [title.lower() for title in titles]
-    strains = [k for k, title in enumerate(plain) if _STRAIN.search(title) and not _STRESS.search(title)]
-    stresses = [k for k, title in enumerate(plain) if _STRESS.search(title)]
+    stresses = _matching(titles, _STRESS)
+    strains = [place for place in _matching(titles, _STRAIN) if place not in stresses]
     remarks: list[str] = []
     strain = _chosen(strains, titles, units, STRAIN_UNITS, "strain", remarks)
     stress = _chosen(stresses, titles, units, STRESS_UNITS, "stress", remarks)
-    if strain is None or stress is None:
-        forces = [k for k, title in enumerate(plain) if _FORCE.search(title) and not _STRESS.search(title)]
-        ways = [k for k, title in enumerate(plain) if _EXTENSION.search(title) and k not in strains]
-        sizes = _sizes(above) if forces or ways else {}
-        if stress is None and forces and "area" in sizes:
-            force = _chosen(forces, titles, units, FORCE_UNITS, "force", remarks)
-            stress = TableColumn(force.place, force.factor / sizes["area"])
-            remarks.append(f"stress is {titles[force.place]!r} over the area of {sizes['area']:.4g} m^2")
-        if strain is None and ways and "length" in sizes:
-            way = _chosen(ways, titles, units, LENGTH_UNITS, "extension", remarks)
-            strain = TableColumn(way.place, way.factor / sizes["length"])
-            remarks.append(f"strain is {titles[way.place]!r} over the length of {sizes['length']:.4g} m")
+    if stress is None and (forces := _matching(titles, _FORCE)) and (area := _sizes(above).get("area")):
+        force = _chosen(forces, titles, units, FORCE_UNITS, "force", remarks)
+        stress = TableColumn(force.place, force.factor / area)
+        remarks.append(f"stress is {titles[force.place]!r} over the area of {area:.4g} m^2")
+    extensions = [place for place in _matching(titles, _EXTENSION) if place not in strains]
+    if strain is None and extensions and (length := _sizes(above).get("length")):
+        extension = _chosen(extensions, titles, units, LENGTH_UNITS, "extension", remarks)
+        strain = TableColumn(extension.place, extension.factor / length)
+        remarks.append(f"strain is {titles[extension.place]!r} over the length of {length:.4g} m")
     return None if strain is None or stress is None else (strain, stress, remarks)
+
+
+def _matching(titles: Sequence[str], pattern: re.Pattern[str]) -> list[int]:
+    """Return the places of the titles in which a pattern is found."""
+    return [place for place, title in enumerate(titles) if pattern.search(title.lower())]
 
 
 def _chosen(

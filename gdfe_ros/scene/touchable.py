@@ -14,8 +14,7 @@ from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, select_faces
-from gdfe_ros.mesh.selection import Where
-from gdfe_ros.mesh.skin_selection import select_touching, select_touching_faces
+from gdfe_ros.mesh.selection import Where, select_touching, select_touching_faces
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.scene.builder import holder_of, select

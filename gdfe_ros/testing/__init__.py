@@ -34,12 +34,11 @@ from typing import TYPE_CHECKING, Any
 from gdfe_ros.extras import remedy
 
 if TYPE_CHECKING:
-    from gdfe_ros.testing.environment import make_env
+    from gdfe_ros.testing.environment import make_env, make_vector_env
     from gdfe_ros.testing.process import NodeProcess
     from gdfe_ros.testing.simulator import Simulator
     from gdfe_ros.testing.state import PublishedState
     from gdfe_ros.testing.tracking import TrackingError, tracking_error
-    from gdfe_ros.testing.vector_environment import make_vector_env
 
 __all__ = [
     "NodeProcess",
@@ -57,7 +56,7 @@ _HOMES = {
     "PublishedState": "state",
     "TrackingError": "tracking",
     "make_env": "environment",
-    "make_vector_env": "vector_environment",
+    "make_vector_env": "environment",
     "tracking_error": "tracking",
 }
 

@@ -9,19 +9,54 @@ from functools import partial
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
 from rclpy.client import Client as ServiceClient
 from rclpy.context import Context
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.eventless import EventlessNode
+from gdfe_ros.node.interface.topics import DIAGNOSTICS, PROCESS
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.strays import namesakes
-from gdfe_ros.testing.discovery import await_discovery
 from gdfe_ros.testing.process import NodeProcess
+
+_LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def await_discovery(
+    node: Node, simulation: str, wait: Callable[[Callable[[], Any]], Any], *, process: int | None = None
+) -> None:
+    """Wait until a simulation has discovered every subscription and service client that ``node`` has so far.
+
+    This is needed because a service counts as ready once requests reach it, but its response is lost if the server has
+    not yet discovered the client. DDS announces the endpoints of a node in the order of their creation. This function
+    makes a new subscription; once the subscription receives diagnostics, the simulation has therefore discovered all
+    earlier endpoints.
+
+    Args:
+        node: node with the subscriptions and clients.
+        simulation: full name of the simulation's node.
+        wait: function that spins the node until its argument, a function, returns a true value.
+        process: process id of the simulation, in case another node has its name; None: any process.
+    """
+    heard: list[DiagnosticArray] = []
+    wanted = f"{simulation.lstrip('/')}: "
+
+    def hear(message: DiagnosticArray) -> None:
+        own = [status for status in message.status if status.name.startswith(wanted)]
+        numbers = {value.value for status in own for value in status.values if value.key == PROCESS}
+        if own and (process is None or str(process) in numbers):
+            heard.append(message)
+
+    subscription = node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, hear, _LATCHED)
+    wait(lambda: heard)
+    node.destroy_subscription(subscription)
+
 
 PATIENCE = 300.0
 """Longest duration of each wait, except for a step [s]. The very first start compiles kernels, which takes minutes on a

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from gymnasium import Env
 from gymnasium.spaces import Box, Space
+from gymnasium.vector import AsyncVectorEnv
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.errors import CommandError, GdfeError
@@ -20,8 +22,8 @@ from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.testing.approach import Approach
-from gdfe_ros.testing.observed_space import default_space
-from gdfe_ros.testing.settling import is_held, settle
+from gdfe_ros.testing.forking import preload
+from gdfe_ros.testing.observed_space import default_space, is_held, settle
 
 Observation = Callable[[Simulation], ArrayLike]
 Reward = Callable[[Simulation, NDArray[np.float64]], float]
@@ -308,3 +310,25 @@ def _require_numbers(*, dt: float, steps: int, slew_time: float) -> None:
         raise GdfeError(f"slew_time is {slew_time!r}; allowed: 0 s or more")
     if not (isinstance(steps, Integral) and not isinstance(steps, bool) and steps >= 1):
         raise GdfeError(f"steps is {steps!r}; allowed: whole numbers, 1 or more")
+
+
+_PRELOAD = "gdfe_ros.testing.preloaded_environment"
+
+
+def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver", **options: Any) -> AsyncVectorEnv:
+    """Make environments that run in parallel, each in a process of its own.
+
+    Threads of one process could use the same matrix factors, but they would wait for Python's lock between the compiled
+    parts of a step. ``python -m benchmarks.environments`` measures threads and processes. By default the processes are
+    forked from a server that has imported the package and loaded the kernels once.
+
+    Args:
+        scene: name of a scene, or path of a scene file.
+        count: number of environments.
+        context: start method of the processes. With ``spawn`` each process imports the package. ``fork`` does not work,
+            because it copies the threads of the compiler in an invalid state.
+        options: keyword arguments of `make_env`.
+    """
+    if context == "forkserver":
+        preload(_PRELOAD)
+    return AsyncVectorEnv([partial(make_env, scene, **options)] * count, context=context)

@@ -13,8 +13,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.bag_steps import BagSteps
+from gdfe_ros.analysis.bag_run import BagRun, BagSteps
 from gdfe_ros.analysis.difference import Differences
 from gdfe_ros.analysis.replay import Replay, ReplayReport
 from gdfe_ros.errors import RecordingError

@@ -20,9 +20,8 @@ from gdfe_ros.live.messages import Messages
 from gdfe_ros.live.view import View
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.scene_topics import state_topics
-from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.recorder import BackPressure, QueueOptions, Recorder
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.twin.comparison import FRAME, Deviation
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gdfe_ros.analysis.comparison import compare_bags
-from gdfe_ros.analysis.difference import Difference
+from gdfe_ros.analysis.difference import Difference, compare_bags
 from gdfe_ros.cli import main
 from gdfe_ros.scene import load_scene
 

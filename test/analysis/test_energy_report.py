@@ -10,12 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.bag_steps import BagSteps
+from gdfe_ros.analysis.bag_run import BagRun, BagSteps
 from gdfe_ros.analysis.report.charts import all_charts
-from gdfe_ros.analysis.report.energies import DIFFERENCE, EXPECTED, HAS, energy_balance
-from gdfe_ros.analysis.report.history import RunHistory
-from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
+from gdfe_ros.analysis.report.history import DIFFERENCE, EXPECTED, HAS, RunHistory, StrainHistogram, energy_balance
 from gdfe_ros.analysis.report.writer import write_report
 from gdfe_ros.constraints import Pose
 from gdfe_ros.scene import load_scene

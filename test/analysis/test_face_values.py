@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gdfe_ros.analysis.face_values import face_values
+from gdfe_ros.analysis.scenery import face_values
 from gdfe_ros.scene import Scene, load_scene
 
 

@@ -11,9 +11,8 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.analysis.obstacle_faces import faces_of, obstacle_faces, recorded_faces
 from gdfe_ros.analysis.picture import OBSTACLE, draw_body
-from gdfe_ros.analysis.scenery import Scenery
+from gdfe_ros.analysis.scenery import Scenery, faces_of, obstacle_faces, recorded_faces
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle

@@ -21,11 +21,11 @@ from selenium.webdriver.support.ui import Select, WebDriverWait
 
 from docs.scripts.chromium import PATIENCE, start
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.face_values import face_values
 from gdfe_ros.analysis.report import pictures
+from gdfe_ros.analysis.report.history import StrainHistogram
 from gdfe_ros.analysis.report.pictures import write_png
-from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
 from gdfe_ros.analysis.report.writer import write_report
+from gdfe_ros.analysis.scenery import face_values
 from gdfe_ros.cli import main
 from gdfe_ros.colour_map import NOISE
 from gdfe_ros.constraints import Pose

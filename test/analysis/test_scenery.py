@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation, load_scene
-from gdfe_ros.analysis.bag_steps import BagStep
+from gdfe_ros.analysis.bag_run import BagStep
 from gdfe_ros.analysis.picture import CABLE, FORCE, draw_body
-from gdfe_ros.analysis.report.surroundings import Surroundings
+from gdfe_ros.analysis.report.animation import Surroundings
 from gdfe_ros.analysis.scenery import ARROW, Scenery
 from gdfe_ros.contacts import contact_points
 from gdfe_ros.recording.step_record import Begin, StepRecord

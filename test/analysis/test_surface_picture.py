@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from gdfe_ros.analysis.surface_picture import draw_surface
+from gdfe_ros.analysis.picture import draw_surface
 from gdfe_ros.mesh.surface_findings import surface_findings
 
 BOX = trimesh.creation.box((0.1, 0.06, 0.04))

@@ -5,31 +5,19 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
 import weakref
-from contextlib import suppress
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pyarrow.parquet
 import pytest
 
-from gdfe_ros.analysis.sweep.cases import Case, grid_cases, read_axes, read_list
+from gdfe_ros.analysis import sweep
+from gdfe_ros.analysis.sweep import Case, grid_cases, read_axes, read_list, run_case, run_cases
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
-
-NOBODY = 2**31 - 1
-"""A process id that no process has."""
-
-
-@pytest.fixture
-def runner() -> ModuleType:
-    """Import and return the module that runs cases on workers, so that collecting the tests does not import dask."""
-    from gdfe_ros.analysis.sweep import runner
-
-    return runner
+from gdfe_ros.workers import connect
 
 
 def test_a_grid_is_every_combination() -> None:
@@ -76,12 +64,10 @@ def test_a_sweep_is_resumed_and_reports_failures(tmp_path: Path, capsys: Any) ->
 
 def test_cases_with_an_equal_matrix_share_its_factor() -> None:
     """A second case with an equal matrix in the same worker uses the factor of the first."""
-    from gdfe_ros.analysis.sweep import case_run
-
     text, factors = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source, []
     for steps in (2, 3):
-        assert case_run.run_case(text, {"solver.steps": steps})["status"] == "converged"
-        (kept,) = case_run._KEPT
+        assert run_case(text, {"solver.steps": steps})["status"] == "converged"
+        (kept,) = sweep._KEPT
         factors.append(weakref.ref(kept.stepper.equilibrium.matrix._factor))
         del kept
     assert factors[0]() is factors[1]() is not None
@@ -89,7 +75,7 @@ def test_cases_with_an_equal_matrix_share_its_factor() -> None:
 
 def test_cases_that_did_not_converge_are_drawn_as_failed() -> None:
     """In a figure, failed and unconverged cases are crosses, and the line leaves them out."""
-    from gdfe_ros.analysis.sweep.results import results_figure
+    from gdfe_ros.analysis.sweep_results import results_figure
 
     good, bad = {"status": "converged"}, {"status": "not converged"}
     rows = [
@@ -113,60 +99,15 @@ def test_results_of_another_scene_are_not_mixed(tmp_path: Path, capsys: Any) -> 
     assert "another scene" in capsys.readouterr().err
 
 
-def test_a_killed_worker_costs_no_case(runner: ModuleType) -> None:
+def test_a_killed_worker_costs_no_case() -> None:
     """After the only worker is killed, every case is run exactly once in the results."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
     cases = grid_cases({"materials.e20.young": [1e4 + 100.0 * k for k in range(40)]})
-    with runner.connect(None, 1) as client:
+    with connect(None, 1) as client:
         (victim,) = client.run(os.getpid).values()
-        results = runner.run_cases(client, scene, cases)
+        results = run_cases(client, scene, cases)
         done = [next(results) for _ in range(8)]  # by now short cases are put together
         os.kill(victim, signal.SIGKILL)
         done += results
     assert sorted(case.name for case, _ in done) == sorted(case.name for case in cases)
     assert {result["status"] for _, result in done} == {"converged"}
-
-
-def test_results_survive_workers_that_end_late(runner: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Results are returned even if dask reports a timeout when it closes its workers, as on a busy machine."""
-    scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
-    close = runner.LocalCluster.close
-
-    def late(cluster: object, timeout: float | None = None) -> None:
-        close(cluster, timeout)
-        raise TimeoutError
-
-    monkeypatch.setattr(runner.LocalCluster, "close", late)
-    with runner.connect(None, 1) as client:
-        results = list(runner.run_cases(client, scene, grid_cases({"solver.steps": [1, 2]})))
-    assert [result["status"] for _, result in results] == ["converged"] * 2
-
-
-def test_a_sweep_without_workers_ends(runner: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sweep without any worker ends with an error after a limited wait."""
-    monkeypatch.setattr(runner, "PATIENCE", 2.0)
-    scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
-    with runner.connect(None, 0) as client, pytest.raises(GdfeError, match="there has been no worker for 2 s"):
-        list(runner.run_cases(client, scene, grid_cases({"solver.steps": [1, 2]})))
-
-
-@pytest.mark.slow
-def test_workers_that_take_long_to_come_back_are_waited_for(runner: ModuleType) -> None:
-    """After all workers were killed for 20 s, longer than dask waits for a lost one, every case is run."""
-    scene = load_scene("bend5", overrides={"mesh.bar.cells": [20, 2, 2]}).source
-    cases, over = grid_cases({"materials.e20.young": [1e4 + 100.0 * k for k in range(20)]}), threading.Event()
-
-    def kill() -> None:
-        while not over.wait(0.05):
-            for nanny in list(client.cluster.workers.values()):
-                with suppress(ProcessLookupError):
-                    os.kill(nanny.pid or NOBODY, signal.SIGKILL)
-
-    with runner.connect(None, 2) as client:
-        thread = threading.Thread(target=kill)
-        thread.start()
-        threading.Timer(20.0, over.set).start()
-        done = list(runner.run_cases(client, scene, cases))
-        thread.join()
-    assert {result["status"] for _, result in done} == {"converged"}
-    assert len(done) == len(cases)

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import csv
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from gdfe_ros.analysis.workspace import command_samples, find_workspace
 from gdfe_ros.cli import main
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.workers import connect
 
 TENDONS = """\
 name: tendons
@@ -58,6 +61,30 @@ def test_points_are_equilibria() -> None:
         np.testing.assert_allclose(point, simulation.probe_positions()["tip"], atol=3e-4 * scene.mesh.size)
     np.testing.assert_allclose(found.points[1, 2], -found.points[2, 2], atol=3e-4 * scene.mesh.size)
     assert found.volume == 0.0
+
+
+@pytest.mark.exact("the processes that it starts shift nothing")
+def test_workers_find_what_one_process_finds(kill_one: Callable) -> None:
+    """Two workers, one of which is killed at work, give the points of this process to the last bit."""
+    scene = scene_from_text(TENDONS)
+    commands = command_samples(np.array([[0.0, 0.6], [0.0, 0.6]]), 60)
+    here = find_workspace(scene, "tip", ["upper", "lower"], commands)
+    with connect(None, 2) as client:
+        kill_one(client)
+        there = find_workspace(scene, "tip", ["upper", "lower"], commands, client=client)
+    np.testing.assert_array_equal(here.points, there.points)
+    assert here.reached.all()
+
+
+def test_the_command_uses_a_scheduler(tmp_path: Path) -> None:
+    """With the address of a scheduler, the workers of this scheduler compute the points."""
+    scene, out = tmp_path / "tendons.yaml", tmp_path / "out"
+    scene.write_text(TENDONS)
+    with connect(None, 1) as client:
+        given = ["--actuators", "upper", "--count", "4", "--scheduler", client.scheduler.address, "--out", str(out)]
+        assert main(["workspace", str(scene), *given]) == 0
+        assert all(client.run(lambda: "gdfe_ros.analysis.workspace" in sys.modules).values())
+    assert len((out / "workspace.csv").read_text().splitlines()) == 5
 
 
 def test_the_command_writes_table_and_picture(tmp_path: Path, capsys: Any) -> None:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gdfe_ros.commands.convergence import MOST_LINES, convergence, print_failures
+from gdfe_ros.commands.waiting import MOST_LINES, convergence, print_failures
 
 
 def test_steps_that_did_not_converge_are_named(capsys: pytest.CaptureFixture[str]) -> None:

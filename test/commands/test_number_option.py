@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from gdfe_ros.commands.number_option import require_number
+from gdfe_ros.commands.options import require_number
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene.quantity import Quantity
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gdfe_ros.commands.output_file import require_folder, require_picture
+from gdfe_ros.commands.options import require_folder, require_picture
 from gdfe_ros.errors import GdfeError
 
 

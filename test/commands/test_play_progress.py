@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gdfe_ros.commands.play_progress import PlayProgress
+from gdfe_ros.commands.waiting import PlayProgress
 from gdfe_ros.terminal import PlainConsole
 
 STUCK = SimpleNamespace(converged=False, time=0.2, message="[cable 'left'] is at its limit")

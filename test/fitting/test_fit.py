@@ -15,9 +15,8 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 from docs.scripts.chromium import PATIENCE, start
 from gdfe_ros.cli import main
-from gdfe_ros.fitting.match_schema import CompareModel
-from gdfe_ros.fitting.matched import matched_observable
-from gdfe_ros.fitting.verdict import percent
+from gdfe_ros.fitting.match import CompareModel, matched_observable
+from gdfe_ros.fitting.statistics import percent
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.keys import unit_of
 

@@ -12,7 +12,7 @@ import pytest
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.table_file import TableFile
+from gdfe_ros.fitting.csv_source import TableFile
 from gdfe_ros.fitting.tensile import fit_tensile
 from gdfe_ros.materials import Law
 from gdfe_ros.scene.table import read_stress_table

@@ -13,12 +13,13 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from gdfe_ros.cli import main
-from gdfe_ros.fitting.pool import open_pool
 from gdfe_ros.fitting.reading import read_recordings
+from gdfe_ros.fitting.trajectory import Simulator
 from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.workers import connect
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 YOUNG = "materials.rubber.young"
@@ -158,15 +159,19 @@ def test_what_a_topic_does_not_have(
 
 
 @pytest.mark.exact("the processes that it starts shift nothing")
-def test_workers_find_what_one_process_finds(robot_bag: Path, pulled_text: str, tmp_path: Path) -> None:
-    """Two worker processes give the same trajectories to the last bit as one process."""
+def test_workers_find_what_one_process_finds(
+    robot_bag: Path, pulled_text: str, tmp_path: Path, kill_one: Callable
+) -> None:
+    """Two worker processes, one of which is killed, give the same trajectories to the last bit as this process."""
     match = tmp_path / "match.yaml"
     match.write_text("compare: {seen: {probe: tip, topic: /pose}}\ncommands: {pull: {topic: /cmd, joint: motor}}\n")
     recordings = read_recordings([robot_bag], match, scene_from_text(pulled_text))
     tasks = [({YOUNG: value}, recordings[0], np.inf) for value in (2e6, 4e6)]
     found = []
-    for workers in (1, 2):
-        with open_pool(pulled_text, workers) as pool:
-            found.append([trajectory.outputs[0] for trajectory in pool.run(tasks)])
+    with connect(None, 2) as workers:
+        for client in (None, workers):
+            if client is not None:
+                kill_one(client)
+            found.append([trajectory.outputs[0] for trajectory in Simulator(pulled_text, client).run(tasks)])
     for alone, shared in zip(*found, strict=True):
         np.testing.assert_array_equal(alone, shared)

@@ -15,7 +15,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from gdfe_ros.testing import forking
-from gdfe_ros.testing.discovery import await_discovery
+from gdfe_ros.testing.client import await_discovery
 
 ROOT = Path(__file__).parents[2]
 COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"], "clock": "lockstep"}

@@ -23,7 +23,7 @@ from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.topics import ACTUATION, JOINT_STATES
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.testing import NodeProcess
-from gdfe_ros.testing.discovery import await_discovery
+from gdfe_ros.testing.client import await_discovery
 
 FOLDER = Path(__file__).parents[2] / "config" / "ros2_control"
 

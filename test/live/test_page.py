@@ -166,7 +166,7 @@ def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_pa
     from rclpy.serialization import deserialize_message
 
     from gdfe_ros.node.qos import interface_class
-    from gdfe_ros.recording.definitions import type_hash
+    from gdfe_ros.recording.writer import type_hash
 
     session = live(motion=motion).session
     session.record(tmp_path / "bag").result()

@@ -27,12 +27,7 @@ LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _PATIENCE = 120.0
 _DEFINITIONS = Path(__file__).parents[1] / "data" / "interfaces"
 _BUILT = Path(__file__).parents[2] / "runs" / "interfaces"
-_BUILD = """
-import sys
-from pathlib import Path
-from gdfe_ros.testing.interfaces import build_interfaces
-print(build_interfaces(Path(sys.argv[1]), Path(sys.argv[2])))
-"""
+_BUILDER = _DEFINITIONS.with_name("interfaces_builder.py")
 
 
 def provide(package: str) -> None:
@@ -42,7 +37,7 @@ def provide(package: str) -> None:
     """
     if find_spec(package) is not None:
         return
-    command = [sys.executable, "-c", _BUILD, str(_DEFINITIONS / package), str(_BUILT)]
+    command = [sys.executable, str(_BUILDER), str(_DEFINITIONS / package), str(_BUILT)]
     place = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     sys.path.insert(0, place)
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [place, os.environ.get("PYTHONPATH")]))

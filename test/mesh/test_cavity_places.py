@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from gdfe_ros.mesh.cavity_places import Surface, misplaced_cavities
+from gdfe_ros.mesh.cavities import Surface, misplaced_cavities
 
 
 def _box(edge: float, x: float = 0.0) -> Surface:

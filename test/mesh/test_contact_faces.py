@@ -10,11 +10,11 @@ import pytest
 import trimesh
 
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.assembly import mirrored
 from gdfe_ros.mesh.contact_skin import touch_by_skin
-from gdfe_ros.mesh.mirror import mirrored
 from gdfe_ros.mesh.outside import carry_skin
+from gdfe_ros.mesh.surface_edges import edge_counts
 from gdfe_ros.mesh.voxels import CutCubes, fill_surface
-from gdfe_ros.mesh.winding import edge_counts
 
 BALL = trimesh.creation.icosphere(4, 0.05)
 BOX = trimesh.creation.box((0.06, 0.04, 0.03))

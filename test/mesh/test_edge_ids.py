@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gdfe_ros.mesh.edge_ids import number_edges
+from gdfe_ros.mesh.surface_edges import number_edges
 
 
 @pytest.mark.parametrize("count", [0, 1, 500])

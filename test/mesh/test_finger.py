@@ -8,7 +8,7 @@ import pytest
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import check_mesh, select_vertices
-from gdfe_ros.mesh.finger import finger
+from gdfe_ros.mesh.generators import finger
 from gdfe_ros.mesh.selection import Face, Side
 
 SIZE = [0.1, 0.015, 0.018]

@@ -12,9 +12,9 @@ import trimesh
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.generators import cut
 from gdfe_ros.mesh.inspection import inspect_file
+from gdfe_ros.mesh.mesh_input import guess_unit, unit_defects
 from gdfe_ros.mesh.selection import BoxSelection
 from gdfe_ros.mesh.tetmesh import divided
-from gdfe_ros.mesh.units import guess_unit, unit_defects
 
 
 def test_a_hollow_block_is_described(tmp_path: Path) -> None:

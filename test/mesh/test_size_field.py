@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from gdfe_ros.mesh.size_field import EDGES_ALONG, GROWTH, LEVELS, SizeField, default_size, wall_sizes
-from gdfe_ros.mesh.walls import find_walls
+from gdfe_ros.mesh.walls import EDGES_ALONG, GROWTH, LEVELS, SizeField, default_size, find_walls, wall_sizes
 
 SIZE = 0.01
 

@@ -10,7 +10,7 @@ import pytest
 
 from gdfe_ros.mesh.cavities import NO_CAVITY
 from gdfe_ros.mesh.inspection import inspect_file
-from gdfe_ros.mesh.step_file import solid_facts, step_facts, step_surface, step_walls
+from gdfe_ros.mesh.tetrahedralise import solid_facts, step_facts, step_surface, step_walls
 
 
 def test_the_facts_of_a_step_file(step: Path) -> None:

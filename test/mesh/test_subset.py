@@ -8,9 +8,9 @@ import pytest
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, bar, check_mesh, select_cells
+from gdfe_ros.mesh.assembly import join, keep_cells, merge_vertices
 from gdfe_ros.mesh.generators import cut
 from gdfe_ros.mesh.selection import BoxSelection
-from gdfe_ros.mesh.subset import join, keep_cells, merge_vertices
 
 BAR = bar([4, 1, 1], [4, 1, 1])
 NAMED = HexMesh(BAR.vertices, BAR.cells, {"ends": np.array([0, 3])}, {"left": np.array([0, 5, 10, 15])})

@@ -14,8 +14,8 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import check_mesh
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.shells import inside, points_inside, shells
+from gdfe_ros.mesh.surface_edges import winding_defects
 from gdfe_ros.mesh.voxels import examine_surface, fill_surface, read_voxels
-from gdfe_ros.mesh.winding import winding_defects
 
 BOX = trimesh.creation.box((0.1, 0.06, 0.04))
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.012)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gdfe_ros.mesh import bar
-from gdfe_ros.mesh.subset import keep_cells
+from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.tetmesh import divided
-from gdfe_ros.mesh.wall_cells import flat_walls, wall_cells
+from gdfe_ros.mesh.walls import flat_walls, wall_cells
 
 
 def test_a_plate_of_one_layer_is_as_flat_as_its_cells() -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from gdfe_ros.mesh.winding import disagreeing_edges, open_edges_of, winding_defects
+from gdfe_ros.mesh.surface_edges import disagreeing_edges, open_edges_of, winding_defects
 
 BALL = trimesh.creation.icosphere(subdivisions=2)
 POINTS, TRIANGLES = np.asarray(BALL.vertices), np.asarray(BALL.faces)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import time
 from collections import defaultdict
@@ -30,9 +31,9 @@ from std_msgs.msg import Int32MultiArray, String
 
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing import NodeProcess
-from gdfe_ros.testing.discovery import await_discovery
-from gdfe_ros.testing.interfaces import build_interfaces
+from gdfe_ros.testing.client import await_discovery
 
+DATA = Path(__file__).parents[1] / "data"
 COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
 """Parameters of a scene that is solved in a millisecond."""
 
@@ -194,14 +195,27 @@ class Client:
 
 
 @pytest.fixture
-def interfaces(pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
+def build_interfaces() -> Callable[[Path, Path], str]:
+    """Give a function that builds a package of messages in a folder, and returns its entry for ``PYTHONPATH``."""
+
+    def build(definitions: Path, folder: Path) -> str:
+        command = [sys.executable, DATA / "interfaces_builder.py", definitions, folder]
+        return subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+
+    return build
+
+
+@pytest.fixture
+def interfaces(
+    pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch, build_interfaces: Callable
+) -> Iterator[Callable[[str], None]]:
     """Give a function that makes a message package importable here and in nodes started afterwards."""
     made: list[str] = []
 
     def provide(package: str) -> None:
         if find_spec(package) is None:
             folder = Path(pytestconfig.cache.mkdir("interfaces"))
-            place = str(build_interfaces(Path(__file__).parents[1] / "data" / "interfaces" / package, folder))
+            place = build_interfaces(DATA / "interfaces" / package, folder)
             monkeypatch.syspath_prepend(place)
             monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [place, os.environ.get("PYTHONPATH")])))
             made.append(package)

@@ -19,8 +19,6 @@ import pytest
 import yaml
 from std_srvs.srv import Trigger
 
-from gdfe_ros.testing.interfaces import build_interfaces
-
 DATA = Path(__file__).parents[1] / "data"
 CUBE = """{bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]},
   material: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1070}}"""
@@ -30,12 +28,14 @@ WORLD_NO_RESOURCE = 102
 
 
 @pytest.fixture
-def flat(pytestconfig: pytest.Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def flat(
+    pytestconfig: pytest.Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, build_interfaces: Callable
+) -> None:
     """Make version 1.5 importable in processes that are started afterwards."""
     definitions = tmp_path / "simulation_interfaces"
     for version in ("interfaces", "interfaces_1_5"):
         shutil.copytree(DATA / version / "simulation_interfaces", definitions, dirs_exist_ok=True)
-    place = str(build_interfaces(definitions, Path(pytestconfig.cache.mkdir("interfaces_1_5"))))
+    place = build_interfaces(definitions, Path(pytestconfig.cache.mkdir("interfaces_1_5")))
     monkeypatch.syspath_prepend(place)  # for forked nodes; this process must not import it
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [place, os.environ.get("PYTHONPATH")])))
 

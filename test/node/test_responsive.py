@@ -16,7 +16,7 @@ from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.testing import forking
-from gdfe_ros.testing.discovery import await_discovery
+from gdfe_ros.testing.client import await_discovery
 
 
 def _parts(client: Any) -> dict[str, DiagnosticStatus]:

@@ -7,7 +7,7 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.definitions import message_definition, type_hash
+from gdfe_ros.recording.writer import message_definition, type_hash
 
 TYPES = [
     "sensor_msgs/msg/PointCloud2",

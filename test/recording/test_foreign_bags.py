@@ -22,7 +22,7 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.errors import GdfeError, RecordingError
 from gdfe_ros.fitting.bag_topics import TopicValues
-from gdfe_ros.fitting.match_schema import CompareModel
+from gdfe_ros.fitting.match import CompareModel
 from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.foreign_bag import ForeignBag, open_bag
 from gdfe_ros.recording.reader import BagReader

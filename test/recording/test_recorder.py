@@ -15,9 +15,8 @@ import pytest
 from rosbags.rosbag2 import Reader
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.recorder import Recorder, RecorderStatus
+from gdfe_ros.recording.recorder import BackPressure, QueueOptions, Recorder, RecorderStatus
 from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 

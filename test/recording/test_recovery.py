@@ -16,10 +16,10 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.backpressure import QueueOptions
 from gdfe_ros.recording.bag_file import Compression
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.recorder import QueueOptions
 from gdfe_ros.recording.recovery import recover
 from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagOptions, BagWriter, FsyncPolicy

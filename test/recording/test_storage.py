@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.bag_file import Compression
+from gdfe_ros.recording.bag_file import Compression, ReservedFile
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.storage import ReservedFile
 from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagOptions, BagWriter
 

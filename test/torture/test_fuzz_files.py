@@ -23,10 +23,10 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from gdfe_ros.arms.urdf import parse_urdf
-from gdfe_ros.analysis.sweep.cases import read_list
+from gdfe_ros.analysis.sweep import read_list
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.table_file import TableFile
+from gdfe_ros.fitting.csv_source import TableFile
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.voxels import examine_surface

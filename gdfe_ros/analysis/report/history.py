@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time series of a run: one series of numbers for each command, response and cost."""
+"""Time series of a run: numbers for each command, response and cost, energies, and histograms of strain."""
 
 from __future__ import annotations
 
@@ -9,10 +9,98 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, BagStep
+from gdfe_ros.analysis.bag_run import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.message_values import Values
-from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
 from gdfe_ros.recording.step_record import Begin
+
+HAS = "kinetic + elastic + potential"
+EXPECTED = "start + work - dissipated"
+DIFFERENCE = "difference"
+SIZES = {"kinetic": "kinetic energy", "elastic": "elastic energy", "work": "work"}
+"""Dict from energy to its name in texts. The error of the balance is compared with the largest of these energies."""
+
+
+def energy_balance(history: RunHistory) -> dict[str, NDArray[np.float64]]:
+    """Return both sides of the energy balance and their difference at each step [J]; empty without dynamics.
+
+    The difference is the energy created or lost by the time integration. It is zero at the beginning of the recording,
+    and at each step that starts from a reset or a loaded state.
+    """
+    if not history.energies:
+        return {}
+    energy = {name: np.array(values) for name, values in history.energies.items()}
+    has = energy["kinetic"] + energy["elastic"] + energy["potential"]
+    put = energy["work"] - energy["dissipated"]
+    steps = np.arange(len(has))
+    starts = np.union1d(0, history.starts).astype(int)
+    first = starts[np.searchsorted(starts, steps, side="right") - 1]
+    expected = (has - put)[first] + put
+    return {HAS: has, EXPECTED: expected, DIFFERENCE: has - expected}
+
+
+def balance_text(history: RunHistory) -> str:
+    """Return a text that states the largest error of the energy balance; empty without dynamics."""
+    balance = energy_balance(history)
+    if not balance:
+        return ""
+    most = np.nanmax(np.abs(balance[DIFFERENCE]))
+    sizes = {name: np.nanmax(np.abs(history.energies[key])) for key, name in SIZES.items()}
+    name = max(sizes, key=sizes.get)
+    part = f", {100.0 * most / sizes[name]:.2g} % of the largest {name}" if sizes[name] > 0.0 else ""
+    return f"closes to {most:.3g} J{part}"
+
+
+_FINE = 2048
+_SMALLEST = 1e-6
+
+
+class StrainHistogram:
+    """Histogram of the cells' strains for each group of consecutive steps.
+
+    The largest strain of a run need not be known in advance. If a strain exceeds the range, the range is doubled and
+    pairs of classes are merged.
+
+    Args:
+        steps: number of steps of the run.
+        columns: largest number of groups.
+    """
+
+    def __init__(self, steps: int, *, columns: int) -> None:
+        self._steps, self._columns = max(1, steps), min(columns, max(1, steps))
+        self._counts = np.zeros((self._columns, _FINE))
+        self._times = np.full(self._columns, np.nan)
+        self._range, self._most = _SMALLEST, 0.0
+
+    def add(self, number: int, time: float, strain: NDArray[np.float32]) -> None:
+        """Add the strains (m,) of step ``number`` at ``time`` [s]; values that are not finite are left out."""
+        values = strain[np.isfinite(strain)].astype(float)
+        if not values.size:
+            return
+        self._most = max(self._most, float(values.max()))
+        while self._most >= self._range:
+            self._range *= 2.0
+            merged = self._counts.reshape(self._columns, -1, 2).sum(axis=2)
+            self._counts = np.hstack([merged, np.zeros_like(merged)])
+        column = number * self._columns // self._steps
+        places = np.clip(values * (_FINE / self._range), 0, _FINE - 1).astype(np.int64)
+        self._counts[column] += np.bincount(places, minlength=_FINE)
+        self._times[column] = time
+
+    def shares(self, bins: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the histogram in ``bins`` classes up to the largest strain of the run.
+
+        Returns:
+            End of each group (c,) [s], edges of the classes (bins + 1,), and fractions (bins, c) of the cells in each
+            class, averaged over each group. c is 0 if no strains were added.
+        """
+        seen = np.isfinite(self._times)
+        edges = np.linspace(0.0, max(self._most, _SMALLEST) * (1.0 + 1e-9), bins + 1)
+        middles = (np.arange(_FINE) + 0.5) * self._range / _FINE
+        places = np.clip(np.searchsorted(edges, middles, side="right") - 1, 0, bins - 1)
+        shares = np.zeros((bins, self._columns))
+        np.add.at(shares, places, self._counts.T)
+        return self._times[seen], edges, (shares / np.maximum(self._counts.sum(axis=1), 1.0))[:, seen]
+
 
 JOINTS = "joint_states"
 COSTS = ("iterations", "substeps", "error_estimate", "wall_time")

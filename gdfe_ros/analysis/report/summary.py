@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.report.energies import balance_text
-from gdfe_ros.analysis.report.history import RunHistory
+from gdfe_ros.analysis.report.history import RunHistory, balance_text
 from gdfe_ros.scene import Scene
 
 Rows = list[tuple[str, str]]

@@ -9,14 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.bag_steps import BagSteps
+from gdfe_ros.analysis.bag_run import BagRun, BagSteps
 from gdfe_ros.analysis.report import charts
 from gdfe_ros.analysis.report.animation import Animation, colour_fields
-from gdfe_ros.analysis.report.history import RunHistory
-from gdfe_ros.analysis.report.page import build_page
-from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
+from gdfe_ros.analysis.report.history import RunHistory, StrainHistogram
 from gdfe_ros.analysis.report.summary import paced_by_wall, run_rows, scene_rows
+from gdfe_ros.analysis.report.template import build_page
 from gdfe_ros.errors import RecordingError
 
 

@@ -11,7 +11,7 @@ import trimesh
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.mesh.outside import hang
-from gdfe_ros.mesh.refinement import refine
+from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.solver.contact.contact import Contact
 from test.solver.contact.balls import CALCULIX, press_ball
 

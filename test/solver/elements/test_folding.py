@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.compiled import kernel
-from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import LINE, NEARLY_FOLDED, THRESHOLD, wall

@@ -31,7 +31,9 @@ obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.1], fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 dynamics: {step: 0.002}
 """
-SCHEMES = [{"scheme": "bdf2"}, {"scheme": "newmark"}, *({"scheme": "generalised_alpha", "rho_inf": r} for r in (0, 0.8))]
+SCHEMES = [
+    {"scheme": "bdf2"}, {"scheme": "newmark"}, *({"scheme": "generalised_alpha", "rho_inf": rho} for rho in (0, 0.8))
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Refinement of triangle surfaces: neighbours stay connected, slender triangles become strips."""
+"""Edges of triangle surfaces: numbers, open ones, differing winding, and division of long ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,56 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.edge_ids import number_edges
+
+def number_edges(ends: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the different rows (e, 2) of ``ends`` (k, 2), in ascending order, and the index (k,) of each row in them.
+
+    The rows are vertex ids, not negative. This is ``np.unique(ends, axis=0, return_inverse=True)``, several times as
+    fast, because each row is sorted as one number.
+    """
+    if not len(ends):
+        return np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
+    count = int(ends.max()) + 1
+    found, which = np.unique(ends[:, 0].astype(np.int64) * count + ends[:, 1], return_inverse=True)
+    return np.stack([found // count, found % count], axis=1), which.reshape(-1)
+
+
+def edge_counts(triangles: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the edges (e, 2) of triangles (t, 3), how many triangles each has, and by how much directions differ.
+
+    The third array (e,) is the number of triangles that have the edge in ascending order of its vertices, minus the
+    number of the other ones.
+    """
+    ends = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    edges, which = number_edges(np.sort(ends, axis=1))
+    balance = np.bincount(which, np.where(ends[:, 0] < ends[:, 1], 1, -1), minlength=len(edges))
+    return edges, np.bincount(which, minlength=len(edges)), balance.astype(np.int64)
+
+
+def open_edges_of(triangles: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return the edges (k, 2) that belong to an odd number of triangles."""
+    edges, count, _ = edge_counts(triangles)
+    return edges[count % 2 == 1]
+
+
+def disagreeing_edges(triangles: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return the edges (k, 2) at which neighbouring triangles are wound in opposite directions."""
+    edges, count, balance = edge_counts(triangles)
+    return edges[(count % 2 == 0) & (balance != 0)]
+
+
+def winding_defects(vertices: NDArray[np.float64], triangles: NDArray[np.integer]) -> list[str]:
+    """Return a list with the text of a defect if neighbouring triangles disagree about the outside; empty if not."""
+    edges = disagreeing_edges(triangles)
+    if len(edges) == 0:
+        return []
+    x, y, z = vertices[edges[0]].mean(axis=0)
+    return [
+        f"the triangles on both sides of {len(edges)} edges are wound in opposite directions, so that inside and "
+        f"outside are not known there, the first at ({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: wind them alike (MeshLab: "
+        "Re-Orient all faces coherently, Blender: Recalculate Outside)"
+    ]
+
 
 Levels = tuple[int, int, int]
 """Number of halvings of each edge of a triangle; edge j is opposite to corner j."""

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from gdfe_ros.analysis.export.table import Row
+from gdfe_ros.analysis.export import Row
 
 SHOWN = ("energy", "eps_eq_max", "solve_time")
 _LABELS = {"energy": "strain energy [J]", "eps_eq_max": "largest eps_eq", "solve_time": "solve time [s]"}

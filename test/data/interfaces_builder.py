@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Build ROS message packages that are not available as wheels, with the generators from ROS's wheels.
 
-This is meant for tests; for other purposes, a package from apt or from a workspace is better. It needs compilers for C
-and C++, and Python's headers.
+``python interfaces_builder.py DEFINITIONS FOLDER`` prints the entry for ``PYTHONPATH``. It needs compilers for C and
+C++, and Python's headers.
 """
 
 from __future__ import annotations
@@ -214,3 +214,7 @@ def _locked(path: Path) -> Iterator[None]:
     with path.open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
+
+
+if __name__ == "__main__":
+    print(build_interfaces(Path(sys.argv[1]), Path(sys.argv[2])))

@@ -1,2 +1,0 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Sweeps: one scene solved with many overrides, in parallel."""

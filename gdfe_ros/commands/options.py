@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Options of several commands: overrides of a scene, numbers, output files, workers."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic_core import PydanticCustomError
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.workers import connect
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+
+def require_number(option: str, value: float | None, quantity: Quantity) -> None:
+    """Raise an error if an option is given and its value is not finite or out of the quantity's range.
+
+    Raises:
+        GdfeError: the error names the option, the value and the allowed range.
+    """
+    if value is None:
+        return
+    try:
+        quantity.check(value)
+    except PydanticCustomError as error:
+        hint = f"; {value:g} mm are {1e-3 * value:g}" if quantity.unit == "m" and 1.0 <= value < math.inf else ""
+        raise GdfeError(f"{option} = {value:g}; {error.message()}{hint}") from error
+
+
+def read_overrides(pairs: Iterable[str]) -> dict[str, str]:
+    """Return dict from key to value of ``KEY=VALUE`` entries. Values remain text; the scene parses them as YAML.
+
+    Raises:
+        argparse.ArgumentTypeError: an entry has no ``=``.
+    """
+    overrides = {}
+    for pair in pairs:
+        key, separator, value = pair.partition("=")
+        if not separator:
+            raise argparse.ArgumentTypeError(f"expected KEY=VALUE, got {pair!r}")
+        overrides[key.strip()] = value.strip()
+    return overrides
+
+
+def require_picture(path: Path | None) -> None:
+    """Raise an error if the folder of a picture is missing, or its format is unknown; None is no picture.
+
+    Raises:
+        GdfeError: the error names the file, and the allowed formats or the remedy.
+    """
+    if path is None:
+        return
+    from matplotlib.backend_bases import FigureCanvasBase  # matplotlib takes a second to import
+
+    known = FigureCanvasBase.filetypes
+    if path.suffix and path.suffix[1:].lower() not in known:
+        allowed = ", ".join(f".{name}" for name in sorted(known))
+        raise GdfeError(f"--picture {path}: unknown format {path.suffix!r}; allowed: {allowed}")
+    require_folder("--picture", path)
+
+
+def require_folder(option: str, path: Path | None) -> None:
+    """Raise an error if a file has no folder, or is one itself; None is no file.
+
+    Raises:
+        GdfeError: the error names the option, the file, and the remedy.
+    """
+    if path is None:
+        return
+    if path.is_dir():
+        raise GdfeError(f"{option} {path}: this is a folder; remedy: the path of a file in it")
+    if not path.parent.is_dir():
+        raise GdfeError(f"{option} {path}: there is no folder {path.parent}; remedy: make it, or another path")
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--workers`` and ``--scheduler``."""
+    parser.add_argument(
+        "--workers", type=_count, default=2, metavar="N", help="number of processes on this machine (default: 2)"
+    )
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="address of the scheduler of your own dask cluster, instead of --workers"
+    )
+
+
+def open_client(arguments: argparse.Namespace) -> AbstractContextManager[Client | None]:
+    """Return the context of the client of the workers; it yields None, for this process, with a single worker here."""
+    if arguments.scheduler is None and arguments.workers == 1:
+        return nullcontext()
+    return connect(arguments.scheduler, arguments.workers)
+
+
+def _count(text: str) -> int:
+    if not (text.strip().isdecimal() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of processes; allowed: 1 or more")
+    return int(text)

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of meshes before they are read: that they exist, how long reading may take, their unit of length."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.regular_file import defect_of, require_regular
+
+LARGEST = 500_000_000
+"""Largest size of a mesh file [bytes]."""
+
+
+def require_file(path: Path, heading: str) -> None:
+    """Raise an error under ``heading`` if a path is no regular file, or a too large one.
+
+    Raises:
+        MeshError: the path is a folder, a pipe or a device, or there is nothing, or the file is too large.
+    """
+    if defect := defect_of(path):
+        raise MeshError(heading, [f"no file can have this path: {defect}"])
+    if path.is_dir():
+        raise MeshError(heading, ["this is a folder; remedy: the path of a file in it"])
+    if not path.exists():
+        raise MeshError(heading, ["there is no such file; paths in a scene are relative to the folder of the scene"])
+    try:
+        require_regular(path, most=LARGEST)
+    except OSError as error:
+        raise MeshError(heading, [f"{error}; remedy: the path of a mesh file"]) from error
+
+
+LEAST, EACH_MEGABYTE = 5.0, 5.0
+"""Time that a file may take [s], and further time for each of its megabytes [s]."""
+
+
+@contextmanager
+def limited_time(path: Path) -> Iterator[None]:
+    """Raise an error inside of the ``with`` block, at its next call of a function, after the time for a file is over.
+
+    Raises:
+        TimeoutError: the time is over.
+    """
+    most = LEAST + EACH_MEGABYTE * 1e-6 * path.stat().st_size
+    end, before = time.monotonic() + most, sys.getprofile()
+
+    def check(frame: FrameType, event: str, argument: object) -> None:
+        if time.monotonic() > end:
+            raise TimeoutError(f"it takes more than {most:.3g} s")
+
+    sys.setprofile(check)
+    try:
+        yield
+    finally:
+        sys.setprofile(before)
+
+
+#: Diagonal [m] above which a soft body counts as given in another unit, unless the scene states a scale.
+LONGEST = 3.0
+#: Diagonal [m] below which a soft body counts as given in another unit, unless the scene states a scale.
+SHORTEST = 1e-4
+#: Usual units of mesh files and their size in metres.
+UNITS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "inch": 0.0254, "mm": 0.001, "um": 1e-6}
+
+
+def guess_unit(size: float) -> str:
+    """Return the unit (m, mm or um) in which a body with this diagonal is closest in size to a hand, 0.1 m.
+
+    Args:
+        size: bounding-box diagonal in the file's own unit, > 0.
+    """
+    return min(("m", "mm", "um"), key=lambda unit: abs(math.log10(size * UNITS[unit] / 0.1)))
+
+
+def unit_defects(size: float, scale: float | None) -> list[str]:
+    """Return a list with one defect if no scale was stated and the size in metres is implausible; empty otherwise.
+
+    Args:
+        size: bounding-box diagonal in the file's own unit.
+        scale: metres for each unit of the file as stated by the user; None if not stated.
+    """
+    if scale is not None or not math.isfinite(size) or size == 0.0 or SHORTEST <= size <= LONGEST:
+        return []
+    unit = guess_unit(size)
+    plausible = unit != "m" and SHORTEST <= size * UNITS[unit] <= LONGEST
+    advice = f"it seems to be in {unit}: give `scale: {UNITS[unit]:g}`" if plausible else "check its unit"
+    return [
+        f"the body's diagonal is {size:g}, which is not in metres for a soft robot (allowed without `scale`: "
+        f"{SHORTEST:g} to {LONGEST:g} m); remedy: {advice}, or `scale: 1.0` if it is in metres"
+    ]
