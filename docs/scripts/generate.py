@@ -32,11 +32,10 @@ from benchmarks.node import tables as node_tables
 from benchmarks.public_cases.__main__ import case_table
 from benchmarks.report import KEPT, read_report
 from benchmarks.tables import all_tables
+from docs.scripts import node_reference, scene_reference
 from docs.scripts.compatibility import compatibility_table
 from docs.scripts.constants import constant_table
 from docs.scripts.library import library_table, published_table
-from gdfe_ros.node import reference as node_reference
-from gdfe_ros.scene import reference as scene_reference
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -43,7 +43,7 @@ def unit_of(key: str) -> str:
 
 def _unit(annotation: Any, parts: Sequence[str]) -> str:
     """Return the unit of the number at a path below an annotation; of alternatives, the first that has the path."""
-    annotation = _bare(annotation)
+    annotation = bare(annotation)
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin in (Union, UnionType):
         return next(filter(None, (_unit(choice, parts) for choice in arguments)), "")
@@ -76,11 +76,11 @@ def _walk(location: KeyPath) -> Any:
     current: Any = SceneModel
     for part in location:
         current = _child(current, part)
-    return _bare(current)
+    return bare(current)
 
 
 def _child(annotation: Any, part: str | int) -> Any:
-    annotation = _bare(annotation)
+    annotation = bare(annotation)
     if _is_model(annotation):
         field = annotation.model_fields.get(part)
         return field.annotation if field else None
@@ -98,11 +98,11 @@ def _tagged(annotation: Any, part: str | int) -> bool:
     return any(isinstance(item, Tag) and item.tag == part for item in getattr(annotation, "__metadata__", ()))
 
 
-def _bare(annotation: Any) -> Any:
+def bare(annotation: Any) -> Any:
     """Return the type inside of Annotated and Optional."""
     if get_origin(annotation) is Annotated:
-        return _bare(get_args(annotation)[0])
+        return bare(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType):
         choices = [choice for choice in get_args(annotation) if choice is not type(None)]
-        return _bare(choices[0]) if len(choices) == 1 else annotation
+        return bare(choices[0]) if len(choices) == 1 else annotation
     return annotation

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel, TypeAdapter
 
+from docs.scripts.scene_examples import EXAMPLES, SCENE
+from docs.scripts.scene_reference import markdown, meaning_of, models
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.document import parse_value
 from gdfe_ros.scene.entry import Entry
-from gdfe_ros.scene.examples import EXAMPLES, SCENE
-from gdfe_ros.scene.reference import markdown, meaning_of, models
 
 
 @pytest.mark.parametrize("model", models(), ids=lambda model: model.__name__)
