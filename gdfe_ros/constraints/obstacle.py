@@ -62,6 +62,10 @@ class Obstacle(Handle):
         """Return the origin (3,) [m] of the obstacle's frame in the rest pose; ``vertices`` are not used."""
         return np.array(self.origin)
 
+    def error(self, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
+        """Return 0: an obstacle is at its target, and a rigid body has none."""
+        return 0.0
+
     def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
         """Return the commanded pose, which is the obstacle's pose relative to its rest pose."""
         return commanded

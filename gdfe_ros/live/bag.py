@@ -12,10 +12,10 @@ from gdfe_ros.contacts import contact_names
 from gdfe_ros.live.messages import Messages
 from gdfe_ros.node.interface import NODE_NAME, topics
 from gdfe_ros.node.interface.scene_topics import state_topics
-from gdfe_ros.node.step import Step
 from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
 from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.step import Step
 from gdfe_ros.simulation import Simulation
 
 _FRAME = "base_link"

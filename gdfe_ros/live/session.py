@@ -22,8 +22,8 @@ from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import moduli_of, with_moduli
-from gdfe_ros.node.step import Demand, Step, to_nanoseconds
 from gdfe_ros.node.stepper import SteppingThread
+from gdfe_ros.recording.step import Demand, Step, to_nanoseconds
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene.scene import Scene

@@ -15,7 +15,7 @@ from gdfe_ros.contacts import contact_points
 from gdfe_ros.recording.step_record import StepRecord
 
 if TYPE_CHECKING:
-    from gdfe_ros.node.step import Step
+    from gdfe_ros.recording.step import Step
 
 Reading = tuple[str, float, str]
 """Name of a quantity, its value and its unit."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.step import Step
+from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 

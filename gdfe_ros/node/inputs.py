@@ -26,8 +26,8 @@ from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason, Refusal, require_small
 from gdfe_ros.node.run import Run
 from gdfe_ros.node.specification import TopicSpec
-from gdfe_ros.node.step import Step
 from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.step import Step
 from gdfe_ros.recording.topic import Qos, TopicInfo
 
 _TRAJECTORY = topics.TRAJECTORY.key()

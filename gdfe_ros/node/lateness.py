@@ -7,8 +7,8 @@ import time
 from dataclasses import dataclass
 
 from gdfe_ros.node.pace import Pace
-from gdfe_ros.node.step import Step
 from gdfe_ros.node.throttle import Throttle
+from gdfe_ros.recording.step import Step
 
 _LONG = 10.0
 """A step that takes longer than this time [s] is reported, and again when its duration has doubled."""

@@ -29,11 +29,11 @@ from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import with_moduli
 from gdfe_ros.node.run import Run
-from gdfe_ros.node.step import Demand, Step, handle_error, observe
 from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.node.strays import UnmatchedTopics
 from gdfe_ros.node.transforms import Transforms, transforms_installed
 from gdfe_ros.node.walk import Walk
+from gdfe_ros.recording.step import Demand, Step, observe
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
@@ -235,7 +235,7 @@ class SimulationSession:
         """
         result, solver, mesh = self.run.last.result, self.scene.solver, self.scene.mesh
         reach, targets = solver.tolerance * mesh.size, self.simulation.targets
-        off = (handle_error(each, targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
+        off = (each.error(targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
         return result.error_estimate <= solver.tolerance and max(off, default=0.0) <= reach
 
     def interrupt(self, why: str) -> None:

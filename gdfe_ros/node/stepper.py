@@ -26,7 +26,7 @@ from gdfe_ros.node.orders import Order
 from gdfe_ros.node.pace import Pace, WallPace
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.node.slew import Slew
-from gdfe_ros.node.step import Demand, Step, make_record, observe, to_nanoseconds
+from gdfe_ros.recording.step import Demand, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.threads import STEPPER, show_name

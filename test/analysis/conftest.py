@@ -16,8 +16,9 @@ from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
-from gdfe_ros.node.step import to_nanoseconds
 from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.published import WRENCH, mesh_table, strain_table, wrench_table
+from gdfe_ros.recording.step import to_nanoseconds
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
@@ -76,12 +77,13 @@ class BagMaker:
         self._count, self._begin = self._count + 1, Begin.LAST
         moment = to_nanoseconds(result.time)
         head = messages.header(moment, "base_link")
-        self._send("mesh", messages.mesh_cloud(head, result.positions, self.scene.mesh.vertices), moment)
+        self._send("mesh", messages.cloud(head, mesh_table(result.positions, self.scene.mesh.vertices)), moment)
         self._send("step_record", String(data=record.to_json()), moment)
-        self._send("strain", messages.strain_cloud(head, self.simulation.fields()), moment)
+        self._send("strain", messages.cloud(head, strain_table(self.simulation.fields())), moment)
+        packer = messages.Packer(WRENCH, "base_link")
         for name in self.simulation.handle_names:
             self._send(f"handles/{name}/pose", messages.pose_stamped(head, self.simulation.handle_pose(name)), moment)
-            self._send(f"handles/{name}/wrench", messages.wrench_stamped(head, result.reactions[name]), moment)
+            self._send(f"handles/{name}/wrench", packer.pack(moment, wrench_table(result.reactions[name])), moment)
 
     def repeat(self, count: int, *, dt: float = 0.01) -> None:
         """Write the present state as ``count`` further steps, without solving."""
@@ -94,8 +96,8 @@ class BagMaker:
             moment = to_nanoseconds(time)
             head = messages.header(moment, "base_link")
             self._send("step_record", String(data=record.to_json()), moment)
-            self._send("mesh", messages.mesh_cloud(head, result.positions, self.scene.mesh.vertices), moment)
-            self._send("strain", messages.strain_cloud(head, fields), moment)
+            self._send("mesh", messages.cloud(head, mesh_table(result.positions, self.scene.mesh.vertices)), moment)
+            self._send("strain", messages.cloud(head, strain_table(fields)), moment)
 
     def reset(self) -> None:
         """Reset the simulation to the undeformed state."""
@@ -112,7 +114,8 @@ class BagMaker:
         return self._writer.path
 
     def _send(self, topic: str, message: Any, moment: int) -> None:
-        self._writer.write(self._full(topic), serialize_message(message), moment)
+        data = message if isinstance(message, bytes) else serialize_message(message)
+        self._writer.write(self._full(topic), data, moment)
 
     def _full(self, topic: str) -> str:
         return self._rename.get(topic, f"{self._node}/{topic}")

@@ -10,11 +10,12 @@ from sensor_msgs.msg import PointCloud2
 
 from gdfe_ros.node import messages
 from gdfe_ros.node.message_text import MOST_SHOWN, show
+from gdfe_ros.recording.published import mesh_table
 
 
 def _make_cloud(count: int) -> PointCloud2:
     rest = np.arange(3.0 * count).reshape(count, 3)
-    return messages.mesh_cloud(messages.header(0, "map"), rest + 0.1, rest)
+    return messages.cloud(messages.header(0, "map"), mesh_table(rest + 0.1, rest))
 
 
 def test_a_cloud_is_shown_as_points() -> None:
