@@ -16,7 +16,7 @@ from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.quality import list_ids
-from gdfe_ros.real_number import is_finite, is_number
+from gdfe_ros.real_number import require_command
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot
@@ -190,21 +190,13 @@ class Orders:
         values = dict(last)
         for name, value in (command.actuators if command else {}).items():
             actuator = self.actuator(name)
-            _require_number(f"actuator {name!r}", value)
-            if not is_finite(value):
-                text = f"{actuator.mode.value} {value!r} is not finite"
-                raise CommandError(f"actuator {name!r}: {text}; allowed: finite numbers, {_range(actuator)}")
-            if not actuator.low <= value <= actuator.high:
-                raise CommandError(f"actuator {name!r}: {actuator.mode.value} {value!r}; allowed: {_range(actuator)}")
+            actuator.require(value)
             self._require_room(actuator, float(value))
             values[name] = float(value >= 0.5) if actuator.mode is Mode.GRIP else float(value)
         for name, value in (command.loads if command else {}).items():
             if name not in self._loads:
                 raise CommandError(f"no load {name!r} in scene {self._scene.name!r}; loads: {_list(self._loads)}")
-            _require_number(f"load {name!r}", value)
-            if not is_finite(value):
-                raise CommandError(f"load {name!r}: factor {value!r}; allowed: finite numbers")
-            values[name] = float(value)
+            values[name] = require_command(f"load {name!r}: factor", value)
         return values
 
     def _require_room(self, actuator: Actuator, value: float) -> None:
@@ -259,16 +251,6 @@ def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[n
 def _require_pose(what: str, pose: object) -> None:
     if not isinstance(pose, Pose):
         raise CommandError(f"{what} is {pose!r}; allowed: a Pose(translation, rotation)")
-
-
-def _require_number(what: str, value: object) -> None:
-    if not is_number(value):
-        raise CommandError(f"{what}: the command is {value!r}; allowed: a number")
-
-
-def _range(actuator: Actuator) -> str:
-    """Return the range of an actuator's command as text, with its unit."""
-    return f"{actuator.low:g} to {actuator.high:g} {actuator.mode.unit}".rstrip()
 
 
 def _list(names: Iterable[str]) -> str:

@@ -102,16 +102,16 @@ def _play(session: LiveSession) -> tuple[float, float, float]:
     """Play the program's first steps; return wall time, and processor times of the stepper and of other threads [s]."""
     session.pause(True)
     session.reset()
-    session.stepper.call(lambda: None)
+    session.stepper.post(lambda: None).result()
     first = session.stepper.count
-    own, everything = session.stepper.call(time.thread_time), time.process_time()
+    own, everything = session.stepper.post(time.thread_time).result(), time.process_time()
     started = time.perf_counter()
     session.play()
     while session.stepper.count < first + _STEPS:
         time.sleep(0.002)
     wall = time.perf_counter() - started
     session.pause(True)
-    own = session.stepper.call(time.thread_time) - own
+    own = session.stepper.post(time.thread_time).result() - own
     return wall, own, time.process_time() - everything - own
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import Embedding
+from gdfe_ros.real_number import require_command
 
 
 class Mode(str, Enum):
@@ -51,6 +52,15 @@ class Actuator:
     def constrains(self) -> bool:
         """Whether the command is a constraint on a length or a volume, whose tension or pressure is an unknown."""
         return self.mode is Mode.VOLUME
+
+    def require(self, value: object) -> float:
+        """Return a command, after a check.
+
+        Raises:
+            CommandError: it is no finite number within the range.
+        """
+        what = f"actuator {self.name!r}: {self.mode.value}"
+        return require_command(what, value, low=self.low, high=self.high, unit=self.mode.unit)
 
     def seen_from(self, origin: NDArray[np.float64]) -> Actuator:
         """Return the actuator for positions relative to ``origin`` (3,) [m]; only points in the world differ."""

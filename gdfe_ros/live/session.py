@@ -14,11 +14,10 @@ from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability
-from gdfe_ros.live.orders import require_order
 from gdfe_ros.live.programme import Programme
 from gdfe_ros.live.view import View
 from gdfe_ros.node.inbox import Inbox
-from gdfe_ros.node.orders import ActuatorOrder, Order
+from gdfe_ros.node.orders import ActuatorOrder, Order, require_order
 from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import moduli_of, with_moduli
@@ -253,7 +252,7 @@ class LiveSession:
             if self._bag is not None:
                 raise GdfeError("a bag is being written, and a replay could not follow; finish it first")
             self.simulation = with_moduli(self.simulation, moduli, interrupted=self.stepper.must_end)
-            self.stepper.resume()
+            self.stepper.repeat(Begin.LOADED)
 
         texts = ", ".join(f"{name} {young:g} Pa" for name, young in moduli.items())
         return self.stepper.post(swap, f"going to the equilibrium with {texts}")

@@ -14,8 +14,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.arms.description import Joint
+from gdfe_ros.errors import CommandError, RangeError
 from gdfe_ros.node.orders import ActuatorOrder, TrajectoryOrder
 from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.real_number import require_command
 
 EFFORTS = (Mode.TENSION, Mode.PRESSURE)
 """Modes whose command is in the field ``effort`` of a JointState. All other modes have it in ``position``."""
@@ -156,27 +158,13 @@ class ActuatorOrders:
             raise Refusal(Reason.MALFORMED, f"names {list(names)} contain a name twice")
 
     def _checked(self, name: str, value: float) -> float:
-        if not math.isfinite(value):
-            raise Refusal(Reason.NOT_FINITE, f"{name}: {value!r} is not a finite number")
-        if name in self._loads:
-            return float(value)
-        if name in self._joints:
-            return self._checked_joint(self._joints[name], value)
-        actuator = self._actuators[name]
-        if not actuator.low <= value <= actuator.high:
-            allowed = f"{actuator.low:g} to {actuator.high:g} {actuator.mode.unit}".rstrip()
-            raise Refusal(Reason.OUT_OF_RANGE, f"{name}: {actuator.mode.value} {value!r}; allowed: {allowed}")
-        return float(value)
-
-    @staticmethod
-    def _checked_joint(joint: Joint, value: float) -> float:
-        low, high = joint.limits.lower, joint.limits.upper
-        if not low <= value <= high:
-            allowed = f"{low:g} to {high:g} {joint.unit}"
-            remedy = "a position within the joint's limits, or `limits` of the arm in the scene"
-            text = f"{joint.name}: position {value!r}; allowed: {allowed}; remedy: {remedy}"
-            raise Refusal(Reason.OUT_OF_RANGE, text)
-        return float(value)
+        try:
+            if name in self._loads:
+                return require_command(f"load {name!r}: factor", value)
+            return (self._joints.get(name) or self._actuators[name]).require(value)
+        except CommandError as error:
+            reason = Reason.OUT_OF_RANGE if isinstance(error, RangeError) else Reason.NOT_FINITE
+            raise Refusal(reason, str(error)) from error
 
 
 def _table(message: JointTrajectory, field: str) -> NDArray[np.float64] | None:

@@ -20,6 +20,7 @@ from gdfe_ros.node.orders import (
     require_near,
 )
 from gdfe_ros.node.refusals import Refusal
+from gdfe_ros.node.slew import Slew
 from gdfe_ros.simulation import Command
 
 
@@ -31,14 +32,18 @@ class CommandAssembler:
 
     Args:
         run: owner of the commanded simulation.
+
+    Attributes:
+        slew: limits the rate of actuator commands under the wall clock or a deadline.
     """
 
     def __init__(self, run: Host) -> None:
-        self._run = run
+        self._run, self.slew = run, Slew(run.scene.actuators)
         self.clear()
 
     def clear(self) -> None:
-        """Drop every velocity and trajectory."""
+        """Drop every velocity and trajectory, and commands on their way to their goals."""
+        self.slew.clear()
         self._twists: dict[str, tuple[TwistOrder, float]] = {}
         self._courses: dict[str, _Course] = {}
         self._resting: Command | None = None
@@ -46,6 +51,7 @@ class CommandAssembler:
     def take_over(self, other: CommandAssembler, bodies: Collection[str]) -> None:
         """Continue the velocities, trajectories and requests of another assembler; only ``bodies`` are teleported."""
         self._twists, self._courses, self._resting = other._twists, other._courses, other._resting
+        self.slew = other.slew
         if self._resting is not None:
             kept = {name: pose for name, pose in self._resting.bodies.items() if name in bodies}
             self._resting = replace(self._resting, bodies=kept)
@@ -63,15 +69,16 @@ class CommandAssembler:
     @property
     def moving(self) -> bool:
         """Whether the next step changes a command even without a new order."""
-        return bool(self._twists or self._courses) or self._resting is not None
+        return bool(self._twists or self._courses) or self._resting is not None or self.slew.moving
 
-    def command(self, orders: Iterable[Order], *, time: float, dt: float) -> Command:
+    def command(self, orders: Iterable[Order], *, time: float, dt: float, slew_time: float) -> Command:
         """Return the command of a step.
 
         Args:
             orders: orders since the last step.
             time: simulation time at the end of the step [s].
             dt: time for which velocity commands act in this step [s].
+            slew_time: shortest time in which an actuator's command crosses its range [s]; 0: no limit.
         """
         first, self._resting = self._resting or Command(), None
         poses: dict[str, Pose] = dict(first.handles)
@@ -105,13 +112,14 @@ class CommandAssembler:
         poses |= self._moved(dt, poses)
         values, loads = actuators | self._followed(time), {load.name for load in self._run.simulation.scene.loads}
         joints = self._run.simulation.joint_goals.keys()
-        return Command(
+        command = Command(
             handles=poses,
             actuators={name: value for name, value in values.items() if name not in loads and name not in joints},
             loads={name: value for name, value in values.items() if name in loads},
             bodies=bodies,
             joints={name: value for name, value in values.items() if name in joints},
         )
+        return self.slew.limit(command, self._run.simulation.commands, dt=dt, slew_time=slew_time)
 
     def _target(self, name: str, poses: Mapping[str, Pose]) -> Pose:
         """Return a handle's target before an order: the target set earlier in this step, or else the present target."""

@@ -139,7 +139,7 @@ class EntityQueries:
 
         def put() -> None:
             session.simulation.put({thing.name: pose})  # raises an error if the place is not free
-            session.stepper.place({thing.name: pose})
+            session.stepper.drive.place({thing.name: pose})
 
         return later(session.stepper.post(put), response)
 

@@ -10,9 +10,8 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.node.frames import Frames, Placement
-from gdfe_ros.node.numbers import require_finite, require_unit
 from gdfe_ros.node.orders import FARTHEST, PoseOrder, TeleportOrder, TwistOrder, require_near
-from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.refusals import Reason, Refusal, require_finite, require_unit
 
 UNIT_SLACK = 1e-3
 """Largest allowed difference between a quaternion's length and 1."""

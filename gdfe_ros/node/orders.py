@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.spline import spline
 from gdfe_ros.constraints import Pose, nearest_turn
-from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.refusals import Reason, Refusal, require_finite
 
 FARTHEST = 10.0
 """Largest distance of a target from rest, and largest displacement in a second, in multiples of the body's size."""
@@ -209,3 +209,22 @@ def require_near(translation: tuple[float, float, float], size: float) -> None:
             f"position {translation} is {distance:.3g} m from rest; allowed: {FARTHEST * size:.3g} m, "
             f"{FARTHEST:g} times the body's size",
         )
+
+
+def require_order(name: str, order: Order, size: float) -> None:
+    """Check that an order of ``name`` that was made elsewhere than in a topic can be carried out.
+
+    Args:
+        name: name of the commanded item, for messages.
+        order: given order.
+        size: size of the body [m].
+
+    Raises:
+        Refusal: a number is not finite, or a target is too far from rest.
+    """
+    match order:
+        case PoseOrder() | TeleportOrder():
+            require_finite(**{name: (*order.translation, *order.quaternion)})
+            require_near(order.translation, size)
+        case ActuatorOrder():
+            require_finite(**{each: (value,) for each, value in order.values.items()})

@@ -131,7 +131,8 @@ class SimNode(ManagedNode):
         self._entities.forget()
         session, self.session = self.session, None
         if session is not None:
-            session.destroy()
+            session.stop()
+            session.close()
             del session
             self.collect()
 

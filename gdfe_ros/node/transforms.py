@@ -14,10 +14,9 @@ from gdfe_ros.node.freshness import Freshness
 from gdfe_ros.node.host import Settings
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.numbers import require_finite, require_unit
 from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.qos import installed, interface_class, qos_profile
-from gdfe_ros.node.refusals import Reason, Refusal, require_small
+from gdfe_ros.node.refusals import Reason, Refusal, require_finite, require_small, require_unit
 
 _UNREAD = 2000
 """Largest number of unread messages of /tf; older ones are dropped. A moving frame is published again long before so

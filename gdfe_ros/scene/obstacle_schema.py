@@ -223,8 +223,8 @@ class BodyModel(Choice):
             raise ValueError("give exactly one of density [kg/m^3] and mass [kg], e.g. density: 500")
         return self
 
-    def build(self, name: str, first: int) -> RigidBody:
-        """Return the rigid body with the vertex ids ``first`` .. ``first`` + 3.
+    def build(self, name: str) -> RigidBody:
+        """Return the rigid body, without vertex ids.
 
         If its shape is a mesh, the origin of its frame is the centre of mass, and the axes are the principal axes,
         instead of the origin and the axes of the file.
@@ -248,7 +248,7 @@ class BodyModel(Choice):
             turn=vector,
             friction=self.friction,
             points=self.gaps,
-        ).numbered(first)
+        )
 
 
 class SensorModel(Entry):

@@ -7,7 +7,7 @@ import re
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from gdfe_ros.constraints import Axis, Pose
 from gdfe_ros.regular_file import NAME_PATTERN
@@ -261,27 +261,10 @@ class SceneModel(Entry):
     solver: SolverModel = SolverModel()
 
 
-class Draft(BaseModel):
+class Draft(SceneModel):
     """The valid entries of a scene file; they can be checked even if other entries have defects."""
 
-    mesh: MeshModel | None = None
-    meshes: dict[str, PlacedMeshModel] = {}
-    skin: SkinModel | None = None
-    soft_bodies: dict[str, SoftBodyModel] = {}
-    materials: dict[str, MaterialModel] = {}
+    name: str = ""
+    materials: dict[Name, MaterialModel] = Field({})
     regions: tuple[RegionModel | None, ...] = ()
-    handles: dict[str, HandleModel] = {}
-    obstacles: dict[str, ObstacleModel] = {}
-    bodies: dict[str, BodyModel] = {}
-    arm: ArmModel | None = None
-    arms: dict[str, ArmModel] = {}
-    actuators: dict[str, ActuatorModel] = {}
-    loads: dict[str, LoadModel] = {}
-    masses: dict[str, MassModel] = {}
-    fibres: dict[str, FibreLayerModel] = {}
-    self_contact: SelfContactModel | None = None
-    dynamics: DynamicsModel | None = None
-    probes: dict[str, Place] = {}
-    sensors: dict[str, SensorModel] = {}
-    program: ProgramModel | None = None
-    solver: SolverModel = SolverModel()
+    handles: dict[Name, HandleModel] = Field({})

@@ -17,12 +17,11 @@ from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability
-from gdfe_ros.live.orders import require_order
 from gdfe_ros.node.interface import services, topics
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.interface.scene_topics import is_commanded, put_key, target_key
 from gdfe_ros.node.messages import actuation
-from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, TeleportOrder
+from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, TeleportOrder, require_order
 from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.scene.scene import Scene
 
