@@ -14,7 +14,7 @@ from benchmarks.markdown import markdown_table
 from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.command import Command
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.self_contact import NAME, SelfContact
+from gdfe_ros.constraints.obstacle import NAME, SelfContact
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.scene.loader import load_scene, scene_from_text

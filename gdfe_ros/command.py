@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands to a simulation, checked against its scene."""
+"""Commands to a simulation, checked against its scene, and the times of a step."""
 
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -16,7 +17,7 @@ from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.quality import list_ids
-from gdfe_ros.real_number import require_command
+from gdfe_ros.real_number import is_finite, is_number, require_command
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot
@@ -255,3 +256,40 @@ def _require_pose(what: str, pose: object) -> None:
 
 def _list(names: Iterable[str]) -> str:
     return ", ".join(names) or "none"
+
+
+LONGEST = 1e9
+"""Longest duration of a step and longest deadline [s]."""
+MOST_STEPS = 100_000
+"""Largest number of internal steps into which one step of a body with mass may be divided."""
+
+
+def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
+    """Check the duration ``dt`` [s] of a step, and its limits ``deadline`` [s] and ``cut_after``; None means no limit.
+
+    Returns:
+        ``dt`` in double precision. In lower precision, the sum of many time steps stops growing.
+
+    Raises:
+        CommandError: a time is not finite, below zero or above `LONGEST`, or ``cut_after`` is negative or not a whole
+            number.
+    """
+    for name, value in (("dt", dt), ("deadline", 0.0 if deadline is None else deadline)):
+        if not (is_number(value) and is_finite(value) and 0.0 <= value <= LONGEST):
+            raise CommandError(f"{name} is {value!r}; allowed: finite, 0 to {LONGEST:g} [s]")
+    if cut_after is not None and not (is_number(cut_after, numbers.Integral) and cut_after >= 0):
+        raise CommandError(f"cut_after is {cut_after!r}; allowed: whole numbers, 0 or more")
+    return float(dt)
+
+
+def require_countable(*, dt: float, step: float) -> None:
+    """Check that ``dt`` [s] has at most `MOST_STEPS` internal steps of ``step`` [s].
+
+    Raises:
+        CommandError: ``dt`` has more internal steps.
+    """
+    if dt > MOST_STEPS * step:
+        raise CommandError(
+            f"dt is {dt!r}, {dt / step:.3g} internal steps of {step:g} s (dynamics.step); allowed: 0 to "
+            f"{MOST_STEPS * step:g} s, {MOST_STEPS} internal steps; remedy: make several steps"
+        )

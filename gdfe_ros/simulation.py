@@ -16,7 +16,7 @@ from gdfe_ros.actuators import ActuatorState, total_gravity
 from gdfe_ros.actuators.actuator import Grip
 from gdfe_ros.arms.carriers import Carriers, JointReading, Motions
 from gdfe_ros.arms.dynamics import LinkFrame
-from gdfe_ros.command import Command, Orders, checked_positions, require_snapshot
+from gdfe_ros.command import Command, Orders, checked_positions, require_countable, require_snapshot, require_times
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
@@ -40,7 +40,6 @@ from gdfe_ros.solver.state import Snapshot, State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.placing import moved_along
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.step_time import require_countable, require_times
 from gdfe_ros.steppers import make_stepper, scene_body, step_result, usual_steps
 
 if TYPE_CHECKING:

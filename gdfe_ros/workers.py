@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Worker processes with one thread each."""
+"""Names of threads, and worker processes with one thread each."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 
 THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables that limit the number of threads; libraries read them when they are imported."""
@@ -28,3 +30,16 @@ def open_workers(count: int) -> Iterator[ProcessPoolExecutor]:
     finally:
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
+
+
+STEPPER, COURIER, RECORDER = "gdfe-stepper", "gdfe-courier", "gdfe-recorder"
+"""Names of the threads that a node has besides those of rclpy: one solves, one publishes, one writes the bag."""
+VIEWER = "gdfe-viewer"
+"""Name of the thread of a live page that draws; stepper and server have their own threads."""
+
+
+def show_name() -> None:
+    """Set the Python name of the calling thread also in the operating system; Linux only, at most 15 letters."""
+    entry = Path(f"/proc/self/task/{threading.get_native_id()}/comm")
+    if entry.exists():
+        entry.write_text(threading.current_thread().name[:15], encoding="utf-8")

@@ -24,7 +24,7 @@ from gdfe_ros.node.interface.topics import MESH, STRAIN
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.testing.process import NodeProcess
-from gdfe_ros.threads import STEPPER
+from gdfe_ros.workers import STEPPER
 
 _STEPS = 800
 """Number of steps. It is below the depth of the command topics, so that no command is lost if all are sent at once."""

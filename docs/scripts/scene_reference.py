@@ -18,8 +18,8 @@ from pydantic.fields import FieldInfo
 
 from docs.scripts.scene_examples import EXAMPLES
 from gdfe_ros.scene.entry import Choice
-from gdfe_ros.scene.keys import bare, find_quantity
 from gdfe_ros.scene.quantity import ANY, Quantity
+from gdfe_ros.scene.report import bare, find_quantity
 from gdfe_ros.scene.schema import SceneModel
 
 _WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.form import Plane
-from gdfe_ros.constraints.form_faces import form_faces
+from gdfe_ros.constraints.form import Plane, form_faces
 from gdfe_ros.constraints.obstacle import Obstacle
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from gdfe_ros.csv_cells import quoted
+from gdfe_ros.bounded_text import quoted
 from gdfe_ros.fitting.curves import ComparedColumn, curves
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.fit_page import fit_page

@@ -7,7 +7,7 @@ import numpy as np
 
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.verdict import percent
-from gdfe_ros.scene.keys import unit_of
+from gdfe_ros.scene.report import unit_of
 
 NOT_INCLUDED = "The intervals do not include the error of the mesh; repeat the fit with twice as many cells to see it."
 """What a reader of the intervals has to know."""

@@ -19,7 +19,7 @@ from gdfe_ros.node.specification import Delivery, TopicSpec
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
 from gdfe_ros.recording.topic import Qos, TopicInfo
-from gdfe_ros.threads import COURIER, show_name
+from gdfe_ros.workers import COURIER, show_name
 
 _WAITING = 2
 """Largest number of steps in the queue for publishing. While the queue is full, the stepping thread waits."""

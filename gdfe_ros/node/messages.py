@@ -34,12 +34,12 @@ from std_msgs.msg import Float64MultiArray, Header, Int32MultiArray, MultiArrayD
 
 from gdfe_ros.actuators import Actuator
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node.actuator_orders import EFFORTS
+from gdfe_ros.node.command_messages import EFFORTS
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.node.refusals import LONGEST, Refusal
+from gdfe_ros.node.transforms import Placement
 from gdfe_ros.recording.published import IMU, POSE, WRENCH
 
 _STAMP_AT = 4

@@ -12,7 +12,7 @@ from typing import Any
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from gdfe_ros.constraints.arm_link import ArmLink
+from gdfe_ros.constraints.obstacle import ArmLink
 from gdfe_ros.contacts import contact_names, contact_points
 from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel

@@ -18,15 +18,13 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.bag import Bags
 from gdfe_ros.node.channel import Courier
 from gdfe_ros.node.following import leaders_of
-from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface.parameters import MODULUS
-from gdfe_ros.node.lateness import Lateness, Solves
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.moduli import Moduli
+from gdfe_ros.node.orders import Inbox
 from gdfe_ros.node.outputs import TopicOutputs
-from gdfe_ros.node.pace import ClockMode, Pace, make_pace
-from gdfe_ros.node.parameters import NodeParameters
+from gdfe_ros.node.pace import ClockMode, Lateness, Pace, Solves, make_pace
+from gdfe_ros.node.parameters import Moduli, NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import with_moduli
 from gdfe_ros.node.run import Run
@@ -95,7 +93,7 @@ class SimulationSession:
         self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver, store=store)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
-        self._moduli = Moduli(node, self.scene, self.bags, changed=self._change_moduli)
+        self._moduli = Moduli(node, self.scene, locked=lambda: self.bags.active, changed=self._change_moduli)
         self.strays = UnmatchedTopics(node, self.scene.handles, refusals)
         self.mode = ClockMode.WALL
         self.courier: Courier | None = None

@@ -17,18 +17,16 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
-from gdfe_ros.node.drive import CommandAssembler
-from gdfe_ros.node.host import Host
-from gdfe_ros.node.inbox import Inbox
+from gdfe_ros.node.drive import CommandAssembler, Host
 from gdfe_ros.node.interface.topics import BODY_SET
-from gdfe_ros.node.orders import Order
+from gdfe_ros.node.orders import Inbox, Order
 from gdfe_ros.node.pace import Pace, WallPace
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.recording.step import Demand, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
-from gdfe_ros.threads import STEPPER, show_name
+from gdfe_ros.workers import STEPPER, show_name
 
 _Value = TypeVar("_Value")
 

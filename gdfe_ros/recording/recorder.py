@@ -17,7 +17,7 @@ from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagOptions, BagWriter
-from gdfe_ros.threads import RECORDER, show_name
+from gdfe_ros.workers import RECORDER, show_name
 
 # The thread wakes early when this many bytes [B] wait, so that a burst does not fill the queue.
 _WAKE_BYTES = 1 << 20

@@ -16,9 +16,8 @@ from gdfe_ros.actuators import Actuator, Load
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.constraints import Handle
-from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.form import TriangleMesh
-from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.actuation import build_actuators, build_loads, build_masses, build_probes, neutral_commands

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The keys of a scene file for obstacles, rigid bodies and contact sensors."""
+"""The keys of a scene file for obstacles, rigid bodies, self-contact and contact sensors."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ from gdfe_ros.mesh.solid import make_solid, read_solid, require_outward
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.paths import FilePath
-from gdfe_ros.scene.quantity import Quantity
-from gdfe_ros.scene.rotation import RotationQuantity
+from gdfe_ros.scene.quantity import Quantity, RotationQuantity
 from gdfe_ros.scene.where_schema import WhereModel
 
 _LENGTH = Quantity("length along z", "m", above=0.0, most=1e6)
@@ -256,4 +255,13 @@ class SensorModel(Entry):
 
     where: WhereModel = Field(
         description="the sensor's faces: all faces with all four vertices in this place, e.g. {face: x+}"
+    )
+
+
+class SelfContactModel(Entry):
+    """Contact of the parts of the mesh with each other, and of each part with itself."""
+
+    friction: Annotated[float, _FRICTION] = 0.0
+    where: WhereModel | None = Field(
+        None, description="the faces that take part: all faces with all four vertices in this place (default: all)"
     )

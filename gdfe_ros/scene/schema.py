@@ -14,15 +14,12 @@ from gdfe_ros.regular_file import NAME_PATTERN
 from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, Place
 from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.entry import Entry
-from gdfe_ros.scene.fibres_schema import FibreLayerModel
-from gdfe_ros.scene.material_schema import MaterialModel
-from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel
+from gdfe_ros.scene.material_schema import FibreLayerModel, MaterialModel
+from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
 from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
-from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SensorModel
+from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SelfContactModel, SensorModel
 from gdfe_ros.scene.program import Keyframe
 from gdfe_ros.scene.quantity import Quantity
-from gdfe_ros.scene.self_contact_schema import SelfContactModel
-from gdfe_ros.scene.skin_schema import SkinModel
 from gdfe_ros.scene.where_schema import WhereModel
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings, Torsion
 

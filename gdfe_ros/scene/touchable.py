@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Embedding
 from gdfe_ros.constraints.form import TriangleMesh
-from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.obstacle import Obstacle, SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, select_faces

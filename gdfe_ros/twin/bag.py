@@ -16,8 +16,8 @@ import numpy as np
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.analysis.published import Publication
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.live.messages import Messages
-from gdfe_ros.live.view import View
+from gdfe_ros.live.bag import Messages
+from gdfe_ros.live.interface import View
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.recording.backpressure import BackPressure, QueueOptions

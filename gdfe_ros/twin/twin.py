@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.live.interface import View
 from gdfe_ros.live.session import LiveSession
-from gdfe_ros.live.view import View
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.node.remodelling import moduli_of
 from gdfe_ros.simulation import Simulation

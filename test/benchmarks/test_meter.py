@@ -11,7 +11,7 @@ import time
 import pytest
 
 from benchmarks.node.meter import read_memory, read_processor
-from gdfe_ros.threads import show_name
+from gdfe_ros.workers import show_name
 
 
 def test_processor_time_is_told_by_thread() -> None:

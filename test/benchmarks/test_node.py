@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.node import cost, latency
-from gdfe_ros.threads import COURIER, RECORDER
+from gdfe_ros.workers import COURIER, RECORDER
 
 
 def test_a_command_takes_longer_than_its_solve() -> None:

@@ -19,7 +19,7 @@ from gdfe_ros.fitting.match_schema import CompareModel
 from gdfe_ros.fitting.matched import matched_observable
 from gdfe_ros.fitting.verdict import percent
 from gdfe_ros.scene import load_scene
-from gdfe_ros.scene.keys import unit_of
+from gdfe_ros.scene.report import unit_of
 
 YOUNG, VISCOSITY = "materials.rubber.young", "dynamics.damping.viscosity"
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.export.columns import JOINTS, Columns
-from gdfe_ros.csv_cells import quoted
+from gdfe_ros.bounded_text import quoted
 
 Row = dict[str, Any]
 _SHOWN = ("converged", "wall_time")

@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
 from gdfe_ros.actuators import Actuator, Mode
-from gdfe_ros.live.view import Reading, View
+from gdfe_ros.live.interface import Reading, View
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.node.qos import interface_class

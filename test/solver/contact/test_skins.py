@@ -14,7 +14,7 @@ import trimesh
 from benchmarks.self_contact import PRESSED, STACK
 from benchmarks.skin_contact import press_on_ball, press_on_plate
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.constraints.self_contact import NAME
+from gdfe_ros.constraints.obstacle import NAME
 from gdfe_ros.solver.contact.own_contact import OwnContact
 
 CUBE = 0.05
