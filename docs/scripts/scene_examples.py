@@ -13,6 +13,7 @@ from gdfe_ros.scene import (
     mesh_schema,
     motion_schema,
     obstacle_schema,
+    program,
     schema,
     where_schema,
 )
@@ -297,7 +298,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     ),
     arm_schema.JointLimitsModel: ("{lower: -1.57, upper: 1.57, velocity: 2.0, acceleration: 10.0, effort: 50.0}",),
     arm_schema.SpringModel: ("{stiffness: 8000, damping: 20}", "{stiffness: 3000}"),
-    schema.JointPointModel: ("{time: 1.0, value: 0.5, velocity: 0.2}",),
+    program.JointPoint: ("{time: 1.0, value: 0.5, velocity: 0.2}",),
     schema.ProgramModel: (
         "{duration: 1.0, joints: {elbow_joint: [{time: 0.0, value: 1.57}, {time: 1.0, value: 1.2}]}}",
         "{duration: 1.0, handles: {tip: [{time: 0.0}, {time: 1.0, translation: [0, 0, 0.1]}]}, obstacles: {table: "
@@ -305,7 +306,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "[{time: 1.0, value: 5.0}]}, loads: {weight: [{time: 0.0, value: 0.0}, {time: 0.5, value: 1.0}]}}",
     ),
     schema.KeyframeModel: ("{time: 1.0, translation: [0, 0, 0.1], rotation_deg: [0, 90, 0]}",),
-    schema.PointModel: ("{time: 1.0, value: 5.0}",),
+    program.Point: ("{time: 1.0, value: 5.0}",),
     schema.SolverModel: (
         "{policy: energy, tolerance: 1.0e-5, steps: 20, max_iterations: 500, threads: 2, "
         "skip: [solve, pressure updates], torsion: section}",

@@ -124,9 +124,8 @@ class SteppingThread:
 
     def take_over(self, other: SteppingThread, bodies: Collection[str]) -> None:
         """Continue the commands and counts of another stepper; of the free bodies only ``bodies`` exist."""
-        self.drive.take_over(other._drive, bodies)
-        self.slew, self._retries = other.slew, other._retries
-        self.count, self.rounds, self.failures = other.count, other.rounds, other.failures
+        self.drive.take_over(other.drive, bodies)
+        self._retries, self.count, self.rounds = other._retries, other.count, other.rounds
         self.solving, self.spent = other.solving, other.spent
         self.failure, self.failures = other.failure, other.failures
 

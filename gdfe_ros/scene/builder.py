@@ -24,7 +24,7 @@ from gdfe_ros.scene.meshes import known_part
 from gdfe_ros.scene.obstacle_schema import ObstacleModel
 from gdfe_ros.scene.program import JointPoint, Point, Program
 from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
-from gdfe_ros.scene.schema import Draft, HandleModel, JointPointModel, KeyframeModel, PointModel, ProgramModel
+from gdfe_ros.scene.schema import Draft, HandleModel, KeyframeModel, ProgramModel
 from gdfe_ros.scene.where_schema import WhereModel
 
 _TESTED = {
@@ -235,12 +235,11 @@ def _joint_tracks(
                 report.add((*path, i, "value"), f"allowed by the joint's limits: {low:g} to {high:g}")
             if abs(point.velocity) > fast:
                 report.add((*path, i, "velocity"), f"allowed by the joint's limit: {-fast:g} to {fast:g}")
-    tracks = model.joints.items()
-    return {name: tuple(JointPoint(each.time, each.value, each.velocity) for each in points) for name, points in tracks}
+    return dict(model.joints)
 
 
 def _check_times(
-    frames: Sequence[KeyframeModel | PointModel | JointPointModel], duration: float, path: KeyPath, report: Defects
+    frames: Sequence[KeyframeModel | Point | JointPoint], duration: float, path: KeyPath, report: Defects
 ) -> None:
     for i, frame in enumerate(frames):
         if frame.time > duration:
@@ -250,7 +249,7 @@ def _check_times(
 
 
 def _tracks(
-    tracks: Mapping[str, tuple[PointModel, ...]],
+    tracks: Mapping[str, tuple[Point, ...]],
     section: str,
     names: list[str],
     ranges: Mapping[str, tuple[float, float]],
@@ -269,7 +268,7 @@ def _tracks(
         for i, point in enumerate(points):
             if not low <= point.value <= high:
                 report.add((*path, i, "value"), f"allowed by the actuator's range: {low:g} to {high:g}")
-    return {name: tuple(Point(point.time, point.value) for point in points) for name, points in tracks.items()}
+    return dict(tracks)
 
 
 def _check_movable(
