@@ -77,9 +77,23 @@ class Pace(Protocol):
 
 
 class _OwnPace:
-    """A pace without an external clock."""
+    """A pace without an external clock.
+
+    Args:
+        timing: function that returns the present values of the parameters.
+        now: function that returns the time on a monotonic clock [s].
+    """
 
     moment, behind = 0, 0.0
+
+    def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
+        self._timing, self._now = timing, now
+        self.overruns, self.late = 0, 0.0
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the wall time that has passed."""
+        self._last = self._now()
 
 
 class WallPace(_OwnPace):
@@ -89,16 +103,7 @@ class WallPace(_OwnPace):
     process stood still, the time after the next heartbeat is skipped, and counts as overruns. A step that ends n
     periods too late counts as n overruns, even if the node is idle after it. Simulation time then stays behind
     by the missed periods.
-
-    Args:
-        timing: function that returns the present values of the parameters.
-        now: function that returns the time on a monotonic clock [s].
     """
-
-    def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
-        self._timing, self._now = timing, now
-        self.overruns, self.late = 0, 0.0
-        self.restart()
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Return the wall time to the next period [s] or, if idle, to the next heartbeat; None: no heartbeats."""
@@ -147,17 +152,7 @@ class WallPace(_OwnPace):
 
 
 class FastPace(_OwnPace):
-    """Makes steps without waiting while there is work or, while idle, at the interval of the heartbeats.
-
-    Args:
-        timing: function that returns the present values of the parameters.
-        now: function that returns the time on a monotonic clock [s].
-    """
-
-    def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
-        self._timing, self._now = timing, now
-        self.overruns, self.late = 0, 0.0
-        self.restart()
+    """Makes steps without waiting while there is work or, while idle, at the interval of the heartbeats."""
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Return 0 while there is work, otherwise the wall time to the next heartbeat [s]; None: no heartbeats."""
@@ -171,21 +166,9 @@ class FastPace(_OwnPace):
         self._last = self._now()
         return self._timing().dt
 
-    def restart(self) -> None:
-        """Restart the interval of the heartbeats now."""
-        self._last = self._now()
-
 
 class LockstepPace(_OwnPace):
-    """Makes a step only when a command set is complete.
-
-    Args:
-        timing: function that returns the present values of the parameters.
-    """
-
-    def __init__(self, timing: Callable[[], Timing]) -> None:
-        self._timing = timing
-        self.overruns, self.late = 0, 0.0
+    """Makes a step only when a command set is complete."""
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Return 0 if a command set is complete, else None."""
@@ -194,9 +177,6 @@ class LockstepPace(_OwnPace):
     def begin(self) -> float:
         """Begin a step and return its simulation time, one dt [s]."""
         return self._timing().dt
-
-    def restart(self) -> None:
-        """Do nothing: wall time has no effect."""
 
 
 class ExternalPace:

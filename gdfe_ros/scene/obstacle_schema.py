@@ -52,28 +52,42 @@ _CELL = Quantity(
 _FRICTION = Quantity("Coulomb's coefficient of friction", least=0.0, most=100.0)
 
 
-class SphereObstacleModel(Entry):
+class _Shape(Entry):
+    """A shape whose keys have the names of the arguments of its class, ``kind``."""
+
+    kind: ClassVar[type[Form]]
+
+    def build(self) -> Form:
+        """Return the shape."""
+        return self.kind(**dict(self))
+
+
+class SphereObstacleModel(_Shape):
     """A ball."""
 
+    kind: ClassVar[type[Form]] = Sphere
     radius: Annotated[float, _RADIUS]
 
 
-class BoxObstacleModel(Entry):
+class BoxObstacleModel(_Shape):
     """A box."""
 
+    kind: ClassVar[type[Form]] = Box
     size: Annotated[tuple[float, float, float], _SIZE]
 
 
-class CapsuleModel(Entry):
+class CapsuleModel(_Shape):
     """A cylinder along z with half balls at its ends; its length is the distance between the centres of the balls."""
 
+    kind: ClassVar[type[Form]] = Capsule
     radius: Annotated[float, _RADIUS]
     length: Annotated[float, _LENGTH]
 
 
-class CylinderModel(Entry):
+class CylinderModel(_Shape):
     """A cylinder along z."""
 
+    kind: ClassVar[type[Form]] = Cylinder
     radius: Annotated[float, _RADIUS]
     length: Annotated[float, _LENGTH]
 
@@ -130,12 +144,9 @@ class TriangleMeshModel(Choice):
         return {"embedded": pack_surface(vertices, triangles), "cell": form.solid.cell}
 
 
-class ObstacleModel(Choice):
-    """A rigid object that the body cannot penetrate; a commanded pose moves it like a handle."""
+class _Rigid(Choice):
+    """A rigid thing: one shape, its place, and its contact."""
 
-    options: ClassVar[tuple[str, ...]] = ("at", "rotation_deg", "friction", "fixed", "gaps")
-
-    plane: Annotated[tuple[float, float, float], _NORMAL] | None = None
     sphere: SphereObstacleModel | None = None
     box: BoxObstacleModel | None = None
     capsule: CapsuleModel | None = None
@@ -144,12 +155,30 @@ class ObstacleModel(Choice):
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     friction: Annotated[float, _FRICTION] = 0.0
-    fixed: bool = Field(False, description="true: the obstacle never moves and takes no commands")
     gaps: ContactPoints = Field(
         ContactPoints.FACES,
         description="the gap that contact uses at a vertex of the body; faces: the mean gap of the faces around it; "
         "vertices: the gap of the vertex alone",
     )
+
+    @property
+    def form(self) -> Form:
+        """Shape of the thing.
+
+        Raises:
+            MeshError: its surface cannot be read, or is no valid solid.
+        """
+        kind, chosen = self.chosen
+        return Plane() if kind == "plane" else chosen.build()
+
+
+class ObstacleModel(_Rigid):
+    """A rigid object that the body cannot penetrate; a commanded pose moves it like a handle."""
+
+    options: ClassVar[tuple[str, ...]] = ("at", "rotation_deg", "friction", "fixed", "gaps")
+
+    plane: Annotated[tuple[float, float, float], _NORMAL] | None = None
+    fixed: bool = Field(False, description="true: the obstacle never moves and takes no commands")
 
     @field_validator("plane")
     @classmethod
@@ -170,7 +199,7 @@ class ObstacleModel(Choice):
         return Obstacle(
             name=name,
             fixed=self.fixed,
-            form=form_of(self),
+            form=self.form,
             origin=self.at,
             turn=tuple(turn.as_rotvec().tolist()),
             friction=self.friction,
@@ -178,43 +207,13 @@ class ObstacleModel(Choice):
         )
 
 
-def form_of(model: ObstacleModel | BodyModel) -> Form:
-    """Return the shape of an obstacle or rigid body from its entry.
-
-    Raises:
-        MeshError: its surface cannot be read, or is no valid solid.
-    """
-    kind, chosen = model.chosen
-    match kind:
-        case "sphere":
-            return Sphere(chosen.radius)
-        case "box":
-            return Box(chosen.size)
-        case "capsule":
-            return Capsule(chosen.radius, chosen.length)
-        case "cylinder":
-            return Cylinder(chosen.radius, chosen.length)
-        case "mesh":
-            return chosen.build()
-    return Plane()
-
-
-class BodyModel(Choice):
+class BodyModel(_Rigid):
     """A rigid body that moves freely and touches the soft body, obstacles and rigid bodies; it needs `dynamics`."""
 
     options: ClassVar[tuple[str, ...]] = ("density", "mass", "at", "rotation_deg", "friction", "gaps")
 
-    sphere: SphereObstacleModel | None = None
-    box: BoxObstacleModel | None = None
-    capsule: CapsuleModel | None = None
-    cylinder: CylinderModel | None = None
-    mesh: TriangleMeshModel | None = None
     density: Annotated[float, _DENSITY] | None = None
     mass: Annotated[float, _MASS] | None = None
-    at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
-    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
-    friction: Annotated[float, _FRICTION] = 0.0
-    gaps: ContactPoints = Field(ContactPoints.FACES, description="as for obstacles")
 
     @model_validator(mode="after")
     def _one_of_density_and_mass(self) -> BodyModel:
@@ -234,7 +233,7 @@ class BodyModel(Choice):
         turn, origin = Rotation.from_rotvec(np.radians(self.rotation_deg)), self.at
         vector = tuple(np.radians(self.rotation_deg).tolist())
         if self.mesh is None:
-            form = form_of(self)
+            form = self.form
         else:
             form, centre, axes = self.mesh.build_free()
             origin = tuple((np.array(self.at) + turn.apply(centre)).tolist())
