@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from gdfe_ros.contacts import contact_names
 from gdfe_ros.node.interface import NODE_NAME, topics
 from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
-from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
+from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
 from gdfe_ros.recording.topic import TopicInfo
@@ -132,11 +131,10 @@ class LiveBag:
         if touching := contact_names(scene.handles, scene.self_contact):
             texts[topics.CONTACT_NAMES] = json.dumps(touching)
         names = {**self._specs, **{spec.key(): spec for spec in texts}}
-        settings = {**asdict(scene.solver), "policy": scene.solver.policy.value, "node": {"clock": "live", "dt": dt}}
         self._recorder = Recorder(
             path,
             [self._messages.topic(_full(role), spec.type, role) for role, spec in names.items()],
-            run=RunInfo(scene=scene.source, settings=settings, files={} if state is None else {STATE_FILE: state}),
+            run=RunInfo.of(scene, node={"clock": "live", "dt": dt}, state=state),
             queue=QueueOptions(back_pressure=BackPressure.BLOCK, block_seconds=30.0),
         )
         for spec, text in texts.items():
@@ -163,9 +161,7 @@ class LiveBag:
 
     def close(self) -> str:
         """Complete the bag and return a summary."""
-        status = self._recorder.close()
-        text = f"bag {self.path}: {status.written} messages, {status.dropped_total} dropped"
-        return f"{text}; {status.error}; nothing later is in the bag" if status.error else text
+        return self._recorder.close().summary(self.path)
 
     @staticmethod
     def _frame(role: str) -> str:

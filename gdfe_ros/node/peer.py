@@ -205,15 +205,9 @@ class Peer:
         Raises:
             GdfeError: there is no other node.
         """
-        known, since = list[Any](), time.monotonic()
-
-        def unchanged() -> bool:
-            nonlocal known, since
-            if (now := look()) != known:
-                known, since = now, time.monotonic()
-            return bool(known) and time.monotonic() - since > WHOLE
-
-        self._wait(unchanged)
+        found = _Unchanged(look, WHOLE)
+        self._wait(found.whole)
+        known = found.last
         if not known:
             raise GdfeError(f"no other node was found in ROS domain {self._domain} within {self._patience:g} s")
         return known
@@ -237,17 +231,8 @@ class Peer:
             look: function that returns the entry, or an empty value until it is discovered.
             names: function that returns the discovered names of this kind that other nodes have.
         """
-        known, since = list[str](), time.monotonic()
-
-        def found_or_lacking() -> bool:
-            nonlocal known, since
-            if look():
-                return True
-            if (now := names()) != known:  # many queries: only while the entry is missing
-                known, since = now, time.monotonic()
-            return bool(known) and time.monotonic() - since > UNCHANGED
-
-        self._wait(found_or_lacking)
+        found = _Unchanged(names, UNCHANGED)
+        self._wait(lambda: look() or found.whole())  # names are many queries: only while the entry is missing
         return look()
 
     def _endpoints(self, topic: str, look: Callable[[str], list[TopicEndpointInfo]], whose: str) -> Any:
@@ -292,6 +277,28 @@ class Peer:
             text += ": the simulation publishes frames only with tf2_msgs, which ROS from Python wheels lacks"
         listed = ", ".join(shorten(name, _LONGEST) for name in names) or "none"
         return f"{text} in ROS domain {self._domain}; {did_you_mean(given, names)}{kind}: {listed}"
+
+
+class _Unchanged:
+    """A list of the ROS graph that counts as whole once it has not changed for some time.
+
+    Args:
+        look: function that returns the present list.
+        span: time without a change [s].
+
+    Attributes:
+        last: list at the last look.
+    """
+
+    def __init__(self, look: Callable[[], list[Any]], span: float) -> None:
+        self._look, self._span = look, span
+        self.last, self._since = list[Any](), time.monotonic()
+
+    def whole(self) -> bool:
+        """Look again, and return whether there are entries that have not changed for the time."""
+        if (now := self._look()) != self.last:
+            self.last, self._since = now, time.monotonic()
+        return bool(self.last) and time.monotonic() - self._since > self._span
 
 
 @contextmanager
