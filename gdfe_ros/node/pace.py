@@ -7,10 +7,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from gdfe_ros.node.plain_log import Throttle
-from gdfe_ros.recording.step import Step
+
+if TYPE_CHECKING:
+    from gdfe_ros.recording.step import Step
 
 _STILL = 1.0
 """An idle process that wakes up later than its next heartbeat by more than this time [s] has stood still, e.g. stopped
