@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from gdfe_ros.analysis.bag_steps import RECORD
 from gdfe_ros.analysis.message_values import Values, record_values
-from gdfe_ros.recording.published import columns_of, tables_of
+from gdfe_ros.recording.published import tables_of
 from gdfe_ros.recording.step import OUTCOME, Demand, Step, observe
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.simulation import Simulation
@@ -33,7 +33,7 @@ class Publication:
             topics: names without the node's name; topics for which the simulation has no arrays are left out.
         """
         step = Step(record=record, result=result, log_time=0, **observe(self._simulation, Demand()))
-        found = {topic: columns_of(self._tables[topic].make(step)) for topic in topics if topic in self._tables}
+        found = {topic: self._tables[topic].columns(step) for topic in topics if topic in self._tables}
         if RECORD in topics:
             outcomes = {name: getattr(result, name) for name in OUTCOME}
             begun = {"step": record.step, "begin": record.begin, "dt": record.dt}

@@ -11,7 +11,7 @@ import array
 import json
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -176,8 +176,7 @@ class Packer:
 
     def __init__(self, kind: np.dtype, frame_id: str, count: int = 1) -> None:
         head, mark = header(0, frame_id), struct.pack("<d", _MARK)
-        self._places: slice | list[int] = slice(None)
-        base, size = kind[0], count * len(kind.names)
+        shape = (count, len(kind.names))
         if kind == POSE:
             message: Any = PoseStamped(header=head)
             message.pose.position.x = _MARK
@@ -185,17 +184,21 @@ class Packer:
             message = WrenchStamped(header=head)
             message.wrench.force.x = _MARK
         elif kind == IMU:
-            message, self._places, size = Imu(header=head), _IMU_PLACES, _IMU_PLACES[-1] + 1
+            message, shape = Imu(header=head), (1, _IMU_PLACES[-1] + 1)
             message.orientation.x = _MARK
         else:
             message = cloud(head, np.zeros(count, kind))
             message.data = array.array("B", mark + bytes(message.data[len(mark) :]))
-        self._base, self._template = base, Template(message)
-        self._values = self._template.view(mark, (size,), base.str)
+        self._template = Template(message)
+        self._values = self._rows = self._template.view(mark, shape, kind[0].str)
+        if kind == IMU:
+            self._rows = np.empty((1, len(kind.names)))
 
-    def pack(self, stamp: int, table: NDArray[np.void]) -> bytes:
-        """Serialise a table with a stamp [ns]."""
-        self._values[self._places] = table.view(self._base)
+    def pack(self, stamp: int, write: Callable[[NDArray[Any]], None]) -> bytes:
+        """Serialise the table that ``write`` writes into an array (count, columns), with a stamp [ns]."""
+        write(self._rows)
+        if self._values is not self._rows:
+            self._values[:, _IMU_PLACES] = self._rows
         return self._template.stamped(stamp)
 
 

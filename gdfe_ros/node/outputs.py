@@ -195,11 +195,9 @@ class TopicOutputs:
 
     def _packing(self, key: str, table: Table, frame_id: str) -> Callable[[Step], Any]:
         """Return the function that makes the message of a table."""
-        if table.kind is not None:
-            mesh = self._scene.mesh
-            count = {"mesh": mesh.n_vertices, "velocity": mesh.n_vertices, "strain": mesh.n_cells}.get(key, 1)
-            packer = Packer(table.kind, frame_id, count)
-            return lambda step: packer.pack(step.record.stamp, table.make(step))
+        if table.write is not None:
+            packer = Packer(table.kind, frame_id, table.count)
+            return lambda step: packer.pack(step.record.stamp, partial(table.write, step))
         if key == topics.CONTACTS.key():
             return lambda step: messages.cloud(messages.header(step.record.stamp, frame_id), table.make(step))
         return lambda step: messages.joint_states(

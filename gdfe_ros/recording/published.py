@@ -1,22 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The numbers of a step's messages as tables, by topic; without ROS, so that replays make the same arrays as the node.
 
-A table is a structured array: its columns have the names of the fields of the message, e.g. ``eps_eq`` of a cloud or
-``pose.position.x``, and it has a row for each point of a cloud, or a single row.
+The columns of a table have the names of the fields of the message, e.g. ``eps_eq`` of a cloud or ``pose.position.x``.
+A table has a row for each point of a cloud, or a single row.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.actuators import ActuatorState, Embedding, Mode, Readings
-from gdfe_ros.constraints import Pose
-from gdfe_ros.contacts import contact_names, contact_points
+from gdfe_ros.actuators import ActuatorState, Embedding, Mode
+from gdfe_ros.actuators.actuator import Readings
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.contacts import POINT, ContactSensor, contact_names, contact_points
 from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.forces.fields import ElementFields
@@ -42,87 +44,110 @@ IMU = _columns("<f8", [*_vector("orientation", "xyzw"), *_vector("angular_veloci
 JOINTS = _columns("<f8", ("position", "velocity", "effort"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Table:
-    """How the numbers of a topic follow from a step.
+    """How the numbers of a topic follow from a step: by ``write`` if all its tables have one size, else by ``make``.
 
     Attributes:
         part: attribute of `Step` that the table needs; the topic has no message for a step without it.
-        make: function that returns the table of a step.
-        kind: columns of the table; None if a message has other ones than the table, or as many rows as it happens.
+        kind: columns of the table.
+        count: number of rows.
+        write: function that writes the numbers of a step into an array (count, columns).
+        make: function that returns the table of a step, a structured array.
     """
 
-    part: str
-    make: Callable[[Step], NDArray[np.void]]
-    kind: np.dtype | None = None
+    part: str = "result"
+    kind: np.dtype
+    count: int = 1
+    write: Callable[[Step, NDArray], None] | None = None
+    make: Callable[[Step], NDArray[np.void]] | None = None
+
+    def columns(self, step: Step) -> dict[str, NDArray]:
+        """Return the columns (k,) of the table of a step by name."""
+        if self.make is not None:
+            table = self.make(step)
+            return {name: np.ascontiguousarray(table[name]) for name in self.kind.names}
+        rows = np.empty((self.count, len(self.kind.names)), self.kind[0])
+        self.write(step, rows)
+        return dict(zip(self.kind.names, np.ascontiguousarray(rows.T), strict=True))
 
 
 def tables_of(scene: Scene) -> dict[str, Table]:
     """Return dict from topic, without the node's name, to its table, for all topics of a step that have numbers."""
-    rest = scene.mesh.vertices
+    mesh, rest = scene.mesh, scene.mesh.vertices
     found = {
-        "mesh": Table("result", lambda step: mesh_table(step.result.positions, rest), MESH),
-        "strain": Table("fields", lambda step: strain_table(step.fields()), STRAIN),
+        "mesh": Table(
+            kind=MESH, count=mesh.n_vertices, write=lambda step, rows: write_mesh(rows, step.result.positions, rest)
+        ),
+        "strain": Table(
+            part="fields",
+            kind=STRAIN,
+            count=mesh.n_cells,
+            write=lambda step, rows: write_strain(rows, step.fields()),
+        ),
     }
     for handle in scene.handles:
-        name, topic = handle.name, f"{handle.section}/{handle.name}"
-        found[f"{topic}/pose"] = Table("poses", lambda step, name=name: pose_table(step.poses[name]), POSE)
-        wrench = Table("result", lambda step, name=name: wrench_table(step.result.reactions[name]), WRENCH)
-        found[f"{topic}/wrench"] = wrench
-        if handle.section == "handles":
-            found[f"{topic}/force_torque"] = Table("poses", lambda step, name=name: _force_torque(step, name), WRENCH)
+        found |= _tables_of_handle(handle)
     for name, point in scene.probes.items():
-        probe = Table("result", lambda step, point=point: _probe(step, point, rest), POSE)
-        found[f"probe/{name}"] = probe
+        found[f"probe/{name}"] = Table(kind=POSE, write=partial(_write_probe, point, rest))
     if contact_names(scene.handles, scene.self_contact):
-        found["contacts"] = Table("result", lambda step: contact_points(step.result.contacts))
+        found["contacts"] = Table(kind=POINT, make=lambda step: contact_points(step.result.contacts))
     for name, sensor in scene.sensors.items():
-        felt = Table("result", lambda step, sensor=sensor: wrench_table(sensor.wrench(step.result)), WRENCH)
-        found[f"sensors/{name}/wrench"] = felt
+        found[f"sensors/{name}/wrench"] = Table(kind=WRENCH, write=partial(_write_felt, sensor))
     if scene.dynamics:
-        moving = Table("result", lambda step: velocity_table(step.result.positions, step.result.velocities), VELOCITY)
-        found["velocity"] = moving
+        found["velocity"] = Table(kind=VELOCITY, count=mesh.n_vertices, write=_write_velocities)
         for name in scene.probes:
-            found[f"probe/{name}/imu"] = Table("imus", lambda step, name=name: imu_table(step.imus()[name]), IMU)
+            found[f"probe/{name}/imu"] = Table(part="imus", kind=IMU, write=partial(_write_reading, name))
     if scene.actuators or scene.arms:
-        found["joint_states"] = Table("actuators" if scene.actuators else "result", JointStates(scene).table)
+        part = "actuators" if scene.actuators else "result"
+        found["joint_states"] = Table(part=part, kind=JOINTS, make=JointStates(scene).table)
     return found
 
 
-def mesh_table(positions: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray[np.void]:
-    """Return the table of vertices (n, 3) [m] with their displacements from ``rest`` (n, 3) [m]."""
-    return _table(MESH, positions, positions - rest)
+def _tables_of_handle(handle: Handle) -> dict[str, Table]:
+    name, topic = handle.name, f"{handle.section}/{handle.name}"
+    found = {
+        f"{topic}/pose": Table(part="poses", kind=POSE, write=lambda step, rows: write_pose(rows, step.poses[name])),
+        f"{topic}/wrench": Table(kind=WRENCH, write=lambda step, rows: write_wrench(rows, step.result.reactions[name])),
+    }
+    if handle.section == "handles":
+        found[f"{topic}/force_torque"] = Table(part="poses", kind=WRENCH, write=partial(_write_force_torque, name))
+    return found
 
 
-def velocity_table(positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> NDArray[np.void]:
-    """Return the table of vertices (n, 3) [m] with their velocities (n, 3) [m/s]."""
-    return _table(VELOCITY, positions, velocities)
+def write_mesh(rows: NDArray, positions: NDArray[np.float64], rest: NDArray[np.float64]) -> None:
+    """Write vertices (n, 3) [m] and their displacements from ``rest`` (n, 3) [m] into ``rows`` (n, 6)."""
+    rows[:, :3] = positions
+    np.subtract(positions, rest, out=rows[:, 3:], casting="same_kind")
 
 
-def strain_table(fields: ElementFields) -> NDArray[np.void]:
-    """Return the table of the element fields, with a row for each cell."""
-    return _table(STRAIN, fields.centroids, *(getattr(fields, name) for name in STRAIN.names[3:]))
+def write_velocity(rows: NDArray, positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> None:
+    """Write vertices (n, 3) [m] and their velocities (n, 3) [m/s] into ``rows`` (n, 6)."""
+    rows[:, :3], rows[:, 3:] = positions, velocities
 
 
-def pose_table(pose: Pose) -> NDArray[np.void]:
-    """Return the table of a pose; its rotation vector becomes a unit quaternion."""
-    turn = Rotation.from_rotvec(pose.rotation).as_quat() if any(pose.rotation) else _NO_TURN
-    return _table(POSE, [pose.translation], [turn])
+def write_strain(rows: NDArray, fields: ElementFields) -> None:
+    """Write the element fields into ``rows`` (m, 8), one row for each cell."""
+    rows[:, :3] = fields.centroids
+    for column, name in enumerate(STRAIN.names[3:], start=3):
+        rows[:, column] = getattr(fields, name)
 
 
-def wrench_table(reaction: ArrayLike) -> NDArray[np.void]:
-    """Return the table of a reaction (6,): force [N], then moment [N m]."""
-    return _table(WRENCH, [reaction])
+def write_pose(rows: NDArray, pose: Pose) -> None:
+    """Write a pose into ``rows`` (1, 7); its rotation vector becomes a unit quaternion."""
+    rows[0, :3] = pose.translation
+    rows[0, 3:] = Rotation.from_rotvec(pose.rotation).as_quat() if any(pose.rotation) else _NO_TURN
 
 
-def imu_table(reading: ImuReading) -> NDArray[np.void]:
-    """Return the table of an inertial unit's reading, without covariances."""
-    return _table(IMU, [reading.orientation.as_quat()], [reading.angular_velocity], [reading.linear_acceleration])
+def write_wrench(rows: NDArray, reaction: NDArray[np.float64]) -> None:
+    """Write a reaction (6,), force [N] then moment [N m], into ``rows`` (1, 6)."""
+    rows[0] = reaction
 
 
-def columns_of(table: NDArray[np.void]) -> dict[str, NDArray]:
-    """Return the columns of a table (k,) by name."""
-    return {name: np.ascontiguousarray(table[name]) for name in table.dtype.names}
+def write_imu(rows: NDArray, reading: ImuReading) -> None:
+    """Write an inertial unit's reading, without covariances, into ``rows`` (1, 10)."""
+    rows[0, :4] = reading.orientation.as_quat()
+    rows[0, 4:7], rows[0, 7:] = reading.angular_velocity, reading.linear_acceleration
 
 
 def material_pose(point: Embedding, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> Pose:
@@ -168,22 +193,23 @@ def _extents(states: Mapping[str, ActuatorState]) -> NDArray[np.float64]:
     return np.array([each.command if each.mode in commanded else each.extent for each in states.values()])
 
 
-def _probe(step: Step, point: Embedding, rest: NDArray[np.float64]) -> NDArray[np.void]:
-    return pose_table(material_pose(point, rest, step.result.positions))
+def _write_probe(point: Embedding, rest: NDArray[np.float64], step: Step, rows: NDArray) -> None:
+    write_pose(rows, material_pose(point, rest, step.result.positions))
 
 
-def _force_torque(step: Step, name: str) -> NDArray[np.void]:
-    """Return the wrench of the body on a handle, in the axes of the handle."""
-    back = Rotation.from_rotvec(step.poses[name].rotation).inv()
-    return wrench_table(-back.apply(step.result.reactions[name].reshape(2, 3)).ravel())
+def _write_felt(sensor: ContactSensor, step: Step, rows: NDArray) -> None:
+    write_wrench(rows, sensor.wrench(step.result))
 
 
-def _table(kind: np.dtype, *parts: NDArray | Sequence) -> NDArray[np.void]:
-    """Return a table whose columns are those of ``parts`` (k, c) or (k,), one after the other."""
-    rows = np.empty((len(parts[0]), len(kind.names)), kind[0])
-    place = 0
-    for part in map(np.asarray, parts):
-        width = part.shape[1] if part.ndim > 1 else 1
-        rows[:, place : place + width] = part if part.ndim > 1 else part[:, None]
-        place += width
-    return rows.view(kind)[:, 0]
+def _write_velocities(step: Step, rows: NDArray) -> None:
+    write_velocity(rows, step.result.positions, step.result.velocities)
+
+
+def _write_reading(probe: str, step: Step, rows: NDArray) -> None:
+    write_imu(rows, step.imus()[probe])
+
+
+def _write_force_torque(handle: str, step: Step, rows: NDArray) -> None:
+    """Write the wrench of the body on a handle, in the axes of the handle."""
+    back = Rotation.from_rotvec(step.poses[handle].rotation).inv()
+    write_wrench(rows, -back.apply(step.result.reactions[handle].reshape(2, 3)).ravel())
