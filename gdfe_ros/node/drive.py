@@ -226,7 +226,7 @@ class CommandAssembler:
         self.clear()
 
     def clear(self) -> None:
-        """Drop every velocity and trajectory, and commands on their way to their goals."""
+        """Drop every velocity and trajectory, and commands that have not reached their goals."""
         self.slew.clear()
         self._twists: dict[str, tuple[TwistOrder, float]] = {}
         self._courses: dict[str, _Course] = {}
