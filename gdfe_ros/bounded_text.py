@@ -229,3 +229,18 @@ def parse_xml(text: str) -> ElementTree.Element:
         return ElementTree.fromstring(text)
     except (ElementTree.ParseError, UnicodeError) as error:
         raise ValueError(str(error)) from error
+
+
+_FORMULAS = ("=", "+", "-", "@", "\t", "\r")
+"""Beginnings of cells that spreadsheets execute."""
+
+
+def quoted(value: Any) -> Any:
+    """Return a cell: a text that a spreadsheet would take for a formula gets a leading quote; numbers stay."""
+    if not isinstance(value, str) or not value.startswith(_FORMULAS):
+        return value
+    try:
+        float(value)
+    except ValueError:
+        return f"'{value}"
+    return value

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands to a simulation, checked against its scene."""
+"""Commands to a simulation, checked against its scene, and the times of a step."""
 
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -16,7 +17,7 @@ from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.quality import list_ids
-from gdfe_ros.real_number import is_finite, is_number
+from gdfe_ros.real_number import is_finite, is_number, require_command
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot
@@ -190,21 +191,13 @@ class Orders:
         values = dict(last)
         for name, value in (command.actuators if command else {}).items():
             actuator = self.actuator(name)
-            _require_number(f"actuator {name!r}", value)
-            if not is_finite(value):
-                text = f"{actuator.mode.value} {value!r} is not finite"
-                raise CommandError(f"actuator {name!r}: {text}; allowed: finite numbers, {_range(actuator)}")
-            if not actuator.low <= value <= actuator.high:
-                raise CommandError(f"actuator {name!r}: {actuator.mode.value} {value!r}; allowed: {_range(actuator)}")
+            actuator.require(value)
             self._require_room(actuator, float(value))
             values[name] = float(value >= 0.5) if actuator.mode is Mode.GRIP else float(value)
         for name, value in (command.loads if command else {}).items():
             if name not in self._loads:
                 raise CommandError(f"no load {name!r} in scene {self._scene.name!r}; loads: {_list(self._loads)}")
-            _require_number(f"load {name!r}", value)
-            if not is_finite(value):
-                raise CommandError(f"load {name!r}: factor {value!r}; allowed: finite numbers")
-            values[name] = float(value)
+            values[name] = require_command(f"load {name!r}: factor", value)
         return values
 
     def _require_room(self, actuator: Actuator, value: float) -> None:
@@ -261,15 +254,42 @@ def _require_pose(what: str, pose: object) -> None:
         raise CommandError(f"{what} is {pose!r}; allowed: a Pose(translation, rotation)")
 
 
-def _require_number(what: str, value: object) -> None:
-    if not is_number(value):
-        raise CommandError(f"{what}: the command is {value!r}; allowed: a number")
-
-
-def _range(actuator: Actuator) -> str:
-    """Return the range of an actuator's command as text, with its unit."""
-    return f"{actuator.low:g} to {actuator.high:g} {actuator.mode.unit}".rstrip()
-
-
 def _list(names: Iterable[str]) -> str:
     return ", ".join(names) or "none"
+
+
+LONGEST = 1e9
+"""Longest duration of a step and longest deadline [s]."""
+MOST_STEPS = 100_000
+"""Largest number of internal steps into which one step of a body with mass may be divided."""
+
+
+def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
+    """Check the duration ``dt`` [s] of a step, and its limits ``deadline`` [s] and ``cut_after``; None means no limit.
+
+    Returns:
+        ``dt`` in double precision. In lower precision, the sum of many time steps stops growing.
+
+    Raises:
+        CommandError: a time is not finite, below zero or above `LONGEST`, or ``cut_after`` is negative or not a whole
+            number.
+    """
+    for name, value in (("dt", dt), ("deadline", 0.0 if deadline is None else deadline)):
+        if not (is_number(value) and is_finite(value) and 0.0 <= value <= LONGEST):
+            raise CommandError(f"{name} is {value!r}; allowed: finite, 0 to {LONGEST:g} [s]")
+    if cut_after is not None and not (is_number(cut_after, numbers.Integral) and cut_after >= 0):
+        raise CommandError(f"cut_after is {cut_after!r}; allowed: whole numbers, 0 or more")
+    return float(dt)
+
+
+def require_countable(*, dt: float, step: float) -> None:
+    """Check that ``dt`` [s] has at most `MOST_STEPS` internal steps of ``step`` [s].
+
+    Raises:
+        CommandError: ``dt`` has more internal steps.
+    """
+    if dt > MOST_STEPS * step:
+        raise CommandError(
+            f"dt is {dt!r}, {dt / step:.3g} internal steps of {step:g} s (dynamics.step); allowed: 0 to "
+            f"{MOST_STEPS * step:g} s, {MOST_STEPS} internal steps; remedy: make several steps"
+        )

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Embedding
 from gdfe_ros.constraints import Handle
-from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.obstacle import NAME as SELF
+from gdfe_ros.constraints.obstacle import Obstacle, SelfContact
 from gdfe_ros.constraints.rigid_body import rigid_pairs
-from gdfe_ros.constraints.self_contact import NAME as SELF
-from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.result import StepResult
 

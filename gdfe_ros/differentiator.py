@@ -112,8 +112,14 @@ class Differentiator:
         self, state: State, probes: list[str], actuators: list[str], interrupted: Interruption
     ) -> NDArray[np.float64]:
         outputs, wanted = [f"probes.{name}" for name in probes], [f"actuators.{name}" for name in actuators]
-        found = self.derivatives.found(state, outputs, wanted, interrupted=interrupted)
+        found = self._derivatives_now(state, outputs, wanted, interrupted)
         return found.matrix.reshape(len(probes), 3, len(actuators))
+
+    def _derivatives_now(
+        self, state: State, outputs: Sequence[str], parameters: Sequence[str], interrupted: Interruption
+    ) -> Sensitivities:
+        """Return d(output)/d(parameter) at ``state``, without the effects of steps before the last one."""
+        return self.derivatives.found(state, outputs, parameters, interrupted=interrupted)
 
     def _require_rigid_joints(self) -> None:
         """Raise `GdfeError` if an arm has yielding joints: derivatives assume that its flange does not move."""
@@ -207,14 +213,11 @@ class MotionDifferentiator(Differentiator):
             trail = self._last_step_followed(state, parameters, interrupted)
         return derivatives.along(trail, outputs, parameters)
 
-    def _jacobian(
-        self, state: State, probes: list[str], actuators: list[str], interrupted: Interruption
-    ) -> NDArray[np.float64]:
-        outputs, wanted = [f"probes.{name}" for name in probes], [f"actuators.{name}" for name in actuators]
-        # A new trail over the last step only, without the effects of earlier steps.
-        trail = self._last_step_followed(state, wanted, interrupted)
-        found = self.derivatives.along(trail, outputs, wanted)
-        return found.matrix.reshape(len(probes), 3, len(actuators))
+    def _derivatives_now(
+        self, state: State, outputs: Sequence[str], parameters: Sequence[str], interrupted: Interruption
+    ) -> Sensitivities:
+        trail = self._last_step_followed(state, parameters, interrupted)
+        return self.derivatives.along(trail, outputs, parameters)
 
     def _last_step_followed(self, state: State, parameters: Sequence[str] | None, interrupted: Interruption) -> Trail:
         """Repeat the last step, which led to ``state``, and return the trail with its derivatives."""

@@ -56,6 +56,10 @@ class CommandError(GdfeError):
     """A command that cannot be carried out; the state is unchanged."""
 
 
+class RangeError(CommandError):
+    """A command is a number out of its range."""
+
+
 class OverlapError(CommandError):
     """A rigid body that would be inside another object; the teleport or reset that would cause it is not made."""
 

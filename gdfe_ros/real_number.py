@@ -6,6 +6,8 @@ from __future__ import annotations
 import math
 import numbers
 
+from gdfe_ros.errors import CommandError, RangeError
+
 
 def is_number(value: object, kind: type = numbers.Real) -> bool:
     """Return whether a value is a number of the given kind. True and False are no numbers, unlike in Python."""
@@ -18,3 +20,29 @@ def is_finite(value: numbers.Real) -> bool:
         return math.isfinite(value)
     except OverflowError:  # a whole number beyond the range of double precision
         return False
+
+
+def require_command(
+    what: str, value: object, *, low: float = -math.inf, high: float = math.inf, unit: str = "", remedy: str = ""
+) -> float:
+    """Return a command, after a check that it is a finite number from ``low`` to ``high``.
+
+    Args:
+        what: what is commanded, e.g. ``joint 'lift': position``; the message of an error begins with it.
+        value: given command.
+        low: least command, in ``unit``.
+        high: largest command, in ``unit``.
+        unit: SI unit, for the message.
+        remedy: end of the message about a number out of the range.
+
+    Raises:
+        CommandError: the command is no finite number.
+        RangeError: it is out of the range.
+    """
+    allowed = "" if low == -math.inf and high == math.inf else f"{low:g} to {high:g} {unit}".rstrip()
+    if not is_number(value) or not is_finite(value):
+        wrong = "is not finite" if is_number(value) else "is no number"
+        raise CommandError(f"{what} {value!r} {wrong}; allowed: {', '.join(filter(None, ('finite numbers', allowed)))}")
+    if not low <= value <= high:
+        raise RangeError(f"{what} {value!r}; allowed: {'; '.join(filter(None, (allowed, remedy)))}")
+    return float(value)

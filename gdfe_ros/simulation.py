@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.actuators import ActuatorState, total_gravity
-from gdfe_ros.actuators.actuator import Grip
 from gdfe_ros.arms.carriers import Carriers, JointReading, Motions
 from gdfe_ros.arms.dynamics import LinkFrame
-from gdfe_ros.command import Command, Orders, checked_positions, require_snapshot
+from gdfe_ros.command import Command, Orders, checked_positions, require_countable, require_snapshot, require_times
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
@@ -40,7 +39,6 @@ from gdfe_ros.solver.state import Snapshot, State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.placing import moved_along
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.step_time import require_countable, require_times
 from gdfe_ros.steppers import make_stepper, scene_body, step_result, usual_steps
 
 if TYPE_CHECKING:
@@ -299,33 +297,25 @@ class Simulation:
         if texts := actuation.out_of_reach(self.state, commands):
             raise CommandError("; ".join(texts.values()))
         holding = actuation.holding(self.state)
+        soft = {name: vertices_of_soft(self.scene, [name]) for name in places if name in self.scene.soft_bodies}
         for grip in (each.actuator for each in actuation.grips if each.name in holding):
-            held = {name for name in places if name in self.scene.soft_bodies and self._holds(grip, name)}
+            held = {name for name, vertices in soft.items() if np.isin(grip.vertices, vertices).any()}
             if moved := sorted(({grip.held, grip.holder} & set(places)) | held):
                 raise CommandError(f"body {moved[0]!r} is held by grip {grip.name!r}; remedy: let go first, command 0")
-
-    def _holds(self, grip: Grip, soft: str) -> bool:
-        """Return whether a grip holds vertices of a soft body."""
-        return bool(np.isin(grip.vertices, vertices_of_soft(self.scene, [soft])).any())
 
     def _rests(self, motions: Motions, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether body and yielding joints are at rest, and would stay at rest at these commands."""
         return self._coupling.rests(motions, self._links) and self.stepper.rests(self.state, targets, commands)
 
-    def _coupled(self, before: Motions, commands: Mapping[str, float], dt: float, limit: Deadline | None) -> March:
-        """Make a step of the body and the yielding joints; ``before`` are the motions of the motors before it."""
-        motors = before, self._joints
-        given = {"links": self._links, "motors": motors, "targets": self.targets, "commands": commands}
-        outcome = self._coupling.step(self.state, **given, duration=dt, deadline=limit)
+    def _stepped(self, before: Motions, commands: Mapping[str, float], dt: float, limit: Deadline | None) -> March:
+        """Make a step to the targets; ``before`` are the motions of the arms' motors before the step."""
+        given = {"targets": self.targets, "commands": commands, "duration": dt, "deadline": limit}
+        if not self._coupling:
+            return self._differentiator.step(self.state, **given)
+        outcome = self._coupling.step(self.state, links=self._links, motors=(before, self._joints), **given)
         self._links = outcome.links
         self.targets = {**self.targets, **outcome.poses}
         return outcome.march
-
-    def _stepped(self, before: Motions, commands: Mapping[str, float], dt: float, limit: Deadline | None) -> March:
-        """Make a step to the targets; ``before`` are the motions of the arms' motors before the step."""
-        if self._coupling:
-            return self._coupled(before, commands, dt, limit)
-        return self._differentiator.step(self.state, self.targets, commands, duration=dt, deadline=limit)
 
     @property
     def settled(self) -> bool:
@@ -433,11 +423,6 @@ class Simulation:
     def joint_positions(self) -> dict[str, float]:
         """Dict from joint of an arm to its present position [rad] or [m]."""
         return self._carriers.parts(self._shown, "positions")
-
-    @property
-    def joint_velocities(self) -> dict[str, float]:
-        """Dict from joint of an arm to its mean velocity in the last step [rad/s] or [m/s]."""
-        return self._carriers.parts(self._shown, "velocities")
 
     @property
     def motor_velocities(self) -> dict[str, float]:

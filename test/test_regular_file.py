@@ -12,8 +12,8 @@ import pytest
 
 from gdfe_ros.analysis.export import Columns, write_csv
 from gdfe_ros.arms.meshes import find_mesh
+from gdfe_ros.bounded_text import quoted
 from gdfe_ros.checkpoint import load_state, save_state, write_state
-from gdfe_ros.csv_cells import quoted
 from gdfe_ros.errors import ArmError, GdfeError, MeshError, SceneError
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.voxels import examine_surface

@@ -21,11 +21,10 @@ from benchmarks.public_cases.__main__ import case_table
 from benchmarks.report import KEPT, read_report
 from benchmarks.tables import all_tables
 from benchmarks.torture.score import torture_table
+from docs.scripts import node_reference, scene_reference
 from docs.scripts.compatibility import compatibility_table
 from docs.scripts.constants import constant_table
 from docs.scripts.library import library_table, published_table
-from gdfe_ros.node import reference as node_reference
-from gdfe_ros.scene import reference as scene_reference
 
 ROOT = Path(__file__).resolve().parents[2]
 

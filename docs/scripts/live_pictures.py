@@ -10,10 +10,10 @@ import sys
 from pathlib import Path
 
 from docs.scripts.browser import Browser
+from gdfe_ros.live.interface import View
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.live.surface import DrawnSurface
-from gdfe_ros.live.view import View
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 

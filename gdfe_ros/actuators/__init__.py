@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth, Mode
+from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth, Mode, Readings
 from gdfe_ros.actuators.embedding import Embedding, embed
 from gdfe_ros.actuators.load import AttachedMass, Gravity, Load, PointLoad, PressureLoad, SurfaceLoad, total_gravity
-from gdfe_ros.actuators.reading import Readings
 
 __all__ = [
     "Actuator",

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Actuators of a scene, and their reported states. SI units."""
+"""Actuators of a scene, their reported states, and the positions that messages state. SI units."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import Embedding
+from gdfe_ros.real_number import require_command
 
 
 class Mode(str, Enum):
@@ -51,6 +53,15 @@ class Actuator:
     def constrains(self) -> bool:
         """Whether the command is a constraint on a length or a volume, whose tension or pressure is an unknown."""
         return self.mode is Mode.VOLUME
+
+    def require(self, value: object) -> float:
+        """Return a command, after a check.
+
+        Raises:
+            CommandError: it is no finite number within the range.
+        """
+        what = f"actuator {self.name!r}: {self.mode.value}"
+        return require_command(what, value, low=self.low, high=self.high, unit=self.mode.unit)
 
     def seen_from(self, origin: NDArray[np.float64]) -> Actuator:
         """Return the actuator for positions relative to ``origin`` (3,) [m]; only points in the world differ."""
@@ -189,3 +200,31 @@ class ActuatorState:
         if self.mode in (Mode.PRESSURE, Mode.VOLUME):
             return [("volume", self.extent, "m^3"), ("pressure", self.effort, "Pa")]
         return [("length", self.extent, "m"), ("tension", self.effort, "N")]
+
+
+class Readings:
+    """Converter of actuator states to positions.
+
+    The position of a cable is its shortening [m] if the command is a shortening, else its length [m]. The position of a
+    chamber is its volume [m^3], and the position of a growth or a grip is its command.
+
+    Args:
+        actuators: actuators of a scene.
+        rest: undeformed vertices (n, 3) [m].
+    """
+
+    def __init__(self, actuators: Iterable[Actuator], rest: NDArray[np.float64]) -> None:
+        self._lengths = {
+            item.name: float(np.linalg.norm(np.diff(item.points.at(rest), axis=0), axis=1).sum())
+            for item in actuators
+            if isinstance(item, Cable) and item.mode is Mode.SHORTENING
+        }
+
+    def positions(self, states: Mapping[str, ActuatorState]) -> NDArray[np.float64]:
+        """Return the positions (k,) of actuators from a dict from name to state, in the order of the dict."""
+        return np.array([self._position(name, state) for name, state in states.items()])
+
+    def _position(self, name: str, state: ActuatorState) -> float:
+        if state.mode in (Mode.GROWTH, Mode.GRIP):
+            return state.command
+        return self._lengths[name] - state.extent if state.mode is Mode.SHORTENING else state.extent

@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators import Cable, Chamber
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.form import Plane
-from gdfe_ros.constraints.form_faces import form_faces
+from gdfe_ros.constraints.form import Plane, form_faces
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.contacts import contact_points
 from gdfe_ros.mesh import HexMesh

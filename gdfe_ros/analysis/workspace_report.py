@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gdfe_ros.analysis.workspace import ReachableSet
-from gdfe_ros.csv_cells import quoted
+from gdfe_ros.bounded_text import quoted
 
 _PAIRS = (("x", "z", 0, 2), ("y", "z", 1, 2), ("x", "y", 0, 1))
 

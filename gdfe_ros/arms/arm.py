@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.arms.description import Joint
 from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
-from gdfe_ros.arms.limits import JointLimits
-from gdfe_ros.arms.springs import JointSprings
-from gdfe_ros.constraints.arm_link import ArmLink
-from gdfe_ros.constraints.pose import Pose
-from gdfe_ros.constraints.turn import nearest_turn, quaternion_of
+from gdfe_ros.arms.limits import JointLimits, JointSprings
+from gdfe_ros.constraints.obstacle import ArmLink
+from gdfe_ros.constraints.pose import Pose, nearest_turn, quaternion_of
 
 Vector = NDArray[np.float64]
 

@@ -16,7 +16,6 @@ from gdfe_ros.arms.limits import JointMotion
 from gdfe_ros.command import Command
 from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.errors import CommandError
-from gdfe_ros.real_number import is_finite, is_number
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.spelling import did_you_mean
 
@@ -93,15 +92,7 @@ class Carriers:
                 joints = ", ".join(self._places) or "none"
                 raise CommandError(f"no joint {name!r}; {did_you_mean(name, self._places)}joints: {joints}")
             arm, i = self._places[name]
-            unit, low, high = arm.joints[i].unit, arm.limits.lower[i], arm.limits.upper[i]
-            if not is_number(value) or not is_finite(value):
-                raise CommandError(
-                    f"joint {name!r}: position {value!r}; allowed: finite numbers, {low:g} to {high:g} {unit}"
-                )
-            if not low <= value <= high:
-                remedy = "remedy: a position within them, or `limits` of the arm in the scene"
-                raise CommandError(f"joint {name!r}: position {value!r}; allowed: {low:g} to {high:g} {unit}; {remedy}")
-            found[name] = float(value)
+            found[name] = arm.joints[i].require(value)
         return found
 
     def parts(self, motions: Motions, part: str) -> dict[str, float]:

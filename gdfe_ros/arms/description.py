@@ -10,6 +10,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.real_number import require_command
+
 
 class GeometryKind(str, Enum):
     """Kind of a link's shape."""
@@ -121,6 +123,16 @@ class Joint:
     def unit(self) -> str:
         """Unit of the joint's position: m or rad."""
         return "m" if self.motion is JointKind.PRISMATIC else "rad"
+
+    def require(self, value: object) -> float:
+        """Return a commanded position [rad] or [m], after a check; the joint has limits.
+
+        Raises:
+            CommandError: it is no finite number within the joint's limits.
+        """
+        given = {"low": self.limits.lower, "high": self.limits.upper, "unit": self.unit}
+        remedy = "remedy: a position within the joint's limits, or `limits` of the arm in the scene"
+        return require_command(f"joint {self.name!r}: position", value, **given, remedy=remedy)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion of joints towards their commanded positions, within their velocity and acceleration limits."""
+"""Motion of joints towards their commanded positions within their limits, and springs of joints that yield."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -106,3 +107,26 @@ class JointLimits:
             braked = a * (np.sqrt(0.25 * dt**2 + 2.0 * reach / a) - 0.5 * dt)
         at_once = reach / dt
         return np.sign(left) * np.where(np.isfinite(a), np.minimum(braked, at_once), at_once)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointSprings:
+    """Springs and dampers of the yielding joints of an arm.
+
+    The torque of a motor at position theta on a link at position q is
+
+        tau = k (theta - q) + d (theta' - q').
+
+    Attributes:
+        yielding: indices of the yielding joints (y,) among the commanded joints.
+        stiffness: k (y,) [N m/rad] or [N/m].
+        damping: d (y,) [N m s/rad] or [N s/m].
+    """
+
+    yielding: NDArray[np.int64]
+    stiffness: Vector
+    damping: Vector
+
+    def torques(self, stretch: Vector, rate: Vector) -> Vector:
+        """Return tau (y,) of springs with ``stretch`` theta - q (y,) that changes at the ``rate`` (y,)."""
+        return self.stiffness * stretch + self.damping * rate

@@ -14,8 +14,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.inspection import Inspection, inspect_file
 from gdfe_ros.mesh.mesh_input import require_file
 from gdfe_ros.mesh.quality import check_mesh
-from gdfe_ros.scene.mesh_schema import SIZE
-from gdfe_ros.scene.skin_schema import SCALE
+from gdfe_ros.scene.mesh_schema import SCALE, SIZE
 from gdfe_ros.terminal import PlainConsole
 
 DEFECTIVE = 1

@@ -22,9 +22,8 @@ from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, from_step, from_surface,
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 from gdfe_ros.mesh.walls import default_size
 from gdfe_ros.scene.document import write_document
-from gdfe_ros.scene.mesh_schema import LEAST_SIZE, SIZE
+from gdfe_ros.scene.mesh_schema import LEAST_SIZE, SCALE, SIZE
 from gdfe_ros.scene.report import suggest
-from gdfe_ros.scene.skin_schema import SCALE
 
 PRESSURE = 5e3
 """Final pressure [Pa] of the program that is written for a scene with chambers."""

@@ -10,8 +10,7 @@ from typing import Any
 from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.message_text import parse
-from gdfe_ros.node.parameter_calls import get_parameters, set_parameter
-from gdfe_ros.node.peer import full_name, open_peer
+from gdfe_ros.node.peer import full_name, get_parameters, open_peer, set_parameter
 from gdfe_ros.spelling import did_you_mean
 
 REFUSED = 1

@@ -22,7 +22,7 @@ from gdfe_ros.node.interface import NODE_NAME
 
 if TYPE_CHECKING:
     from gdfe_ros.live.page import Page
-    from gdfe_ros.twin.measured_body import MeasuredBody
+    from gdfe_ros.twin.estimator import MeasuredBody
     from gdfe_ros.twin.twin import Twin
 
 _PERIOD = 0.05
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     measured = _require(arguments)
     from gdfe_ros.scene import load_scene
     from gdfe_ros.simulation import Simulation
-    from gdfe_ros.twin.measured_body import MeasuredBody
+    from gdfe_ros.twin.estimator import MeasuredBody
     from gdfe_ros.twin.remote.robot import Robot
     from gdfe_ros.twin.twin import Twin
 

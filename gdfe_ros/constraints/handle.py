@@ -9,6 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.constraints.pose import Pose
 
 
 class Axis(IntEnum):
@@ -69,3 +72,16 @@ class Handle:
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mean position (3,) [m] of the handle's vertices; ``vertices`` (n, 3) are all vertices."""
         return vertices[self.vertices].mean(axis=0)
+
+    def error(self, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
+        """Return the largest deviation [m] of the handle's vertices from its target, along axes that are not free.
+
+        The deviation of a handle that rotates freely is that of its centre. ``rest`` and ``positions`` are the body's
+        vertices (n, 3) [m], undeformed and now.
+        """
+        before, now = rest[self.vertices], positions[self.vertices]
+        centre = before.mean(axis=0)
+        wanted = Rotation.from_rotvec(target.rotation).apply(before - centre) + centre + target.translation
+        error = np.abs((now - wanted).mean(axis=0) if self.turning else now - wanted)
+        free = np.isin(list(Axis), self.free) if self.slide is None else self.slide
+        return float(np.where(free, 0.0, error).max(initial=0.0))

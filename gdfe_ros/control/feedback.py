@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.control.inverse import ENOUGH, LONGER, SHORTER, Reach, require_equilibria, require_positive
-from gdfe_ros.control.limits import CommandLimits
-from gdfe_ros.control.programme import least_squares
+from gdfe_ros.control.limits import CommandLimits, least_squares
 from gdfe_ros.control.stack import Stack
 from gdfe_ros.control.targets import Aim
 from gdfe_ros.errors import CommandError

@@ -14,9 +14,8 @@ from gdfe_ros.actuators import Load, total_gravity
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.carriers import Carriers, Motions
 from gdfe_ros.constraints.pose import Pose
-from gdfe_ros.coupling.balance import JointBalance, Links, distance, on_links
+from gdfe_ros.coupling.balance import BalanceSearch, JointBalance, Links, distance, on_links
 from gdfe_ros.coupling.link_motion import LinkMotion
-from gdfe_ros.coupling.search import BalanceSearch
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.motion.dynamics import Dynamics

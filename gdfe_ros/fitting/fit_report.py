@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
 from gdfe_ros.analysis.report.template import fill, read_file, to_json
-from gdfe_ros.csv_cells import quoted
+from gdfe_ros.bounded_text import quoted
 from gdfe_ros.fitting.comparison import predicted
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.recording import ROW, Recording
 from gdfe_ros.fitting.statistics import percent
-from gdfe_ros.scene.keys import unit_of
+from gdfe_ros.scene.report import unit_of
 
 RESIDUAL = "residual: simulated - measured"
 _PAGE = """<!DOCTYPE html>

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.document import parse_document
-from gdfe_ros.scene.keys import known_keys
-from gdfe_ros.scene.report import suggest
+from gdfe_ros.scene.report import known_keys, suggest
 from gdfe_ros.scene.scene import Scene
 
 _FORM = "--vary takes KEY=LOW..HIGH or KEY=LOW..START..HIGH, e.g. materials.silicone.young=1e5..1e6"

@@ -4,18 +4,106 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
+
+from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.analysis.published import Publication
 from gdfe_ros.contacts import contact_names
-from gdfe_ros.live.messages import Messages
 from gdfe_ros.node.interface import NODE_NAME, topics
 from gdfe_ros.node.interface.scene_topics import state_topics
-from gdfe_ros.node.step import Step
-from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
+from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.recorder import BackPressure, QueueOptions, Recorder
+from gdfe_ros.recording.step import Step
+from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.simulation import Simulation
+
+_DATATYPES = {"f4": 7, "i4": 5}
+"""Codes of data types in ``sensor_msgs/msg/PointField``, by numpy's name."""
+_CLOUD, _JOINTS, _TEXT = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/JointState", "std_msgs/msg/String"
+
+
+class Messages:
+    """Makes serialised messages and describes their types.
+
+    Args:
+        joints: names of the entries of a JointState.
+    """
+
+    def __init__(self, *, joints: Sequence[str] = ()) -> None:
+        self._store, self._joints = get_typestore(Stores.ROS2_JAZZY), list(joints)
+
+    def topic(self, name: str, kind: str, role: str) -> TopicInfo:
+        """Return the description of a topic for a bag, with the definition and the hash of its type."""
+        text, _ = self._store.generate_msgdef(kind, ros_version=2)
+        digest = self._store.hash_rihs01(kind)
+        return TopicInfo(name=name, type=kind, definition=text, type_hash=digest, role=role)
+
+    def text(self, data: str) -> bytes:
+        """Serialise a String message."""
+        return self._bytes(self._store.types[_TEXT](data), _TEXT)
+
+    def pack(self, kind: str, values: Values, stamp: int, frame_id: str) -> bytes:
+        """Return a serialised message with a header.
+
+        Args:
+            kind: type of the message.
+            values: dict from the dotted path of a field, e.g. ``pose.position.x``, to its value (1,). For a cloud: from
+                the name of a column to its values (k,). For a JointState: from the name of a field to its values.
+            stamp: stamp of the header [ns].
+            frame_id: frame of the header.
+        """
+        message = self._empty(kind)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+        message.header.frame_id = frame_id
+        if kind == _CLOUD:
+            self._fill_cloud(message, values)
+        elif kind == _JOINTS:
+            message.name = self._joints
+            for name, array in values.items():
+                setattr(message, name, np.asarray(array, dtype=np.float64))
+        else:
+            for path, array in values.items():
+                *parents, last = path.split(".")
+                part = message
+                for name in parents:
+                    part = getattr(part, name)
+                setattr(part, last, float(array[0]))
+        return self._bytes(message, kind)
+
+    def _fill_cloud(self, cloud: Any, values: Values) -> None:
+        kinds = {name: column.dtype.str[1:] for name, column in values.items()}
+        table = np.empty(len(next(iter(values.values()))), [(name, f"<{kind}") for name, kind in kinds.items()])
+        for name, column in values.items():
+            table[name] = column
+        field = self._store.types["sensor_msgs/msg/PointField"]
+        cloud.fields = [field(name, 4 * place, _DATATYPES[kind], 1) for place, (name, kind) in enumerate(kinds.items())]
+        cloud.height, cloud.width, cloud.is_dense = 1, len(table), True
+        cloud.point_step, cloud.row_step = table.itemsize, table.nbytes
+        cloud.data = table.view(np.uint8)
+
+    def _bytes(self, message: Any, kind: str) -> bytes:
+        return bytes(self._store.serialize_cdr(message, kind))
+
+    def _empty(self, kind: str) -> Any:
+        """Return a message whose fields are zeros, empty texts and empty sequences."""
+        _, fields = self._store.fielddefs[kind]
+        return self._store.types[kind](**{name: self._zero(*what) for name, what in fields})
+
+    def _zero(self, node: Nodetype, what: Any) -> Any:
+        if node is Nodetype.NAME:
+            return self._empty(what)
+        if node is Nodetype.BASE:
+            return {"string": "", "bool": False}.get(what[0], 0.0 if what[0].startswith("float") else 0)
+        (kind, inner), count = what
+        numbers = kind is Nodetype.BASE and inner[0] != "string"
+        return np.zeros(count, dtype=inner[0]) if numbers else []
+
 
 _FRAME = "base_link"
 
@@ -42,11 +130,10 @@ class LiveBag:
         if touching := contact_names(scene.handles, scene.self_contact):
             texts[topics.CONTACT_NAMES] = json.dumps(touching)
         names = {**self._specs, **{spec.key(): spec for spec in texts}}
-        settings = {**asdict(scene.solver), "policy": scene.solver.policy.value, "node": {"clock": "live", "dt": dt}}
         self._recorder = Recorder(
             path,
             [self._messages.topic(_full(role), spec.type, role) for role, spec in names.items()],
-            run=RunInfo(scene=scene.source, settings=settings, files={} if state is None else {STATE_FILE: state}),
+            run=RunInfo.of(scene, node={"clock": "live", "dt": dt}, state=state),
             queue=QueueOptions(back_pressure=BackPressure.BLOCK, block_seconds=30.0),
         )
         for spec, text in texts.items():
@@ -73,9 +160,7 @@ class LiveBag:
 
     def close(self) -> str:
         """Complete the bag and return a summary."""
-        status = self._recorder.close()
-        text = f"bag {self.path}: {status.written} messages, {status.dropped_total} dropped"
-        return f"{text}; {status.error}; nothing later is in the bag" if status.error else text
+        return self._recorder.close().summary(self.path)
 
     @staticmethod
     def _frame(role: str) -> str:

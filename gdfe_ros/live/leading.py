@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.live.interface import ShownRun
-from gdfe_ros.live.view import View
+from gdfe_ros.live.interface import ShownRun, View
 from gdfe_ros.node.orders import ActuatorOrder
 
 STILL = 1e-6

@@ -20,19 +20,15 @@ from numpy.typing import NDArray
 
 from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.live.admission import Admission
-from gdfe_ros.live.field import Range, fields_of, legend
-from gdfe_ros.live.gate import Gate, guarding
-from gdfe_ros.live.history import StepHistory
-from gdfe_ros.live.interface import ShownRun
+from gdfe_ros.live.gate import Admission, Gate, guarding
+from gdfe_ros.live.interface import ShownRun, View
 from gdfe_ros.live.leading import Leading
-from gdfe_ros.live.panel import Panel
-from gdfe_ros.live.plots import Plots
+from gdfe_ros.live.panel import Panel, Status, waiting
+from gdfe_ros.live.plots import Plots, StepHistory
 from gdfe_ros.live.stage import Stage
-from gdfe_ros.live.status import Status, waiting
-from gdfe_ros.live.view import View
+from gdfe_ros.live.surface import Range, fields_of, legend
 from gdfe_ros.node.orders import Order
-from gdfe_ros.node.throttle import Throttle
+from gdfe_ros.node.plain_log import Throttle
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.threads import VIEWER, show_name
 

@@ -1,33 +1,91 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A session of a page with a simulation in this process, stepped in a separate thread, commanded through an inbox."""
+"""A run in the process of the page, without ROS, and the scene's program as orders for each next step."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import threading
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from datetime import datetime
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
+from scipy.spatial.transform import Rotation
+
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.live.interface import Ability
-from gdfe_ros.live.orders import require_order
-from gdfe_ros.live.programme import Programme
-from gdfe_ros.live.view import View
-from gdfe_ros.node.inbox import Inbox
-from gdfe_ros.node.orders import ActuatorOrder, Order
+from gdfe_ros.live.interface import Ability, View
+from gdfe_ros.node.orders import ActuatorOrder, Inbox, Order, PoseOrder, require_order
 from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import moduli_of, with_moduli
-from gdfe_ros.node.step import Demand, Step, to_nanoseconds
 from gdfe_ros.node.stepper import SteppingThread
+from gdfe_ros.recording.step import Demand, Step, to_nanoseconds
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.regular_file import path_inside
+from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
+
+
+def pose_order(handle: str, pose: Pose) -> PoseOrder:
+    """Return the order that moves a handle to a pose relative to its rest pose."""
+    quaternion = tuple(Rotation.from_rotvec(pose.rotation).as_quat().tolist())
+    return PoseOrder(handle, pose.translation, quaternion)
+
+
+class Programme:
+    """Plays a program from a given simulation time on, except for items that another source commands.
+
+    One thread may call `leave` while another thread calls `give`. After `leave` has returned, no more orders for the
+    given names are sent.
+
+    Args:
+        program: program of the scene.
+        start: simulation time at which the program begins [s].
+
+    Attributes:
+        start: simulation time at which the program begins [s].
+    """
+
+    def __init__(self, program: Program, start: float) -> None:
+        self._program, self.start = program, start
+        self._left: set[str] = set()
+        self._giving = threading.Lock()
+
+    @property
+    def duration(self) -> float:
+        """Length of the program [s]."""
+        return self._program.duration
+
+    def leave(self, names: Iterable[str]) -> None:
+        """Stop commanding the named handles, actuators, loads and joints, because another source commands them now."""
+        with self._giving:
+            self._left.update(names)
+
+    def over(self, time: float) -> bool:
+        """Return whether the program has ended at a simulation time [s]."""
+        return time - self.start >= self._program.duration
+
+    def give(self, time: float, send: Callable[[str, Order], None]) -> None:
+        """Send the orders for a step that ends at a simulation time [s]; ``send`` receives the name and the order."""
+        with self._giving:
+            for name, order in self._orders(time):
+                send(name, order)
+
+    def _orders(self, time: float) -> list[tuple[str, Order]]:
+        moment = time - self.start
+        poses = self._program.handle_poses(moment)
+        orders: list[tuple[str, Order]] = [
+            (name, pose_order(name, pose)) for name, pose in poses.items() if name not in self._left
+        ]
+        values = self._program.actuator_values(moment) | self._program.load_factors(moment)
+        values |= self._program.joint_positions(moment)
+        values = {name: value for name, value in values.items() if name not in self._left}
+        return [*orders, *([("program", ActuatorOrder(values))] if values else [])]
+
 
 if TYPE_CHECKING:
     from gdfe_ros.live.bag import LiveBag
@@ -253,7 +311,7 @@ class LiveSession:
             if self._bag is not None:
                 raise GdfeError("a bag is being written, and a replay could not follow; finish it first")
             self.simulation = with_moduli(self.simulation, moduli, interrupted=self.stepper.must_end)
-            self.stepper.resume()
+            self.stepper.repeat(Begin.LOADED)
 
         texts = ", ".join(f"{name} {young:g} Pa" for name, young in moduli.items())
         return self.stepper.post(swap, f"going to the equilibrium with {texts}")

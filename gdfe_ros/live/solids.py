@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Obstacles and rigid bodies in the 3-D view."""
+"""Drawn things beside the body: obstacles and rigid bodies, links of arms, forces, walls of chambers."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.actuators.actuator import Chamber
+from gdfe_ros.arms.arm import Arm, Visual
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.arm_link import ArmLink
-from gdfe_ros.constraints.form import Plane
-from gdfe_ros.constraints.form_faces import form_faces
-from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.form import Plane, form_faces
+from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.live.interface import Reading
+from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.scene.scene import Scene
 
 _SHEET = 4.0
@@ -87,3 +89,179 @@ class Solids:
             flat_shading=True,
             side="double",
         )
+
+
+_GREY = (0.72, 0.74, 0.78)
+"""Colour of links without a colour in their description."""
+
+
+class Arms:
+    """Draws the visual shapes of links. The shapes are sent once; later only changed poses are sent.
+
+    Args:
+        space: 3-D space of the page.
+        group: name of the parent scene node.
+        scene: scene with the arms.
+        scale: factor from metres to the units of the view.
+    """
+
+    def __init__(self, space: viser.SceneApi, group: str, scene: Scene, *, scale: float) -> None:
+        self._space, self._scale, self._arms = space, scale, scene.arms
+        self._nodes = {
+            arm.name: [(each.link, self._add(f"{group}/{arm.name}/{k}", each)) for k, each in enumerate(arm.visuals)]
+            for arm in scene.arms
+        }
+        for arm in scene.arms:
+            self._place(arm, arm.start)
+
+    def move(self, joints: Mapping[str, float]) -> None:
+        """Move all links to their poses at the given joint positions [rad] or [m], by joint name."""
+        for arm in self._arms:
+            if all(joint.name in joints for joint in arm.joints):
+                self._place(arm, np.array([joints[joint.name] for joint in arm.joints]))
+
+    def _place(self, arm: Arm, q: np.ndarray) -> None:
+        frames = arm.dynamics.frames(q)
+        for link, node in self._nodes[arm.name]:
+            x, y, z, w = Rotation.from_matrix(frames[link].axes).as_quat()
+            node.position, node.wxyz = self._scale * frames[link].origin, np.array([w, x, y, z])
+
+    def _add(self, path: str, shape: Visual) -> viser.SceneNodeHandle:
+        count, corners = shape.faces.shape[:2]
+        fan = np.array([[0, place, place + 1] for place in range(1, corners - 1)])
+        return self._space.add_mesh_simple(
+            path,
+            (self._scale * shape.faces).reshape(-1, 3),
+            (corners * np.arange(count)[:, None, None] + fan).reshape(-1, 3),
+            color=tuple(round(255 * part) for part in shape.colour or _GREY),
+            flat_shading=True,
+            side="double",
+        )
+
+
+_LONGEST = 0.35
+"""Length of the arrow for the largest force so far, divided by the body's size."""
+_LEAST_SHARE = 0.01
+"""A force has no arrow if it is below this fraction of the largest force so far."""
+_SHAFT, _HEAD, _HEAD_LENGTH = 0.008, 0.022, 0.05
+"""Radii of an arrow's shaft and head, and length of its head, divided by the body's size."""
+
+
+class Arrows:
+    """Draws forces as arrows that end at the points of action; lengths are relative to the largest force so far.
+
+    Args:
+        space: 3-D space of the page.
+        group: name of the parent scene node.
+        colours: dict from a kind of forces to the colour of its arrows: red, green and blue, 0 to 255.
+        size: size of the body in the units of the view.
+        thin: factor on the default thickness of the arrows.
+
+    Attributes:
+        largest: largest of the forces that were drawn last [N].
+    """
+
+    def __init__(
+        self,
+        space: viser.SceneApi,
+        group: str,
+        colours: Mapping[str, tuple[int, int, int]],
+        *,
+        size: float,
+        thin: float = 1.0,
+    ) -> None:
+        self._size, self.largest, self._so_far = size, 0.0, 0.0
+        self._nodes = {
+            kind: space.add_arrows(
+                f"{group}/{kind}",
+                np.zeros((1, 2, 3), np.float32),
+                colour,
+                shaft_radius=thin * _SHAFT * size,
+                head_radius=thin * _HEAD * size,
+                head_length=thin * _HEAD_LENGTH * size,
+                visible=False,
+            )
+            for kind, colour in colours.items()
+        }
+
+    def draw(
+        self, forces: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], *, noise: float = 0.0
+    ) -> None:
+        """Draw the forces of each kind.
+
+        Args:
+            forces: dict from a kind to end points (k, 3) in the units of the view, and force vectors (k, 3) [N].
+            noise: size [N] of forces that are errors of the solve; these have no arrow, and set no scale.
+        """
+        sizes = {kind: np.linalg.norm(vectors, axis=1) for kind, (_, vectors) in forces.items()}
+        self.largest = max((float(each.max(initial=0.0)) for each in sizes.values()), default=0.0)
+        if self.largest > noise:
+            self._so_far = max(self._so_far, self.largest)
+        for kind, (ends, vectors) in forces.items():
+            node, wanted = self._nodes[kind], sizes[kind] > max(noise, _LEAST_SHARE * self._so_far)
+            node.visible = bool(wanted.any())
+            if node.visible:
+                shafts = vectors[wanted] * (_LONGEST * self._size / self._so_far)
+                node.points = np.stack([ends[wanted] - shafts, ends[wanted]], axis=1).astype(np.float32)
+
+
+_IDLE, _FULL = np.array([205.0, 215.0, 230.0]), np.array([20.0, 90.0, 220.0])
+"""Colours without pressure and at the largest pressure so far: red, green and blue, 0 to 255."""
+_OPACITY = 0.85
+
+
+class Chambers:
+    """Draws the wall of each chamber, in a blue that deepens with the pressure, relative to the largest one so far.
+
+    Args:
+        space: 3-D space of the page.
+        group: name of the parent scene node.
+        scene: scene with the chambers.
+        scale: factor from metres to the units of the view.
+
+    Attributes:
+        largest: largest magnitude of a pressure so far [Pa].
+    """
+
+    def __init__(self, space: viser.SceneApi, group: str, scene: Scene, *, scale: float) -> None:
+        self._scale, self.largest = scale, 0.0
+        self._chambers = [each for each in scene.actuators if isinstance(each, Chamber)]
+        self._used = [np.unique(each.quads) for each in self._chambers]
+        self._nodes = [
+            space.add_mesh_simple(
+                f"{group}/{chamber.name}",
+                self._walls(chamber, used, scene.mesh.vertices),
+                np.searchsorted(used, _triangles(chamber.quads)),
+                color=tuple(_IDLE.astype(int)),
+                opacity=_OPACITY,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            for chamber, used in zip(self._chambers, self._used, strict=True)
+        ]
+
+    def draw(self, positions: NDArray[np.floating], readings: Mapping[str, list[Reading]]) -> None:
+        """Move the walls to positions of all vertices (n, 3) [m], and colour them by the readings of the actuators."""
+        pressures = [_pressure(readings.get(chamber.name, ())) for chamber in self._chambers]
+        self.largest = max(self.largest, *map(abs, pressures))
+        for chamber, used, node, pressure in zip(self._chambers, self._used, self._nodes, pressures, strict=True):
+            fraction = abs(pressure) / self.largest if self.largest > 0.0 else 0.0
+            node.vertices = self._walls(chamber, used, positions)
+            node.color = tuple(np.rint(_IDLE + fraction * (_FULL - _IDLE)).astype(int).tolist())
+
+    def _walls(
+        self, chamber: Chamber, used: NDArray[np.integer], positions: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        return (self._scale * chamber.at(positions)[used]).astype(np.float32)
+
+
+def _triangles(faces: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Return the faces as triangles (t, 3)."""
+    quads = flat_quads(faces)
+    return np.concatenate([quads[:, [0, 1, 2]], quads[quads[:, 2] != quads[:, 3]][:, [0, 2, 3]]])
+
+
+def _pressure(readings: list[Reading]) -> float:
+    """Return the pressure [Pa] among an actuator's readings, 0 before the first step."""
+    return next((value for name, value, _ in readings if name == "pressure"), 0.0)

@@ -15,18 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators.actuator import Chamber
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.form import Plane
-from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.contacts import contact_names
-from gdfe_ros.live.arms import Arms
-from gdfe_ros.live.arrows import Arrows
-from gdfe_ros.live.chambers import Chambers
-from gdfe_ros.live.real_robot import RealRobot
-from gdfe_ros.live.solids import Solids
-from gdfe_ros.live.surface import AlternatingBody, DrawnSurface
-from gdfe_ros.live.view import View
+from gdfe_ros.live.interface import View
+from gdfe_ros.live.solids import Arms, Arrows, Chambers, Solids
+from gdfe_ros.live.surface import AlternatingBody, DrawnSurface, RealRobot
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.node.interface.scene_topics import is_commanded
 from gdfe_ros.node.orders import PoseOrder, TeleportOrder

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The body's surface as a binary glTF file. The file is made once; each frame overwrites the vertices and colours.
+"""The drawn surface, its colours with their legend, and the real robot of a twin beside it.
 
 viser's plain mesh has a single colour; a glTF file has a colour for each vertex.
 """
@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import viser
 from numpy.typing import ArrayLike, NDArray
 
-from gdfe_ros.colour_map import colour
+from gdfe_ros.colour_map import NOISE, VIRIDIS, colour, colour_range
+from gdfe_ros.live.interface import View
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.scene.scene import Scene
 
 _FLOAT32, _UINT32 = 5126, 5125
 _ARRAY, _INDICES = 34962, 34963
@@ -159,3 +163,133 @@ class DrawnSurface:
         body = bytes(2 * size) + faces
         chunks = struct.pack("<II", len(head), 0x4E4F534A) + head + struct.pack("<II", len(body), 0x004E4942) + body
         return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+
+
+_GREEN = (30, 160, 60)
+_ROOT = "/robot"
+"""Path of all objects of the robot in the view."""
+_POINT = 0.03
+"""Diameter of a measured point, divided by the body's size."""
+
+
+class RealRobot:
+    """Draws a robot in green, its body translucent.
+
+    Args:
+        space: the scene of the page.
+        mesh: the undeformed body.
+        scale: factor from metres to the units of the view.
+        size: size of the body in the units of the view.
+    """
+
+    def __init__(self, space: viser.SceneApi, mesh: HexMesh, *, scale: float, size: float) -> None:
+        self._space, self._scale, self._size = space, scale, size
+        self._surface = DrawnSurface(mesh, scale=scale, plain=np.array(_GREEN) / 255.0)
+        self._surface.be_translucent(True)
+        self._body: AlternatingBody | None = None
+
+    def draw(
+        self,
+        places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+        body: NDArray[np.float64] | None,
+    ) -> None:
+        """Draw the robot.
+
+        Args:
+            places: dict from probe to its measured and simulated position, each (3,) [m].
+            body: positions of the vertices of the measured body (n, 3) [m]; None: it is not drawn.
+        """
+        measured, simulated = (self._scale * np.array(each) for each in zip(*places.values(), strict=True))
+        self._space.add_point_cloud(
+            f"{_ROOT}/points",
+            measured.astype(np.float32),
+            _GREEN,
+            point_size=_POINT * self._size,
+            point_shape="rounded",
+        )
+        lines = np.stack([measured, simulated], axis=1).astype(np.float32)
+        self._space.add_line_segments(f"{_ROOT}/distances", lines, _GREEN, thickness=2.0, thickness_units="screen")
+        for name, place, other in zip(places, measured, simulated, strict=True):
+            length = float(np.linalg.norm(place - other)) / self._scale
+            self._space.add_label(f"{_ROOT}/{name}", f"{name}: {1e3 * length:.2f} mm", position=place)
+        if body is not None:
+            self._draw_body(self._surface.pack(body, None))
+
+    def _draw_body(self, frame: bytes) -> None:
+        if self._body is None:
+            self._body = AlternatingBody(self._space, f"{_ROOT}/body", frame)
+            return
+        self._body.turn()  # the object that was filled at the last call has been read by now
+        self._body.fill(frame)
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field that colours the body.
+
+    Attributes:
+        label: name for users, with the unit.
+        values: function that returns the field at the points of the surface (k,) after a step.
+        noise: smallest width of the colour range, in the unit of the field; it hides smaller differences, which are
+            noise.
+    """
+
+    label: str
+    values: Callable[[View, DrawnSurface], NDArray[np.float64]]
+    noise: float = NOISE
+
+
+def fields_of(scene: Scene) -> dict[str, Field]:
+    """Return the fields of a scene by label; fields of the cells are averaged at the surface points."""
+
+    def of_cells(label: str, name: str) -> Field:
+        return Field(label, lambda view, surface: surface.at_vertices(view.fields()[name]))
+
+    def of_vertices(label: str, give: Callable[[View], NDArray[np.floating]]) -> Field:
+        noise = NOISE * scene.mesh.size
+        return Field(label, lambda view, surface: np.linalg.norm(surface.outside.at(give(view)), axis=1), noise)
+
+    found = [
+        of_cells("equivalent strain [1]", "eps_eq"),
+        of_vertices("displacement [m]", lambda view: view.positions - scene.mesh.vertices),
+        of_cells("volume ratio [1]", "J"),
+        of_cells("energy density [J/m^3]", "energy_density"),
+        of_cells("tangent modulus [Pa]", "tangent"),
+        of_cells("shape factor [1]", "omega"),
+    ]
+    if scene.dynamics:
+        found.append(of_vertices("speed [m/s]", lambda view: view.velocities))
+    return {field.label: field for field in found}
+
+
+class Range:
+    """Colour range from the smallest to the largest value of a frame, or a constant range.
+
+    Attributes:
+        low, high: bounds; unless ``held``, the smallest and largest value of the last frame.
+        held: whether the bounds stay constant.
+    """
+
+    def __init__(self) -> None:
+        self.low, self.high, self.held = 0.0, 0.0, False
+
+    def shares(self, values: NDArray[np.float64], *, noise: float = NOISE) -> NDArray[np.float64]:
+        """Return values (k,) relative to the range, 0 to 1; unless ``held``, the range is first fitted to the values.
+
+        The fitted range has at least the width ``noise``.
+        """
+        if not self.held:
+            self.low, self.high = colour_range(float(values.min()), float(values.max()), noise=noise)
+        span = self.high - self.low
+        return np.clip((values - self.low) / span, 0.0, 1.0) if span > 0.0 else np.zeros_like(values)
+
+
+def legend(label: str, bounds: Range) -> str:
+    """Return a colour bar with its numbers, as HTML."""
+    stops = ",".join("rgb({:.0f},{:.0f},{:.0f})".format(*(255 * stop)) for stop in VIRIDIS)
+    numbers = "".join(f"<span>{value:.3g}</span>" for value in np.linspace(bounds.low, bounds.high, 5))
+    return (
+        f'<div id="legend" style="font-size:0.8em;padding:0 0.8em 0.5em"><div>{label}</div>'
+        f'<div style="height:0.8em;border-radius:2px;background:linear-gradient(90deg,{stops})"></div>'
+        f'<div style="display:flex;justify-content:space-between">{numbers}</div></div>'
+    )

@@ -3,18 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.outputs import TopicOutputs
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.run import Run
-from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
+from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.recorder import BackPressure, QueueOptions, Recorder, RecorderStatus
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene.scene import Scene
@@ -66,7 +63,7 @@ class Bags:
         self.recorder = Recorder(
             _directory(scene, parameters["bag_path"]),
             topics,
-            run=_run_info(scene, parameters, state),
+            run=RunInfo.of(scene, node=parameters, state=state),
             queue=QueueOptions(back_pressure=BackPressure.BLOCK if waits else BackPressure.DROP, block_seconds=30.0),
             failed=self._say_failed,
         )
@@ -80,7 +77,7 @@ class Bags:
         """Finish the bag and return a summary; `failed` then states whether the recording ended early."""
         self._attach(None)
         status = self.recorder.close()
-        text = _outcome(self.recorder, status)
+        text = status.summary(self.recorder.path)
         # On separate lines: rclpy binds a severity permanently to the line that logs.
         if status.error is None:
             self._logger.info(text)
@@ -95,7 +92,7 @@ class Bags:
 
     def _say_failed(self, status: RecorderStatus) -> None:
         """Log that the recording has failed; called in the recorder's thread. The simulation continues."""
-        self._logger.error(f"recording ended, the simulation goes on: {_outcome(self.recorder, status)}")
+        self._logger.error(f"recording ended, the simulation goes on: {status.summary(self.recorder.path)}")
 
     def _attach(self, recorder: Recorder | None) -> None:
         self._outputs.attach(recorder)
@@ -103,15 +100,5 @@ class Bags:
         self.active = recorder is not None
 
 
-def _outcome(recorder: Recorder, status: RecorderStatus) -> str:
-    text = f"bag {recorder.path}: {status.written} messages, {status.dropped_total} dropped"
-    return f"{text}; {status.error}; nothing later is in the bag" if status.error else text
-
-
 def _directory(scene: Scene, path: str) -> Path:
     return Path(path) if path else path_inside(Path("runs"), f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}")
-
-
-def _run_info(scene: Scene, parameters: Mapping[str, Any], state: bytes | None) -> RunInfo:
-    settings = {**asdict(scene.solver), "policy": scene.solver.policy.value, "node": dict(parameters)}
-    return RunInfo(scene=scene.source, settings=settings, files={} if state is None else {STATE_FILE: state})

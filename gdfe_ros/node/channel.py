@@ -6,7 +6,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
 
@@ -16,8 +16,8 @@ from rclpy.serialization import serialize_message
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.node.specification import Delivery, TopicSpec
-from gdfe_ros.node.step import Step
 from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.step import Step
 from gdfe_ros.recording.topic import Qos, TopicInfo
 from gdfe_ros.threads import COURIER, show_name
 
@@ -33,7 +33,7 @@ class Channel:
         spec: description of the topic.
         repeated: whether new subscribers get the last message of a step (`missed`).
         own: number of this node's own subscriptions to the topic; they do not count as subscribers.
-        names: values for the braces in the topic's name, e.g. ``handle="tip"``.
+        key: name of the topic without the node's name, if that in ``spec`` has braces, e.g. ``probe/tip``.
 
     Attributes:
         latest: number of the step that was published last; -1 before the first.
@@ -49,14 +49,14 @@ class Channel:
         *,
         repeated: bool = False,
         own: int = 0,
-        **names: str,
+        key: str = "",
     ) -> None:
         self._node, self.recorded, self.latest, self._own = node, spec.recorded, -1, own
         profile = qos_profile(spec.delivery)
         # Latched topics, events and diagnostics publish while the node is not active, too.
         managed = spec.name.startswith("~") and spec.delivery not in (Delivery.LATCHED, Delivery.EVENT)
         make = node.create_lifecycle_publisher if managed else node.create_publisher
-        topic = spec.name.format(**names)
+        topic = f"~/{key}" if key else spec.name
         self._repeated, self._newcomers, self._unsure, self._known = repeated, False, False, own
         self._greeted: set[bytes] = set()
         self._publisher = make(interface_class(spec.type), topic, profile)
@@ -171,13 +171,3 @@ class Courier:
             finally:
                 self.spent += time.perf_counter() - started
                 self._steps.task_done()
-
-
-def any_wanted(channels: Iterable[Channel]) -> bool:
-    """Return whether a subscriber or a bag needs a message of one of the channels."""
-    return any(channel.wanted for channel in channels)
-
-
-def due(channels: Mapping[str, Channel], step: Step) -> Iterator[tuple[str, Channel]]:
-    """Yield those channels, with their names, that need a message of the step."""
-    return ((name, channel) for name, channel in channels.items() if channel.due(step))

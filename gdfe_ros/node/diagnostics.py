@@ -143,7 +143,7 @@ def _obeyed(session: SimulationSession) -> _Part:
     reason = "ok"
     if session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
         values["waits for"] = reason = f"waits for {session.waiting()}"
-    if session.stepper.slew.goals:
+    if session.stepper.drive.slew.goals:
         values["on their way"] = _on_their_way(session)
     limited = _limited(session)
     if limited:
@@ -152,7 +152,7 @@ def _obeyed(session: SimulationSession) -> _Part:
     if unheard:
         values["unheard"] = unheard
         return _Part(values, _WARN, f"commands are not heard of {unheard}")
-    if session.stepper.slew.stopped:
+    if session.stepper.drive.slew.stopped:
         return _Part(values, _WARN, f"commands stay short of their goals: {values['on their way']}")
     if any("effort" in told for told in limited.values()):
         return _Part(values, _WARN, f"an arm is at its limits: {values['joints']}")
@@ -167,7 +167,7 @@ def _limited(session: SimulationSession) -> dict[str, str]:
 
 def _on_their_way(session: SimulationSession) -> str:
     """Return a text about the commands that a rate limit delays on their path to their goals, and about the limit."""
-    slew, present = session.stepper.slew, session.simulation.commands
+    slew, present = session.stepper.drive.slew, session.simulation.commands
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
     if slew.stopped:
         return f"{goals}; no further step converges within the deadline; remedy: smaller commands, or a longer deadline"

@@ -16,14 +16,12 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.node import messages
 from gdfe_ros.node.entities import Entities, require_place_near, rest_place
-from gdfe_ros.node.entity_request import placement_of
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard_answers import Refused, ResultCode, done, later
-from gdfe_ros.node.standard_offer import offer
-from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, EntityMotion, Thing, within
+from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, EntityMotion, Thing, placement_of, within
+from gdfe_ros.node.transforms import Placement
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
@@ -64,7 +62,7 @@ class EntityQueries:
             services.GET_ENTITY_BOUNDS: self._get_bounds,
             services.GET_NAMED_POSES: self._get_poses,
         }
-        offer(node, offered)
+        node.offer_standard(offered)
 
     def _list(self, request: Any, response: Any) -> Any:
         chosen = self._chosen(request.filters)
@@ -139,7 +137,7 @@ class EntityQueries:
 
         def put() -> None:
             session.simulation.put({thing.name: pose})  # raises an error if the place is not free
-            session.stepper.place({thing.name: pose})
+            session.stepper.drive.place({thing.name: pose})
 
         return later(session.stepper.post(put), response)
 

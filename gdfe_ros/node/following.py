@@ -10,8 +10,8 @@ from geometry_msgs.msg import PoseStamped
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.command_messages import placed_order, require_pose
 from gdfe_ros.node.frames import Frames, Placement
-from gdfe_ros.node.handle_orders import placed_order, require_pose
 from gdfe_ros.node.interface.topics import MOVED
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.refusals import Reason, Refusal

@@ -11,11 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.constraints.arm_link import ArmLink
-from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.node.placement import Placement
+from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
 from gdfe_ros.node.refusals import Reason, Refusal
-from gdfe_ros.node.transforms import Transforms
+from gdfe_ros.node.transforms import Placement, Transforms
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.soft_places import fit_rigidly
 from gdfe_ros.solver.motion.imu import ImuReading

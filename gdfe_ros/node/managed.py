@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lifecycle node that survives exceptions in its callbacks; its services may answer later."""
+"""Nodes that outlive exceptions in their callbacks, and topics that can be destroyed while an executor spins."""
 
 from __future__ import annotations
 
@@ -8,24 +8,42 @@ import gc
 import threading
 import traceback
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from functools import wraps
+from functools import partial, wraps
 from typing import Any
 
 from lifecycle_msgs.msg import Transition
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from gdfe_ros.node.bounded_requests import LARGEST, bounded_service, unread_size
-from gdfe_ros.node.eventless import NO_PUBLISHER_EVENTS, EventlessNode
-from gdfe_ros.node.plain_log import PlainLog, log_throttle
-from gdfe_ros.node.standard_answers import ResultCode, failed
-from gdfe_ros.node.throttle import Throttle
+from gdfe_ros.node.plain_log import PlainLog, Throttle, log_throttle
+from gdfe_ros.node.qos import available, interface_class
+from gdfe_ros.node.specification import ServiceSpec
+from gdfe_ros.node.standard_answers import Refused, ResultCode, failed
+
+NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+
+
+class EventlessNode(Node):
+    """A node whose publishers and subscriptions have no handlers of QoS events."""
+
+    def create_publisher(self, *arguments: Any, **options: Any) -> Any:
+        """Create a publisher, as rclpy does, without handlers of QoS events."""
+        return super().create_publisher(*arguments, event_callbacks=NO_PUBLISHER_EVENTS, **options)
+
+    def create_subscription(self, *arguments: Any, **options: Any) -> Any:
+        """Create a subscription, as rclpy does, without handlers of QoS events."""
+        return super().create_subscription(*arguments, event_callbacks=NO_SUBSCRIPTION_EVENTS, **options)
+
 
 _KEPT = 2
 """Number of turns (`ManagedNode.turn`) for which a destroyed subscription or timer stays in memory."""
@@ -110,6 +128,12 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def offer(self, kind: type, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Create a service; its callback may return a ``Future``, see the class."""
         self._shield(self.create_service(kind, name, callback))
+
+    def offer_standard(self, offered: Mapping[ServiceSpec, Callable[[Any, Any], Any]]) -> None:
+        """Offer those services whose types are installed; a `Refused` of their functions becomes the answer."""
+        for spec, action in offered.items():
+            if available(spec.type):
+                self.offer(interface_class(spec.type), spec.name, partial(_answer_or_refuse, action))
 
     def create_timer(self, timer_period_sec: float, callback: Callable[[], None], *more: Any, **options: Any) -> Any:
         """Create a timer, as rclpy does, that survives exceptions in its callback."""
@@ -334,3 +358,11 @@ def _failure(request: Any, response: Any, text: str) -> Any:
     elif hasattr(response, "result") and hasattr(response.result, "error_message"):
         failed(response, ResultCode.FAILED, text)
     return response
+
+
+def _answer_or_refuse(action: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
+    """Return the answer of ``action``, or the refusal that it raised."""
+    try:
+        return action(request, response)
+    except Refused as error:
+        return failed(response, error.code, str(error))

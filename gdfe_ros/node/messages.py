@@ -10,7 +10,8 @@ from __future__ import annotations
 import array
 import json
 import math
-from collections.abc import Mapping, Sequence
+import struct
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,31 +20,34 @@ from geometry_msgs.msg import (
     Point,
     PoseStamped,
     Quaternion,
-    Vector3,
-    Wrench,
+    TransformStamped,
     WrenchStamped,
 )
 from geometry_msgs.msg import (
     Pose as PoseMessage,
 )
 from numpy.typing import NDArray
+from rclpy.serialization import serialize_message
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, JointState, PointCloud2, PointField
 from std_msgs.msg import Float64MultiArray, Header, Int32MultiArray, MultiArrayDimension, MultiArrayLayout, String
 
-from gdfe_ros.actuators import Actuator, Embedding, Readings
+from gdfe_ros.actuators import Actuator
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node.actuator_orders import EFFORTS
+from gdfe_ros.node.command_messages import EFFORTS
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.plain_log import shorten
+from gdfe_ros.node.qos import interface_class
 from gdfe_ros.node.refusals import LONGEST, Refusal
-from gdfe_ros.node.step import Step
-from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.forces.fields import ElementFields
-from gdfe_ros.solver.motion.imu import ImuReading
+from gdfe_ros.node.transforms import Placement
+from gdfe_ros.recording.published import IMU, POSE, WRENCH
 
-MESH_FIELDS = ("x", "y", "z", "ux", "uy", "uz")
-VELOCITY_FIELDS = ("x", "y", "z", "vx", "vy", "vz")
-STRAIN_FIELDS = ("x", "y", "z", "eps_eq", "J", "omega", "tangent", "energy_density")
+_STAMP_AT = 4
+"""Offset of the stamp [B]: the stamp of the message's header follows the four bytes of the CDR head."""
+_MARK = -1.2345678901234567e300
+_MARK_SECONDS = 0x5EC0_0000
+_IMU_PLACES = [*range(4), *range(4 + 9, 16), *range(16 + 9, 28)]
+"""Places of the numbers of an Imu message; after each of its three vectors come the 9 numbers of a covariance."""
 
 
 def to_time(nanoseconds: int) -> Time:
@@ -56,34 +60,26 @@ def header(stamp: int, frame_id: str) -> Header:
     return Header(stamp=to_time(stamp), frame_id=frame_id)
 
 
-def mesh_cloud(head: Header, positions: NDArray[np.float64], rest: NDArray[np.float64]) -> PointCloud2:
-    """Return a cloud of current vertices (n, 3) [m] with their displacements from ``rest`` (n, 3) [m]."""
-    values = np.empty((len(rest), 6), dtype="<f4")
-    values[:, :3] = positions
-    values[:, 3:] = positions - rest
-    return _cloud(head, MESH_FIELDS, values)
-
-
-def velocity_cloud(head: Header, positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> PointCloud2:
-    """Return a cloud of current vertices (n, 3) [m] with their velocities (n, 3) [m/s]."""
-    values = np.hstack([positions, velocities]).astype("<f4")
-    return _cloud(head, VELOCITY_FIELDS, values)
-
-
-def strain_cloud(head: Header, fields: ElementFields) -> PointCloud2:
-    """Return a cloud of the element fields, one point for each cell."""
-    values = np.empty((len(fields.J), 8), dtype="<f4")
-    values[:, :3] = fields.centroids
-    for column, name in enumerate(STRAIN_FIELDS[3:], start=3):
-        values[:, column] = getattr(fields, name)
-    return _cloud(head, STRAIN_FIELDS, values)
-
-
-def contact_cloud(head: Header, points: NDArray[np.void]) -> PointCloud2:
-    """Return a cloud of the contact points, given as `gdfe_ros.contacts.POINT`."""
+def cloud(head: Header, points: NDArray[np.void]) -> PointCloud2:
+    """Return a cloud with a point for each row of ``points``, whose columns are float32 or int32."""
     kinds = {"f": PointField.FLOAT32, "i": PointField.INT32}
-    fields = [(name, kinds[points.dtype[name].kind]) for name in points.dtype.names]
-    return _cloud(head, fields, points)
+    names, step = points.dtype.names, points.dtype.itemsize
+    data = array.array("B")
+    data.frombytes(points.tobytes())
+    return PointCloud2(
+        header=head,
+        height=1,
+        width=len(points),
+        fields=[
+            PointField(name=name, offset=4 * place, datatype=kinds[points.dtype[name].kind], count=1)
+            for place, name in enumerate(names)
+        ],
+        is_bigendian=False,
+        point_step=step,
+        row_step=step * len(points),
+        data=data,
+        is_dense=True,
+    )
 
 
 def pose_stamped(head: Header, pose: Pose) -> PoseStamped:
@@ -93,33 +89,6 @@ def pose_stamped(head: Header, pose: Pose) -> PoseStamped:
     return PoseStamped(
         header=head,
         pose=PoseMessage(position=Point(x=px, y=py, z=pz), orientation=Quaternion(x=x, y=y, z=z, w=w)),
-    )
-
-
-def material_pose(point: Embedding, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> Pose:
-    """Return the position of a material point [m], and the rotation that best fits the corners of its cell."""
-    corners = point.corners[0]
-    before, now = rest[corners], positions[corners]
-    turn, _ = Rotation.align_vectors(now - now.mean(axis=0), before - before.mean(axis=0))
-    return Pose(tuple(point.at(positions)[0]), tuple(turn.as_rotvec()))
-
-
-def wrench_stamped(head: Header, reaction: NDArray[np.float64]) -> WrenchStamped:
-    """Return the message of a reaction (6,): force [N], then moment [N m]."""
-    fx, fy, fz, mx, my, mz = map(float, reaction)
-    wrench = Wrench(force=Vector3(x=fx, y=fy, z=fz), torque=Vector3(x=mx, y=my, z=mz))
-    return WrenchStamped(header=head, wrench=wrench)
-
-
-def imu(head: Header, reading: ImuReading) -> Imu:
-    """Return the message of an inertial unit's reading; all covariances are 0, which means unknown."""
-    x, y, z, w = map(float, reading.orientation.as_quat())
-    turn, felt = (map(float, each) for each in (reading.angular_velocity, reading.linear_acceleration))
-    return Imu(
-        header=head,
-        orientation=Quaternion(x=x, y=y, z=z, w=w),
-        angular_velocity=Vector3(**dict(zip("xyz", turn, strict=True))),
-        linear_acceleration=Vector3(**dict(zip("xyz", felt, strict=True))),
     )
 
 
@@ -135,33 +104,9 @@ def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
     return Int32MultiArray(layout=MultiArrayLayout(dim=dimensions, data_offset=0), data=data)
 
 
-class ActuatorStates:
-    """Makes JointState messages of actuators and joints; it computes actuator velocities from successive steps.
-
-    Args:
-        scene: scene with the actuators.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self._readings = Readings(scene.actuators, scene.mesh.vertices)
-        self._last: tuple[float, NDArray[np.float64]] | None = None
-
-    def message(self, head: Header, step: Step) -> JointState:
-        """Return the message of a step. Actuator velocities are averages since the last call, 0 if no time passed."""
-        states = step.actuators.values()
-        positions = self._readings.positions(step.actuators)
-        velocities = np.zeros(len(positions))
-        if self._last is not None and step.record.dt > 0.0 and step.record.time > self._last[0]:
-            velocities = (positions - self._last[1]) / (step.record.time - self._last[0])
-        self._last = (step.record.time, positions)
-        efforts, joints = [state.effort for state in states], step.joints.values()
-        return JointState(
-            header=head,
-            name=[*step.actuators, *step.joints],
-            position=_doubles(np.append(positions, [joint.position for joint in joints])),
-            velocity=_doubles(np.append(velocities, [joint.velocity for joint in joints])),
-            effort=_doubles(np.array([*efforts, *(joint.effort for joint in joints)])),
-        )
+def joint_states(head: Header, names: Sequence[str], table: NDArray[np.void]) -> JointState:
+    """Return the message of a table with the columns position, velocity and effort, and a row for each name."""
+    return JointState(header=head, name=list(names), **{name: _doubles(table[name]) for name in table.dtype.names})
 
 
 def actuation(actuators: Mapping[str, Actuator], values: Mapping[str, float]) -> JointState:
@@ -192,29 +137,99 @@ def jacobian(values: NDArray[np.float64], probes: list[str], actuators: list[str
     return Float64MultiArray(layout=MultiArrayLayout(dim=dimensions, data_offset=0), data=_doubles(values))
 
 
+class Template:
+    """The serialised bytes of a message with a header, into which new numbers are written.
+
+    Filling a message object and serialising it by rclpy takes 20 to 40 us, and milliseconds for lists of points.
+    Writing stamp and numbers into the bytes of an already serialised message takes 2 to 5 us.
+
+    Args:
+        message: message of the final size, with marker values where numbers will be written.
+    """
+
+    def __init__(self, message: Any) -> None:
+        self._bytes = bytearray(serialize_message(message))
+
+    def view(self, mark: bytes, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
+        """Return a writable view of the numbers that begin at the bytes ``mark``; ``kind`` is their numpy type."""
+        count = int(np.prod(shape))
+        return np.frombuffer(self._bytes, kind, count, self._bytes.index(mark)).reshape(shape)
+
+    def filled(self) -> bytes:
+        """Return the message with its present numbers."""
+        return bytes(self._bytes)
+
+    def stamped(self, stamp: int) -> bytes:
+        """Return the message with its present numbers and a stamp [ns]."""
+        struct.pack_into("<iI", self._bytes, _STAMP_AT, stamp // 10**9, stamp % 10**9)
+        return bytes(self._bytes)
+
+
+class Packer:
+    """Serialises tables of numbers into messages of a topic.
+
+    Args:
+        kind: columns of the tables, one of those in `gdfe_ros.recording.published`.
+        frame_id: frame in the header.
+        count: rows of each table.
+    """
+
+    def __init__(self, kind: np.dtype, frame_id: str, count: int = 1) -> None:
+        head, mark = header(0, frame_id), struct.pack("<d", _MARK)
+        shape = (count, len(kind.names))
+        if kind == POSE:
+            message: Any = PoseStamped(header=head)
+            message.pose.position.x = _MARK
+        elif kind == WRENCH:
+            message = WrenchStamped(header=head)
+            message.wrench.force.x = _MARK
+        elif kind == IMU:
+            message, shape = Imu(header=head), (1, _IMU_PLACES[-1] + 1)
+            message.orientation.x = _MARK
+        else:
+            message = cloud(head, np.zeros(count, kind))
+            message.data = array.array("B", mark + bytes(message.data[len(mark) :]))
+        self._template = Template(message)
+        self._values = self._rows = self._template.view(mark, shape, kind[0].str)
+        if kind == IMU:
+            self._rows = np.empty((1, len(kind.names)))
+
+    def pack(self, stamp: int, write: Callable[[NDArray[Any]], None]) -> bytes:
+        """Serialise the table that ``write`` writes into an array (count, columns), with a stamp [ns]."""
+        write(self._rows)
+        if self._values is not self._rows:
+            self._values[:, _IMU_PLACES] = self._rows
+        return self._template.stamped(stamp)
+
+
+class TransformPacker:
+    """Serialises the placements of frames into messages for /tf.
+
+    Args:
+        names: names of the frames.
+        parents: name of the parent of each frame.
+    """
+
+    def __init__(self, names: Sequence[str], parents: Sequence[str]) -> None:
+        kind = interface_class(topics.TF.type)
+        marks = [_MARK * (1 + place) for place in range(len(names))]
+        seconds = [_MARK_SECONDS + place for place in range(len(names))]
+        transforms = []
+        for name, parent, mark, second in zip(names, parents, marks, seconds, strict=True):
+            transform = TransformStamped(header=header(second * 10**9, parent), child_frame_id=name)
+            transform.transform.translation.x = mark
+            transforms.append(transform)
+        self._template = Template(kind(transforms=transforms))
+        self._places = [self._template.view(struct.pack("<d", mark), (7,), "<f8") for mark in marks]
+        self._stamps = [self._template.view(struct.pack("<i", second), (2,), "<i4") for second in seconds]
+
+    def pack(self, stamp: int, places: Sequence[Placement]) -> bytes:
+        """Serialise the placements of the frames, in the order of their names, with a stamp [ns]."""
+        for values, time, place in zip(self._places, self._stamps, places, strict=True):
+            time[:] = stamp // 10**9, stamp % 10**9
+            values[:3], values[3:] = place.origin, place.turn.as_quat()
+        return self._template.filled()
+
+
 def _doubles(values: NDArray[np.float64]) -> array.array:
     return array.array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
-
-
-def _cloud(head: Header, fields: Sequence[str | tuple[str, int]], values: NDArray[Any]) -> PointCloud2:
-    """Return a cloud with a point for each row of ``values`` (k, c).
-
-    A field is a name, for float32, or a name with a type of four bytes.
-    """
-    data = array.array("B")
-    data.frombytes(values.tobytes())
-    kinds = [(each, PointField.FLOAT32) if isinstance(each, str) else each for each in fields]
-    step = 4 * len(kinds)
-    return PointCloud2(
-        header=head,
-        height=1,
-        width=len(values),
-        fields=[
-            PointField(name=name, offset=4 * place, datatype=kind, count=1) for place, (name, kind) in enumerate(kinds)
-        ],
-        is_bigendian=False,
-        point_step=step,
-        row_step=step * len(values),
-        data=data,
-        is_dense=True,
-    )

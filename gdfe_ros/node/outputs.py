@@ -3,29 +3,96 @@
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property, partial
+from typing import Any
 
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.obstacle import ArmLink
+from gdfe_ros.contacts import contact_names, contact_points
 from gdfe_ros.node import messages
-from gdfe_ros.node.channel import Channel, any_wanted, due
-from gdfe_ros.node.contact_outputs import ContactOutputs
-from gdfe_ros.node.handle_outputs import HandleOutputs
+from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.frames import Frames
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.markers import SurfaceMarker
-from gdfe_ros.node.motion_outputs import MotionOutputs
-from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, TransformPacker
+from gdfe_ros.node.interface.scene_topics import state_topics
+from gdfe_ros.node.markers import ContactMarkers, SurfaceMarker
+from gdfe_ros.node.messages import Packer, TransformPacker
 from gdfe_ros.node.run import Run
-from gdfe_ros.node.step import Demand, Step, to_nanoseconds
+from gdfe_ros.recording.published import Table, material_pose, tables_of
 from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.step import Demand, Step, to_nanoseconds
+from gdfe_ros.scene.scene import Scene
+
+_PARTS = ("messages", "fields", "poses", "actuators", "imus")
+"""Attributes of `Demand`."""
+
+
+class Output:
+    """A topic with a message for each step; no message is built for a topic without subscriber or bag.
+
+    Args:
+        channel: channel of the topic.
+        pack: function that returns the message of a step, or its bytes.
+        part: attribute of `Step` without which there is no message.
+        needs: parts of the `Demand` that the message needs, besides ``part``.
+    """
+
+    def __init__(
+        self, channel: Channel, pack: Callable[[Step], Any], *, part: str = "result", needs: tuple[str, ...] = ()
+    ) -> None:
+        self.channel, self._pack, self._part = channel, pack, part
+        self.needs = {"messages", part, *needs} & set(_PARTS)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether a subscriber or a bag needs the message of the next step."""
+        return self.channel.wanted
+
+    def publish(self, step: Step) -> None:
+        """Publish and record the message of a step, if it is due."""
+        if getattr(step, self._part) and self._is_due(step):
+            self._send(step)
+
+    def _send(self, step: Step) -> None:
+        self.channel.send_step(step, self._pack(step))
+
+    def _is_due(self, step: Step) -> bool:
+        return self.channel.due(step)
+
+
+class SlowOutput(Output):
+    """A topic with a message for few steps.
+
+    Args:
+        channel, pack, part: as for `Output`.
+        period: function that returns the shortest wall time between two messages [s].
+    """
+
+    def __init__(
+        self, channel: Channel, pack: Callable[[Step], Any], *, period: Callable[[], float], part: str = "result"
+    ) -> None:
+        super().__init__(channel, pack, part=part)
+        self._period, self._next = period, 0.0
+
+    @property
+    def wanted(self) -> bool:
+        """Whether a subscriber needs the message of the next step, and the last one is long enough ago."""
+        return time.monotonic() >= self._next and self.channel.wanted
+
+    def _is_due(self, step: Step) -> bool:
+        return self.channel.due(step) if step.again else self.wanted
+
+    def _send(self, step: Step) -> None:
+        self._next = time.monotonic() + self._period()
+        super()._send(step)
 
 
 class TopicOutputs:
-    """Publishes a scene and its steps; no message is built for a topic without subscriber or bag.
+    """Publishes a scene and its steps.
 
     Args:
         run: the published run.
@@ -33,62 +100,39 @@ class TopicOutputs:
 
     def __init__(self, run: Run) -> None:
         node, scene, frames = run.node, run.scene, run.frames
-        self._run, self._frames, self._frame_id = run, frames, frames.frame_id
-        publish_tf = frames.transforms is not None and run.parameters["publish_tf"]
-        each_step = partial(Channel, node, repeated=True)
-        self._mesh, self._strain = each_step(topics.MESH), each_step(topics.STRAIN)
-        self._record, self._markers = each_step(topics.STEP_RECORD), each_step(topics.MARKERS)
+        self._run, self._frames, self._scene, self._frame_id = run, frames, scene, frames.frame_id
+        self._publishes_tf = frames.transforms is not None and run.parameters["publish_tf"]
+        self._contacts = contact_names(scene.handles, scene.self_contact)
         self._topology, self._scene_text = Channel(node, topics.TOPOLOGY), Channel(node, topics.SCENE)
-        self._handles = HandleOutputs(run, each_step)
-        self._probes = {name: each_step(topics.PROBE, probe=name) for name in scene.probes}
-        self._motion = MotionOutputs(run, each_step) if scene.dynamics else None
-        self._contacts = ContactOutputs(run, each_step)
-        self._joints = each_step(topics.JOINT_STATES) if scene.actuators or scene.arms else None
-        self._robots = {arm.name: Channel(node, topics.ROBOT_DESCRIPTION, arm=arm.name) for arm in scene.arms}
+        self._contact_names = Channel(node, topics.CONTACT_NAMES) if self._contacts else None
+        described = topics.ROBOT_DESCRIPTION
+        self._robots = [(arm, Channel(node, described, key=described.key(arm=arm.name))) for arm in scene.arms]
         self._jacobian = Channel(node, topics.JACOBIAN) if scene.actuators and scene.probes else None
-        self._clock = each_step(topics.CLOCK) if run.parameters["publish_clock"] else None
-        self._tf = each_step(topics.TF, own=1) if publish_tf else None
-        self._tf_static = Channel(node, topics.TF_STATIC) if publish_tf else None
-        clock = () if self._clock is None else (self._clock,)
-        self._plain = (self._mesh, self._record, *clock, *self._probes.values())
-        self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
-        self._probe_packer = PosePacker(self._frame_id)
-        self._transform_packer = TransformPacker(frames.moving, frames.parents) if publish_tf else None
-        self._strain_packer: StrainPacker | None = None
-        self._actuator_states = messages.ActuatorStates(scene)
-        self._next_marker = 0.0
+        self._tf_static = Channel(node, topics.TF_STATIC) if self._publishes_tf else None
+        outputs = self._make_outputs(partial(Channel, node, repeated=True))
+        # Last those of element fields, whose evaluation would delay the others.
+        self._outputs = sorted(outputs, key=lambda output: "fields" in output.needs)
 
     @property
     def channels(self) -> Iterator[Channel]:
         """Channels of all output topics, in no particular order."""
-        yield from (self._mesh, self._strain, self._record, self._topology, self._scene_text, self._markers)
-        yield from (*self._handles.channels, *self._probes.values(), *self._robots.values())
-        yield from self._contacts.channels
-        if self._motion is not None:
-            yield from self._motion.channels
-        for channel in (self._joints, self._jacobian, self._clock, self._tf, self._tf_static):
-            if channel is not None:
-                yield channel
+        yield from (output.channel for output in self._outputs)
+        yield from (self._topology, self._scene_text, *(channel for _, channel in self._robots))
+        optional = (self._contact_names, self._jacobian, self._tf_static)
+        yield from (channel for channel in optional if channel is not None)
 
     def demand(self) -> Demand:
         """Return the outputs of the next step that a subscriber or a bag needs."""
-        # Read ``wanted`` of each channel at most once, because counting subscribers is a call into the middleware.
-        fields = self._strain.wanted or self._marker_due()
-        frames = self._tf is not None and self._tf.wanted
-        poses = frames or self._handles.poses_wanted
-        actuators = self._joints is not None and self._joints.wanted
-        imus = frames or (self._motion is not None and self._motion.imus_wanted)
-        told = fields or poses or actuators or imus or self._handles.wrenches_wanted or any_wanted(self._plain)
-        return Demand(
-            messages=told or self._contacts.wanted or (self._motion is not None and self._motion.velocity_wanted),
-            fields=fields,
-            poses=poses,
-            actuators=actuators,
-            imus=imus,
-        )
+        # Ask an output only if it adds to the demand, because counting subscribers is a call into the middleware.
+        needs: set[str] = set()
+        for output in self._outputs:
+            if not output.needs <= needs and output.wanted:
+                needs |= output.needs
+        return Demand(**{part: part in needs for part in _PARTS})
 
     def missed(self, *, thorough: bool = False) -> bool:
         """Return whether a subscriber has not received the present state; ``thorough``: see `Channel.missed`."""
+        # Ask every channel, without stopping at the first: each one notes its new subscribers.
         return any([channel.missed(thorough=thorough) for channel in self.channels])
 
     def attach(self, recorder: Recorder | None) -> None:
@@ -98,11 +142,12 @@ class TopicOutputs:
 
     def publish_scene(self, log_time: int) -> None:
         """Publish the latched topics; ``log_time`` is their log time in the bag [ns]."""
-        self._topology.send(messages.topology(self._run.scene.mesh.cells), log_time)
-        self._scene_text.send(String(data=self._run.scene.source), log_time)
-        self._contacts.publish_names(log_time)
-        for arm in self._run.scene.arms:
-            self._robots[arm.name].send(String(data=arm.text), log_time)
+        self._topology.send(messages.topology(self._scene.mesh.cells), log_time)
+        self._scene_text.send(String(data=self._run.scene.source), log_time)  # its moduli may have changed
+        if self._contact_names is not None:
+            self._contact_names.send(String(data=json.dumps(self._contacts)), log_time)
+        for arm, channel in self._robots:
+            channel.send(String(data=arm.text), log_time)
         if self._tf_static is not None:
             rests = self._frames.rests()
             packer = TransformPacker(list(rests), [self._frame_id] * len(rests))
@@ -110,68 +155,88 @@ class TopicOutputs:
 
     def publish_jacobian(self, values: object, log_time: int) -> None:
         """Publish the Jacobian d(probe position) / d(command), (probes, 3, actuators)."""
-        names = [actuator.name for actuator in self._run.scene.actuators]
-        self._jacobian.send(messages.jacobian(values, list(self._run.scene.probes), names), log_time)
+        names = [actuator.name for actuator in self._scene.actuators]
+        self._jacobian.send(messages.jacobian(values, list(self._scene.probes), names), log_time)
 
     def publish_step(self, step: Step) -> None:
         """Publish and record a step."""
-        stamp = step.record.stamp
-        if self._clock is not None and self._clock.due(step):
-            self._clock.send_step(step, Clock(clock=messages.to_time(to_nanoseconds(step.record.time))))
-        if self._mesh.due(step):
-            self._mesh.send_step(step, self._mesh_packer.pack(stamp, step.result.positions))
-        if self._record.due(step):
-            self._record.send_step(step, String(data=step.record.to_json()))
-        self._handles.publish_wrenches(step)
-        if step.poses:
-            self._handles.publish_poses(step)
-            self._publish_transforms(step)
-        for name, channel in due(self._probes, step):
-            channel.send_step(step, self._probe_packer.pack(stamp, self._probe(name, step)))
-        if (step.actuators or not self._run.scene.actuators) and self._joints is not None and self._joints.due(step):
-            message = self._actuator_states.message(messages.header(stamp, self._frame_id), step)
-            self._joints.send_step(step, message)
-        self._contacts.publish_step(step)
-        if self._motion is not None:
-            self._motion.publish_step(step)
-        if step.fields is not None:
-            self._publish_fields(step)
+        for output in self._outputs:
+            output.publish(step)
 
     def destroy(self) -> None:
         """Remove the topics from the graph."""
         for channel in self.channels:
             channel.destroy()
 
-    def _publish_transforms(self, step: Step) -> None:
-        """Publish the frames of handles, obstacles, probes and links."""
-        if self._tf is not None and self._tf.due(step):
-            probes = {name: self._probe(name, step) for name in self._run.scene.probes}
-            units = step.imus() if step.imus else {}
-            places = self._frames.places(step.poses, probes, units, step.result.positions, step.links)
-            self._tf.send_step(step, self._transform_packer.pack(step.record.stamp, places))
+    def _make_outputs(self, channel: Callable[..., Channel]) -> Iterator[Output]:
+        """Yield the outputs in the order in which a step is published."""
+        scene, parameters = self._scene, self._run.parameters
+        if parameters["publish_clock"]:
+            yield Output(channel(topics.CLOCK), _pack_clock)
+        yield Output(channel(topics.STEP_RECORD), lambda step: String(data=step.record.to_json()))
+        tables, specs = tables_of(scene), state_topics(scene)
+        specs |= {key: topics.HANDLE_SENSOR for key in tables if key.endswith("/force_torque")}
+        headers = _header_frames(scene, self._frames)
+        for key, table in tables.items():
+            pack = self._packing(key, table, headers.get(key, self._frame_id))
+            yield Output(channel(specs[key], key=key), pack, part=table.part)
+        if self._publishes_tf:
+            packer = TransformPacker(self._frames.moving, self._frames.parents)
+            pack = partial(self._pack_transforms, packer)
+            yield Output(channel(topics.TF, own=1), pack, part="poses", needs=("imus",))
 
-    def _probe(self, name: str, step: Step) -> Pose:
-        return messages.material_pose(
-            self._run.scene.probes[name], self._run.scene.mesh.vertices, step.result.positions
+        def period() -> float:
+            return 1.0 / parameters["marker_rate"]
+
+        if self._contacts:
+            pack = partial(self._pack_contacts, ContactMarkers(scene))
+            yield SlowOutput(channel(topics.CONTACT_MARKERS), pack, period=period)
+        yield SlowOutput(channel(topics.MARKERS), self._pack_surface, period=period, part="fields")
+
+    def _packing(self, key: str, table: Table, frame_id: str) -> Callable[[Step], Any]:
+        """Return the function that makes the message of a table."""
+        if table.write is not None:
+            packer = Packer(table.kind, frame_id, table.count)
+            return lambda step: packer.pack(step.record.stamp, partial(table.write, step))
+        if key == topics.CONTACTS.key():
+            return lambda step: messages.cloud(messages.header(step.record.stamp, frame_id), table.make(step))
+        return lambda step: messages.joint_states(
+            messages.header(step.record.stamp, frame_id), (*step.actuators, *step.joints), table.make(step)
         )
+
+    def _pack_transforms(self, packer: TransformPacker, step: Step) -> bytes:
+        """Return the message with the frames of handles, obstacles, probes and links."""
+        rest, positions = self._scene.mesh.vertices, step.result.positions
+        probes = {name: material_pose(point, rest, positions) for name, point in self._scene.probes.items()}
+        units = step.imus() if step.imus else {}
+        places = self._frames.places(step.poses, probes, units, positions, step.links)
+        return packer.pack(step.record.stamp, places)
+
+    def _pack_contacts(self, markers: ContactMarkers, step: Step) -> Any:
+        head = messages.header(step.record.stamp, self._frame_id)
+        return markers.message(head, step.obstacles, contact_points(step.result.contacts))
 
     @cached_property
     def _surface(self) -> SurfaceMarker:
-        return SurfaceMarker(self._run.scene.mesh, self._frame_id)
+        return SurfaceMarker(self._scene.mesh, self._frame_id)
 
-    def _marker_due(self) -> bool:
-        return time.monotonic() >= self._next_marker and self._markers.wanted
+    def _pack_surface(self, step: Step) -> bytes:
+        values = getattr(step.fields(), self._run.parameters["marker_field"])
+        return self._surface.pack(step.record.stamp, step.result.positions, values)
 
-    def _publish_fields(self, step: Step) -> None:
-        marker = self._markers.due(step) if step.again else self._marker_due()
-        if not marker and not self._strain.due(step):
-            return
-        fields = step.fields()
-        if self._strain.due(step):
-            self._strain_packer = self._strain_packer or StrainPacker(fields, self._frame_id)
-            self._strain.send_step(step, self._strain_packer.pack(step.record.stamp, fields))
-        if marker:
-            choice = self._run.parameters
-            self._next_marker = time.monotonic() + 1.0 / choice["marker_rate"]
-            values = getattr(fields, choice["marker_field"])
-            self._markers.send_step(step, self._surface.pack(step.record.stamp, step.result.positions, values))
+
+def _pack_clock(step: Step) -> Clock:
+    return Clock(clock=messages.to_time(to_nanoseconds(step.record.time)))
+
+
+def _header_frames(scene: Scene, frames: Frames) -> dict[str, str]:
+    """Return dict from topic, without the node's name, to the frame of its messages, if it is not the node's."""
+    found = {}
+    for handle in scene.handles:
+        if isinstance(handle, ArmLink):
+            continue  # pieces of links have no frames of their own: the frames of links are on TF
+        topic = f"{handle.section}/{handle.name}"
+        found[f"{topic}/pose"], found[f"{topic}/wrench"] = frames.rest(handle.name), frames.centre(handle.name)
+        found[f"{topic}/force_torque"] = frames.handle(handle.name)
+    found |= {f"sensors/{name}/wrench": frames.sensor(name) for name in scene.sensors}
+    return found | {f"probe/{name}/imu": frames.imu(name) for name in scene.probes}

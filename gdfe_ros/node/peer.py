@@ -10,7 +10,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import rclpy
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.duration import Duration
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -203,15 +205,9 @@ class Peer:
         Raises:
             GdfeError: there is no other node.
         """
-        known, since = list[Any](), time.monotonic()
-
-        def unchanged() -> bool:
-            nonlocal known, since
-            if (now := look()) != known:
-                known, since = now, time.monotonic()
-            return bool(known) and time.monotonic() - since > WHOLE
-
-        self._wait(unchanged)
+        found = _Unchanged(look, WHOLE)
+        self._wait(found.whole)
+        known = found.last
         if not known:
             raise GdfeError(f"no other node was found in ROS domain {self._domain} within {self._patience:g} s")
         return known
@@ -235,17 +231,8 @@ class Peer:
             look: function that returns the entry, or an empty value until it is discovered.
             names: function that returns the discovered names of this kind that other nodes have.
         """
-        known, since = list[str](), time.monotonic()
-
-        def found_or_lacking() -> bool:
-            nonlocal known, since
-            if look():
-                return True
-            if (now := names()) != known:  # many queries: only while the entry is missing
-                known, since = now, time.monotonic()
-            return bool(known) and time.monotonic() - since > UNCHANGED
-
-        self._wait(found_or_lacking)
+        found = _Unchanged(names, UNCHANGED)
+        self._wait(lambda: look() or found.whole())  # names are many queries: only while the entry is missing
         return look()
 
     def _endpoints(self, topic: str, look: Callable[[str], list[TopicEndpointInfo]], whose: str) -> Any:
@@ -292,6 +279,28 @@ class Peer:
         return f"{text} in ROS domain {self._domain}; {did_you_mean(given, names)}{kind}: {listed}"
 
 
+class _Unchanged:
+    """A list of the ROS graph that counts as whole once it has not changed for some time.
+
+    Args:
+        look: function that returns the present list.
+        span: time without a change [s].
+
+    Attributes:
+        last: list at the last look.
+    """
+
+    def __init__(self, look: Callable[[], list[Any]], span: float) -> None:
+        self._look, self._span = look, span
+        self.last, self._since = list[Any](), time.monotonic()
+
+    def whole(self) -> bool:
+        """Look again, and return whether there are entries that have not changed for the time."""
+        if (now := self._look()) != self.last:
+            self.last, self._since = now, time.monotonic()
+        return bool(self.last) and time.monotonic() - self._since > self._span
+
+
 @contextmanager
 def open_peer() -> Iterator[Peer]:
     """Yield a peer in a ROS context of its own."""
@@ -320,3 +329,22 @@ def matching_qos(others: Sequence[TopicEndpointInfo], *, offered: bool) -> QoSPr
         reliability=ReliabilityPolicy.RELIABLE if offered or enough(reliable) else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if enough(kept) else DurabilityPolicy.VOLATILE,
     )
+
+
+def get_parameters(peer: Peer, node: str, names: Sequence[str], *, patience: float) -> list[Any]:
+    """Return the values of a node's parameters; ``patience`` [s] is the longest wait."""
+    found = peer.call(f"{node}/get_parameters", {"names": list(names)}, patience=patience).values
+    return [parameter_value_to_python(value) for value in found]
+
+
+def set_parameter(peer: Peer, node: str, name: str, value: Any, *, patience: float) -> SetParametersResult:
+    """Set a parameter of a node to a value of its type, and return the node's answer."""
+    message = Parameter(name, value=value).to_parameter_msg()
+    fields = {field: _plain(getattr(message.value, field)) for field in message.value.get_fields_and_field_types()}
+    request = {"parameters": [{"name": name, "value": fields}]}
+    (result,) = peer.call(f"{node}/set_parameters", request, patience=patience).results
+    return result
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, (bool, int, float, str)) else list(value)

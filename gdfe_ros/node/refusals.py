@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Refused commands: reasons, counts, and occasional warnings."""
+"""Refused commands: reasons, counts, occasional warnings, and checks of numbers, sizes and stamps."""
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from enum import Enum
+from typing import TYPE_CHECKING
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.plain_log import shorten
-from gdfe_ros.node.throttle import Throttle
+from gdfe_ros.node.plain_log import Throttle, shorten
+
+if TYPE_CHECKING:
+    from builtin_interfaces.msg import Time
 
 LONGEST = 400
 """Largest number of characters of a refusal in the log and on ~/refused."""
@@ -99,3 +103,75 @@ def require_small(data: bytes) -> None:
     """Raise ``Refusal`` for a message of more than `LARGEST_MESSAGE` bytes."""
     if len(data) > LARGEST_MESSAGE:
         raise Refusal(Reason.WRONG_SIZE, f"the message has {len(data)} bytes; allowed: up to {LARGEST_MESSAGE}")
+
+
+def require_finite(**vectors: tuple[float, ...]) -> None:
+    """Raise a `Refusal` that shows all vectors by name if any number in them is not finite."""
+    if not all(math.isfinite(value) for vector in vectors.values() for value in vector):
+        given = " and ".join(f"{name} {vector}" for name, vector in vectors.items())
+        raise Refusal(Reason.NOT_FINITE, f"{given} must be finite numbers")
+
+
+def require_unit(slack: float, **quaternion: tuple[float, float, float, float]) -> None:
+    """Raise a `Refusal` that shows the named quaternion (x, y, z, w) if its length is not 1 within ``slack``."""
+    ((name, value),) = quaternion.items()
+    length = math.hypot(*value)
+    if abs(length - 1.0) > slack:
+        text = f"{name} (x, y, z, w) {value} has length {length:.6g}; allowed: 1 +- {slack:g}"
+        raise Refusal(Reason.NOT_UNIT, text)
+
+
+class Freshness:
+    """Checks the stamp of a command against the clock and against the last stamp for the same handle or actuator.
+
+    A stamp of zero means "now" and is always accepted. If the clock goes back, as at the start of a replayed bag, the
+    stored stamps are dropped.
+    """
+
+    def __init__(self) -> None:
+        self._last: dict[str, int] = {}
+        self._now = 0
+
+    def check(self, sources: Collection[str], stamp: Time, *, now: int, max_age: float, max_lead: float) -> None:
+        """Check a stamp and store it.
+
+        Args:
+            sources: topic and name of each commanded item; each has a last stamp of its own.
+            stamp: stamp of the command.
+            now: time on the clock of the stamps [ns].
+            max_age: largest age of a command [s]; 0: no limit.
+            max_lead: largest time by which a stamp may be ahead of ``now`` [s].
+
+        Raises:
+            Refusal: the stamp is ahead, too old, or before the last accepted one.
+        """
+        if now < self._now:
+            self.reset()
+        self._now = now
+        moment = stamp.sec * 10**9 + stamp.nanosec
+        if moment == 0:
+            return
+        age = (now - moment) * 1e-9
+        if -age > max_lead:
+            raise Refusal(
+                Reason.AHEAD,
+                f"its stamp {moment * 1e-9:.9f} s is {-age:.3f} s ahead of the node's clock, {now * 1e-9:.9f} s; "
+                f"command_max_lead is {max_lead:g} s: do both use the same clock (use_sim_time)?",
+            )
+        if max_age and age > max_age:
+            raise Refusal(
+                Reason.STALE,
+                f"its stamp {moment * 1e-9:.9f} s is {age:.3f} s old; command_max_age is {max_age:g} s",
+            )
+        last = max((self._last.get(source, moment) for source in sources), default=moment)
+        if moment < last:
+            raise Refusal(
+                Reason.OUT_OF_ORDER,
+                f"its stamp {moment * 1e-9:.9f} s is before the last one's, {last * 1e-9:.9f} s; "
+                "a stamp of 0 is always accepted, and after ~/reset any stamp is",
+            )
+        self._last |= dict.fromkeys(sources, moment)
+
+    def reset(self) -> None:
+        """Drop the stored stamps, e.g. because time goes back to zero."""
+        self._last.clear()

@@ -18,8 +18,8 @@ from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.pace import ExternalPace, Pace, Timing
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.step import Step, to_nanoseconds
 from gdfe_ros.node.transforms import Transforms
+from gdfe_ros.recording.step import Step, to_nanoseconds
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 

@@ -23,6 +23,7 @@ from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.specification import ServiceSpec
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.regular_file import read_bytes
+from gdfe_ros.simulation import Simulation
 
 
 class Services:
@@ -90,19 +91,20 @@ class Services:
         return session.stepper.post(session.reset_bodies)
 
     def _reset_shape(self, request: Trigger.Request) -> Future[str]:
-        return self._reset_part(services.RESET_SHAPE, SimulationSession.reset_shape, "at the rest shape")
+        reset = Simulation.reset_shape
+        return self._reset_part(services.RESET_SHAPE, reset, "the shape was reset", "at the rest shape")
 
     def _reset_arms(self, request: Trigger.Request) -> Future[str]:
-        done = "the arms are at their initial positions"
-        return self._reset_part(services.RESET_ARMS, SimulationSession.reset_arms, done)
+        reset, done = Simulation.reset_arms, "the arms are at their initial positions"
+        return self._reset_part(services.RESET_ARMS, reset, "the arms were reset", done)
 
-    def _reset_part(self, spec: ServiceSpec, reset: Callable[[SimulationSession], None], done: str) -> Future[str]:
+    def _reset_part(self, spec: ServiceSpec, reset: Callable[[Simulation], None], why: str, done: str) -> Future[str]:
         """Reset a part between two steps, as soon as possible; the answer is the text ``done`` and the time."""
         session = self._session()
         session.interrupt(f"{spec.name} ended it")
 
         def reset_now() -> str:
-            reset(session)
+            session.continue_from(lambda: reset(session.simulation), why)
             return f"{done}, time {session.simulation.time:.9g} s"
 
         return session.stepper.post(reset_now, urgent=True)

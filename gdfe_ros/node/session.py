@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 from rclpy.clock import JumpHandle
@@ -17,23 +18,21 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.bag import Bags
 from gdfe_ros.node.channel import Courier
 from gdfe_ros.node.following import leaders_of
-from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface.parameters import MODULUS
-from gdfe_ros.node.lateness import Lateness, Solves
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.moduli import Moduli
+from gdfe_ros.node.orders import Inbox
 from gdfe_ros.node.outputs import TopicOutputs
-from gdfe_ros.node.pace import ClockMode, Pace, make_pace
-from gdfe_ros.node.parameters import NodeParameters
+from gdfe_ros.node.pace import ClockMode, Lateness, Pace, Solves, make_pace
+from gdfe_ros.node.parameters import Moduli, NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import with_moduli
 from gdfe_ros.node.run import Run
-from gdfe_ros.node.step import Demand, Step, handle_error, observe
 from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.node.strays import UnmatchedTopics
 from gdfe_ros.node.transforms import Transforms, transforms_installed
 from gdfe_ros.node.walk import Walk
+from gdfe_ros.recording.step import Demand, Step, observe
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
@@ -87,19 +86,18 @@ class SimulationSession:
         listening = transforms_installed()
         leaders = leaders_of(parameters.entries("follow"), simulation.scene, listening=listening)
         told = {"now": lambda: self.run.now(), "limits": parameters, "refuse": refusals.refuse}
-        self._transforms = Transforms(node, self._lead, **told) if listening else None
+        self._transforms = Transforms(node, lambda: self.inputs.followers.look(), **told) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
         self.outputs = TopicOutputs(run)
-        store = node.guarded(self._store, "publishing a step for later subscribers")
+        store = node.guarded(partial(self._deliver_again, stored=True), "publishing a step for later subscribers")
         self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver, store=store)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
-        self._moduli = Moduli(node, self.scene, self.bags, changed=self._change_moduli)
+        self._moduli = Moduli(node, self.scene, locked=lambda: self.bags.active, changed=self._change_moduli)
         self.strays = UnmatchedTopics(node, self.scene.handles, refusals)
         self.mode = ClockMode.WALL
         self.courier: Courier | None = None
         self.walk: Walk | None = None
-        self._telling = False
         self._lateness, self._solves = Lateness(), Solves()
         self._jumps: JumpHandle | None = None
         self.outputs.publish_scene(0)
@@ -183,11 +181,6 @@ class SimulationSession:
         if self.bags.active:
             self.bags.finish()
 
-    def destroy(self) -> None:
-        """Stop, and remove topics and parameters."""
-        self.stop()
-        self.close()
-
     def close(self) -> None:
         """Remove topics and parameters of a session without threads."""
         self._moduli.destroy()
@@ -209,7 +202,7 @@ class SimulationSession:
             steps=self.stepper.count,
             rate=self.run.timing().rate,
             at=self.simulation.time,
-            slewing=self.stepper.slew.moving,
+            slewing=self.stepper.drive.slew.moving,
         )
         for each in (text, self._solves.look(self.run.last), self._solves.wait(self.stepper.work)):
             if each is not None:
@@ -218,8 +211,9 @@ class SimulationSession:
 
     def greet(self, *, thorough: bool = False) -> None:
         """Publish the last state again if there are subscribers without it; ``thorough``: see `Channel.missed`."""
-        if self.outputs.missed(thorough=thorough):
-            self._tell_again()
+        if self.outputs.missed(thorough=thorough) and self.stepper.running and not self._telling:
+            self._telling = True
+            self.stepper.post_reading(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
 
     def waiting(self) -> str:
         """Return a text with the inputs that a lockstep step waits for."""
@@ -235,7 +229,7 @@ class SimulationSession:
         """
         result, solver, mesh = self.run.last.result, self.scene.solver, self.scene.mesh
         reach, targets = solver.tolerance * mesh.size, self.simulation.targets
-        off = (handle_error(each, targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
+        off = (each.error(targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
         return result.error_estimate <= solver.tolerance and max(off, default=0.0) <= reach
 
     def interrupt(self, why: str) -> None:
@@ -261,9 +255,7 @@ class SimulationSession:
         Called between steps.
         """
         self.stepper.reset()
-        self.inputs.give_up("the simulation was reset")
-        self.inputs.freshness.reset()
-        self.inputs.followers.look(anew=True)
+        self.forget_commands("the simulation was reset")
         self.flush()
 
     def reset_commands(self) -> None:
@@ -271,8 +263,14 @@ class SimulationSession:
 
         Called between steps.
         """
-        self.stepper.rest()
-        self.inputs.give_up("the commands were reset")
+        self.stepper.drive.rest()
+        if self.inputs.inbox is not None:
+            self.inputs.inbox.clear()
+        self.forget_commands("the commands were reset")
+
+    def forget_commands(self, why: str) -> None:
+        """End trajectories for the reason ``why``, accept any stamp, and send followers to their leaders again."""
+        self.inputs.give_up(why)
         self.inputs.freshness.reset()
         self.inputs.followers.look(anew=True)
 
@@ -285,39 +283,23 @@ class SimulationSession:
         names = [body.name for body in self.scene.rigid_bodies]
         if not names:
             raise GdfeError(f"scene {self.scene.name!r} has no rigid bodies; ~/reset goes back to rest as a whole")
-        self.stepper.place(dict.fromkeys(names, Pose()))
+        self.stepper.drive.place(dict.fromkeys(names, Pose()))
         return f"the next step puts back {', '.join(names)}"
 
-    def reset_shape(self) -> None:
-        """Set the body to its rest shape and the commands to their initial values; keep time and rigid bodies' poses.
+    def continue_from(self, reset: Callable[[], None], why: str) -> None:
+        """Continue from the state after a partial ``reset``; ``why`` is the reason that ends trajectories.
 
         Called between steps.
 
         Raises:
-            GdfeError: a bag is being written, or a rigid body overlaps the rest shape.
+            GdfeError: a bag is being written, or the simulation cannot be reset so.
         """
-        self._continue_from(self.simulation.reset_shape, "the shape was reset")
-
-    def reset_arms(self) -> None:
-        """Put all arms, with what they hold, back to their initial joint positions; keep time and shape.
-
-        Called between steps.
-
-        Raises:
-            GdfeError: a bag is being written, there are no arms, or a body would be inside of something.
-        """
-        self._continue_from(self.simulation.reset_arms, "the arms were reset")
-
-    def _continue_from(self, reset: Callable[[], None], why: str) -> None:
-        """Continue from the state after a partial ``reset``; ``why`` is the reason that ends trajectories."""
         self.bags.require_none()
         reset()
         self.stepper.restart(Begin.LOADED)
-        self.inputs.give_up(why)
-        self.inputs.freshness.reset()
         if self._transforms is not None:
             self._transforms.reset()
-        self.inputs.followers.look(anew=True)
+        self.forget_commands(why)
         self.flush()
 
     def take_steps(self, count: int, told: Callable[[int], None] | None = None) -> Future[str]:
@@ -364,10 +346,6 @@ class SimulationSession:
     def _warn(self, text: str) -> None:
         self.run.node.get_logger().warning(text)
 
-    def _lead(self) -> None:
-        """Command the followers of frames to the present placements of their leaders on /tf."""
-        self.inputs.followers.look()
-
     def _begin_bag(self) -> str:
         """Begin a bag between two steps and return a message; a state other than the initial one is stored in it."""
         state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
@@ -382,18 +360,11 @@ class SimulationSession:
         if step.wanted:
             self.courier.put(step)
 
-    def _tell_again(self) -> None:
-        """Publish the present state again for new subscribers, unless this is queued already."""
-        if self.stepper.running and not self._telling:
-            self._telling = True
-            self.stepper.post_reading(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
-
-    def _store(self) -> None:
-        """Publish the last step on all topics on which it was not published, for subscribers that come later."""
-        self._deliver_again(stored=True)
-
     def _deliver_again(self, *, stored: bool = False) -> None:
-        """Publish the last step again, also during a step: until it ends, only the arms' joints are ahead of it."""
+        """Publish the last step again, also during a step: until it ends, only the arms' joints are ahead of it.
+
+        If ``stored``, it is published on all topics on which it was not published, for subscribers that come later.
+        """
         self._telling, last = False, self.run.last
         if last is None:
             return
@@ -408,7 +379,7 @@ class SimulationSession:
         def swap() -> None:
             self.run.simulation = with_moduli(self.simulation, moduli, interrupted=self.stepper.must_end)
             self.outputs.publish_scene(self.run.log_time)
-            self.stepper.resume()
+            self.stepper.repeat(Begin.LOADED)
 
         # Later commands are consumed after the change. The steps wait for it, but the node's other callbacks do not.
         parameters = ", ".join(f"{MODULUS.name.format(material=name)}={young:g}" for name, young in moduli.items())

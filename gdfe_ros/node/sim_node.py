@@ -17,25 +17,54 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
 from gdfe_ros.node.diagnostics import Diagnostics
-from gdfe_ros.node.entities import Entities
+from gdfe_ros.node.entities import Entities, SceneExchange
 from gdfe_ros.node.entity_queries import EntityQueries
-from gdfe_ros.node.exchange import SceneExchange
 from gdfe_ros.node.interface import NODE_NAME, topics
 from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.parameters import NodeParameters
-from gdfe_ros.node.preparation import prepare
+from gdfe_ros.node.parameters import NodeParameters, given_moduli
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.remodelling import take_over
-from gdfe_ros.node.resources import offer_spawnables
 from gdfe_ros.node.services import Services
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard import StandardServices
 from gdfe_ros.node.trajectory_action import TrajectoryAction
-from gdfe_ros.node.worlds import Worlds
+from gdfe_ros.node.worlds import Worlds, offer_spawnables
 from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
+
+
+def prepare(parameters: NodeParameters, given: Mapping[str, object]) -> Simulation:
+    """Return a simulation of the scene with its overrides and moduli, factored and compiled.
+
+    Args:
+        parameters: parameters of the node.
+        given: parameters that were given at start, by name; some of them may be moduli.
+
+    Raises:
+        GdfeError: the scene or the overrides have defects; the text lists all of them.
+    """
+    overrides = _overrides(parameters.entries("scene_overrides"))
+    scene = load_scene(parameters["scene"], overrides=overrides)
+    moduli = given_moduli(given, scene)
+    if moduli:
+        scene = load_scene(parameters["scene"], overrides={**overrides, **moduli})
+    simulation = Simulation(scene)
+    simulation.warm_up()
+    return simulation
+
+
+def _overrides(entries: list[str]) -> Mapping[str, str]:
+    pairs = [entry.partition("=") for entry in entries]
+    wrong = [entry for entry, (_, equals, _) in zip(entries, pairs, strict=True) if not equals]
+    if wrong:
+        raise GdfeError(
+            f"parameter scene_overrides holds {wrong}; each entry must be key=value, e.g. solver.tolerance=1e-6"
+        )
+    return {key.strip(): value.strip() for key, _, value in pairs}
+
 
 _DIAGNOSTICS_PERIOD = 1.0
 AUTOSTART_FAILED = 1
@@ -131,7 +160,8 @@ class SimNode(ManagedNode):
         self._entities.forget()
         session, self.session = self.session, None
         if session is not None:
-            session.destroy()
+            session.stop()
+            session.close()
             del session
             self.collect()
 

@@ -96,8 +96,7 @@ class StandardServices:
             services.RESET_SIMULATION: self._reset,
             services.STEP_SIMULATION: self._step,
         }
-        for spec, answer in offered.items():
-            node.offer(interface_class(spec.type), spec.name, answer)
+        node.offer_standard(offered)
         self._offer_action()
 
     def stop_at_start(self) -> None:

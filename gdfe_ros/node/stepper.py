@@ -8,27 +8,24 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
-from gdfe_ros.node.drive import CommandAssembler
-from gdfe_ros.node.host import Host
-from gdfe_ros.node.inbox import Inbox
+from gdfe_ros.node.drive import CommandAssembler, Host
 from gdfe_ros.node.interface.topics import BODY_SET
-from gdfe_ros.node.orders import Order
+from gdfe_ros.node.orders import Inbox, Order
 from gdfe_ros.node.pace import Pace, WallPace
 from gdfe_ros.node.refusals import Reason, Refusal
-from gdfe_ros.node.slew import Slew
-from gdfe_ros.node.step import Demand, Step, make_record, observe, to_nanoseconds
+from gdfe_ros.recording.step import Demand, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.result import StepResult
 from gdfe_ros.threads import STEPPER, show_name
 
 _Value = TypeVar("_Value")
@@ -67,7 +64,7 @@ class SteppingThread:
         stepping: whether a step is being made.
         work: description of the present task, and its start on a monotonic clock [s]; None without a task.
         rounds: number of rounds of iterations of the solve in progress.
-        slew: limits the rate of commands under the wall clock or a deadline.
+        drive: makes the command of each step from the orders.
         solving: wall time spent in solves so far [s].
         spent: wall time spent on steps so far, solves included [s].
         failure: why the last step failed and the stepping is paused; empty once the stepping is resumed.
@@ -83,7 +80,7 @@ class SteppingThread:
         store: Callable[[], None] | None = None,
     ) -> None:
         self._run, self._demand, self._deliver, self._store = run, demand, deliver, store
-        self._drive, self.slew = CommandAssembler(run), Slew(run.scene.actuators)
+        self.drive = CommandAssembler(run)
         self.changed = threading.Condition()
         self.count = 0
         self.begin = Begin.REST
@@ -127,10 +124,10 @@ class SteppingThread:
 
     def take_over(self, other: SteppingThread, bodies: Collection[str]) -> None:
         """Continue the commands and counts of another stepper; of the free bodies only ``bodies`` exist."""
-        self._drive.take_over(other._drive, bodies)
-        self.slew, self._retries = other.slew, other._retries
-        self.count, self.rounds, self.failures = other.count, other.rounds, other.failures
-        self.solving, self.spent, self.failure = other.solving, other.spent, other.failure
+        self.drive.take_over(other.drive, bodies)
+        self._retries, self.count, self.rounds = other._retries, other.count, other.rounds
+        self.solving, self.spent = other.solving, other.spent
+        self.failure, self.failures = other.failure, other.failures
 
     def wake(self) -> None:
         """Make the thread check whether a step is due."""
@@ -149,10 +146,6 @@ class SteppingThread:
             self.changed.notify_all()
         self._thread.join()
         self._thread = None
-
-    def call(self, function: Callable[[], _Value]) -> _Value:
-        """Run a function between two steps and return its result, or raise its exception."""
-        return self.post(function).result()
 
     def post(self, function: Callable[[], _Value], what: str = "", *, urgent: bool = False) -> Future[_Value]:
         """Queue a function to run between two steps; return a ``Future`` of its result. Without a thread, run it now.
@@ -227,44 +220,27 @@ class SteppingThread:
         self._simulation.reset()
         self.restart(Begin.REST)
 
-    def place(self, bodies: Mapping[str, Pose]) -> None:
-        """Teleport free bodies with the next step; called between steps."""
-        self._drive.place(bodies)
-
-    def rest(self) -> None:
-        """Drop waiting orders, velocities and trajectories, and command the initial values with the next step.
-
-        Called between steps.
-        """
-        self._drive.rest()
-        self.slew.clear()
-        if self._thread is not None:
-            self._inbox.clear()
-
-    def resume(self) -> None:
-        """Continue with the run's new simulation, and deliver its state. Called between steps."""
-        self.begin = Begin.LOADED
-        if self._thread is not None:
-            self.repeat(self.begin)
-
     def restart(self, begin: Begin) -> None:
         """Continue from a state that was changed from outside, and deliver it. Called between steps.
 
         Waiting orders, velocities and trajectories are dropped. ``begin`` is the kind of the state.
         """
-        self.begin, self.failure = begin, ""
-        self._drive.clear()
-        self.slew.clear()
+        self.failure = ""
+        self.drive.clear()
         self._origin = self._run.log_time - to_nanoseconds(self._simulation.time)
         if self._thread is not None:
             self._inbox.clear()
             self._pace.restart()
-            self.repeat(begin)
+        self.repeat(begin)
 
     def repeat(self, begin: Begin) -> None:
-        """Deliver the present state again, as an initial state of the kind ``begin``. Called between steps."""
+        """Deliver the present state as an initial state of the kind ``begin``, if the thread runs.
+
+        Called between steps, also after the run's simulation was replaced.
+        """
         self.begin = begin
-        self._step((), dt=0.0, first=True)
+        if self._thread is not None:
+            self._step((), dt=0.0, first=True)
 
     def _work(self) -> None:
         show_name()
@@ -326,8 +302,7 @@ class SteppingThread:
         self.failure = f"{what} failed: {str(error) if isinstance(error, GdfeError) else repr(error)}"
         with self.changed:
             self._paused = True
-        self._drive.clear()
-        self.slew.clear()
+        self.drive.clear()
         remedy = "~/pause false goes on, ~/reset goes back to rest"
         dropped = "the commands of this step, velocities and trajectories are dropped"
         text = f"{self.failure}; paused in the last good state, at {self._simulation.time:.9g} s, {dropped}; {remedy}"
@@ -336,13 +311,11 @@ class SteppingThread:
 
     def _settled(self) -> bool:
         """Return whether the state stays constant without a new order."""
-        if self._drive.moving or self.slew.moving:
-            return False
         simulation = self._simulation
-        if self._rated:
-            states = simulation.actuator_states()
-            if any(states[name].command != simulation.commands[name] for name in states):
-                return False
+        states = simulation.actuator_states() if self._rated else {}
+        rated = any(states[name].command != simulation.commands[name] for name in states)
+        if self.drive.moving or rated:
+            return False
         return simulation.settled or (not simulation.scene.dynamics and self._retries >= _MOST_RETRIES)
 
     def _step(self, orders: Iterable[Order], *, dt: float, first: bool = False, early: float = 0.0) -> None:
@@ -370,27 +343,13 @@ class SteppingThread:
         run, simulation = self._run, self._simulation
         demand = Demand() if first else self._demand()
         orders = tuple(orders)
-        command = Command()
-        if not first:
-            command = self._command(orders, dt)
+        command = Command() if first else self._command(orders, dt)
         stamp, place = run.stamp(simulation.time + dt, early), run.parameters["cut_after"]
-        limits = {"cut_after": place if place >= 0 else None, "interrupted": self.must_end}
-        limits["deadline"] = run.parameters["deadline"] or None
+        limits = {"cut_after": place if place >= 0 else None, "deadline": run.parameters["deadline"] or None}
         self.work, self.rounds, self._stored = (f"a step to {simulation.time + dt:.9g} s", time.monotonic()), 0, False
-        try:
-            result = simulation.step(command, dt=dt, **limits)
-        except OverlapError as error:
-            named = ", ".join(BODY_SET.name.format(body=name) for name in command.bodies)
-            run.refusals.refuse(named, Refusal(Reason.OVERLAP, str(error)))
-            command = replace(command, bodies={})
-            result = simulation.step(command, dt=dt, **limits)
-        except CommandError as error:
-            run.refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error)))
-            self.slew.clear()
-            command = Command()
-            result = simulation.step(command, dt=dt, **limits)
+        command, result = self._try_step(command, dt=dt, interrupted=self.must_end, **limits)
         self.work = None
-        self.slew.note(converged=result.converged, cut=result.cut_after is not None, iterations=result.iterations)
+        self.drive.slew.note(converged=result.converged, cut=result.cut_after is not None, iterations=result.iterations)
         if not np.isfinite(result.positions.sum()):  # equivalent to testing each value, in a fifth of the time
             raise GdfeError(f"step {self.count} gave positions that are not finite numbers: {result.message}")
         record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
@@ -399,21 +358,34 @@ class SteppingThread:
         if stored := self._store is not None and result.wall_time > _LONG:
             demand = Demand()
         told = {"log_time": log_time, "first": first, "stored": stored}
-        step = Step(record=record, result=result, **told, **observe(simulation, demand))
+        run.last = Step(record=record, result=result, **told, **observe(simulation, demand))
         run.log_time = log_time
         self.count, self.begin = self.count + 1, Begin.LAST
         self.solving += result.wall_time
         self.spent += time.perf_counter() - started
-        run.last = step
-        return step
+        return run.last
+
+    def _try_step(self, command: Command, **given: Any) -> tuple[Command, StepResult]:
+        """Make a step; if its command is refused, report it and make the step without what was refused."""
+        run, step = self._run, self._simulation.step
+        try:
+            return command, step(command, **given)
+        except OverlapError as error:
+            named = ", ".join(BODY_SET.name.format(body=name) for name in command.bodies)
+            run.refusals.refuse(named, Refusal(Reason.OVERLAP, str(error)))
+            command = replace(command, bodies={})
+        except CommandError as error:
+            run.refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error)))
+            self.drive.slew.clear()
+            command = Command()
+        return command, step(command, **given)
 
     def _command(self, orders: Iterable[Order], dt: float) -> Command:
-        """Return the command of a step; under the wall clock or a deadline, ``slew`` limits actuator commands."""
-        simulation, values, acting = self._simulation, self._run.parameters, min(dt, self._run.parameters["dt"])
-        command = self._drive.command(orders, time=simulation.time + dt, dt=acting)
+        """Return the command of a step; under the wall clock or a deadline, actuator commands are limited."""
+        values, acting = self._run.parameters, min(dt, self._run.parameters["dt"])
         hurried = isinstance(self._pace, WallPace) or values["deadline"] > 0.0
         slew_time = values["slew_time"] if hurried else 0.0
-        return self.slew.limit(command, simulation.commands, dt=acting, slew_time=slew_time)
+        return self.drive.command(orders, time=self._simulation.time + dt, dt=acting, slew_time=slew_time)
 
 
 def _carry_out(function: Callable[[], object], future: Future) -> None:

@@ -1,23 +1,48 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transforms of other nodes on /tf and /tf_static."""
+"""Frames on /tf: their places, and the chain of transforms between two of them."""
 
 from __future__ import annotations
 
 import threading
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
+from scipy.spatial.transform import Rotation
 
-from gdfe_ros.node.freshness import Freshness
-from gdfe_ros.node.host import Settings
+from gdfe_ros.node.drive import Settings
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.numbers import require_finite, require_unit
-from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.qos import installed, interface_class, qos_profile
-from gdfe_ros.node.refusals import Reason, Refusal, require_small
+from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_finite, require_small, require_unit
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Placement of one frame in another: origin (3,) [m] and rotation of its axes."""
+
+    origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    turn: Rotation = field(default_factory=Rotation.identity)
+
+    @classmethod
+    def of(cls, translation: Any, rotation: Any) -> Placement:
+        """Return the placement with the translation x, y, z [m] and the rotation, a quaternion, of a message."""
+        turn = Rotation.from_quat([rotation.x, rotation.y, rotation.z, rotation.w])
+        return cls(np.array([translation.x, translation.y, translation.z]), turn)
+
+    def __matmul__(self, inner: Placement) -> Placement:
+        """Return the placement in this frame's parent of a frame whose placement in this frame is ``inner``."""
+        return Placement(self.origin + self.turn.apply(inner.origin), self.turn * inner.turn)
+
+    def inverse(self) -> Placement:
+        """Return the placement of the parent frame in this frame."""
+        back = self.turn.inv()
+        return Placement(-back.apply(self.origin), back)
+
 
 _UNREAD = 2000
 """Largest number of unread messages of /tf; older ones are dropped. A moving frame is published again long before so

@@ -8,13 +8,16 @@ import json
 import os
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gdfe_ros
 from gdfe_ros.bounded_text import load_json_object
+
+if TYPE_CHECKING:
+    from gdfe_ros.scene.scene import Scene
 
 SCENE_FILE = "scene.yaml"
 STATE_FILE = "state.bin"
@@ -44,6 +47,19 @@ class RunInfo:
     files: Mapping[str, bytes] = field(default_factory=dict)
     package_version: str = gdfe_ros.__version__
     machine: Mapping[str, str] = field(default_factory=lambda: describe_machine())
+
+    @classmethod
+    def of(cls, scene: Scene, *, node: Mapping[str, Any] | None = None, state: bytes | None = None) -> RunInfo:
+        """Return the origin of a run of a scene.
+
+        Args:
+            scene: simulated scene.
+            node: parameters of the node or the session; None: there are none.
+            state: serialised state from which the first step starts; None: the initial state of the scene.
+        """
+        settings = {**asdict(scene.solver), "policy": scene.solver.policy.value}
+        settings |= {} if node is None else {"node": dict(node)}
+        return cls(scene=scene.source, settings=settings, files={} if state is None else {STATE_FILE: state})
 
     @property
     def scene_sha256(self) -> str:

@@ -86,6 +86,11 @@ class RecorderStatus:
         """Number of messages that are not in the bag."""
         return sum(self.dropped.values())
 
+    def summary(self, path: Path) -> str:
+        """Return the counts and the error as a sentence about the bag at ``path``."""
+        text = f"bag {path}: {self.written} messages, {self.dropped_total} dropped"
+        return f"{text}; {self.error}; nothing later is in the bag" if self.error else text
+
     def to_notes(self) -> dict[str, str]:
         """Return the counts and the error as texts for the metadata of the bag."""
         return {

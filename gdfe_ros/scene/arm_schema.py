@@ -9,8 +9,7 @@ from pydantic import Field, model_validator
 
 from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.paths import FilePath
-from gdfe_ros.scene.quantity import Quantity
-from gdfe_ros.scene.rotation import RotationQuantity
+from gdfe_ros.scene.quantity import Quantity, RotationQuantity
 
 _AT = Quantity("position of the origin of the root link [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _ROTATION = RotationQuantity(

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.arm import Arm
-from gdfe_ros.arms.beginning import begins_inside
 from gdfe_ros.arms.description import Description, Joint
 from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
+from gdfe_ros.arms.limits import JointSprings
 from gdfe_ros.arms.meshes import find_mesh, read_surface, renamed_package
-from gdfe_ros.arms.shapes import touching_links, visuals
-from gdfe_ros.arms.springs import JointSprings
+from gdfe_ros.arms.shapes import begins_inside, touching_links, visuals
 from gdfe_ros.arms.urdf import parse_urdf
 from gdfe_ros.bounded_text import LARGEST_XML
 from gdfe_ros.constraints import Handle

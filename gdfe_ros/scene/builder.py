@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -15,7 +15,7 @@ from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material
-from gdfe_ros.mesh import HexMesh, select_cells, select_vertices
+from gdfe_ros.mesh import HexMesh, Mesh, select_cells, select_vertices
 from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.mesh.selection import Where
@@ -24,7 +24,7 @@ from gdfe_ros.scene.meshes import known_part
 from gdfe_ros.scene.obstacle_schema import ObstacleModel
 from gdfe_ros.scene.program import JointPoint, Point, Program
 from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
-from gdfe_ros.scene.schema import Draft, HandleModel, JointPointModel, KeyframeModel, PointModel, ProgramModel
+from gdfe_ros.scene.schema import Draft, HandleModel, KeyframeModel, ProgramModel
 from gdfe_ros.scene.where_schema import WhereModel
 
 _TESTED = {
@@ -47,27 +47,44 @@ def build_materials(draft: Draft, report: Defects) -> dict[str, Material]:
 
 def assign_materials(draft: Draft, mesh: HexMesh | None, names: list[str], report: Defects) -> NDArray[np.int32]:
     """Return the index into ``names`` of each cell's material (m,), int32; -1 for a cell without a material."""
-    assigned = np.full(mesh.n_cells if mesh else 0, -1, dtype=np.int32)
-    complete = mesh is not None and len(draft.regions) > 0 and None not in draft.regions
-    for i, region in enumerate(draft.regions):
-        if region is None:
-            continue
-        known = region.material in names
-        if not known:
-            text = f"there is no such material{suggest(region.material, names)}"
-            report.add(("regions", i, "material"), text)
-        cells = None
-        if mesh is not None:
-            cells = select(select_cells, mesh, region.where, ("regions", i, "where"), "cell", report)
-        if known and cells is not None:
-            assigned[cells] = names.index(region.material)
+    regions = [(each, ("regions", i)) for i, each in enumerate(draft.regions) if each is not None]
+    given = [(each.material, each.where, path, (*path, "material")) for each, path in regions]
+    complete = len(draft.regions) > 0 and None not in draft.regions
+    return fill_regions(mesh, given, names, ("regions",), report, complete=complete)
+
+
+def fill_regions(
+    mesh: Mesh | None,
+    regions: Iterable[tuple[str, WhereModel | None, KeyPath, KeyPath]],
+    names: Sequence[str],
+    path: KeyPath,
+    report: Defects,
+    *,
+    complete: bool = True,
+) -> NDArray[np.int32]:
+    """Return the index into ``names`` of each cell's material (m,), int32; -1 for a cell without a material.
+
+    Args:
+        mesh: mesh of the cells; None if it has defects.
+        regions: material, place, key path of the region, and key path of its material, of each region.
+        names: names of all materials.
+        path: key path of the list of regions.
+        report: collects the defects.
+        complete: whether no region has been left out because of a defect; if so, all cells must have a material.
+    """
+    assigned = np.full(mesh.n_cells if mesh is not None else 0, -1, dtype=np.int32)
+    for material, where, place, key in regions:
+        if material not in names:
+            report.add(key, f"there is no such material{suggest(material, names)}")
+        cells = None if mesh is None else select(select_cells, mesh, where, (*place, "where"), "cell", report)
+        if material in names and cells is not None:
+            assigned[cells] = names.index(material)
         else:
             complete = False
     bare = np.flatnonzero(assigned < 0)
     if complete and len(bare):
-        remedy = "begin with a region without `where`"
-        text = f"{len(bare)} cells have no material: {list_ids(bare)}; remedy: {remedy}"
-        report.add(("regions",), text, value=NO_VALUE)
+        text = f"{len(bare)} cells have no material: {list_ids(bare)}; remedy: begin with a region without `where`"
+        report.add(path, text, value=NO_VALUE)
     return assigned
 
 
@@ -218,12 +235,11 @@ def _joint_tracks(
                 report.add((*path, i, "value"), f"allowed by the joint's limits: {low:g} to {high:g}")
             if abs(point.velocity) > fast:
                 report.add((*path, i, "velocity"), f"allowed by the joint's limit: {-fast:g} to {fast:g}")
-    tracks = model.joints.items()
-    return {name: tuple(JointPoint(each.time, each.value, each.velocity) for each in points) for name, points in tracks}
+    return dict(model.joints)
 
 
 def _check_times(
-    frames: Sequence[KeyframeModel | PointModel | JointPointModel], duration: float, path: KeyPath, report: Defects
+    frames: Sequence[KeyframeModel | Point | JointPoint], duration: float, path: KeyPath, report: Defects
 ) -> None:
     for i, frame in enumerate(frames):
         if frame.time > duration:
@@ -233,7 +249,7 @@ def _check_times(
 
 
 def _tracks(
-    tracks: Mapping[str, tuple[PointModel, ...]],
+    tracks: Mapping[str, tuple[Point, ...]],
     section: str,
     names: list[str],
     ranges: Mapping[str, tuple[float, float]],
@@ -252,7 +268,7 @@ def _tracks(
         for i, point in enumerate(points):
             if not low <= point.value <= high:
                 report.add((*path, i, "value"), f"allowed by the actuator's range: {low:g} to {high:g}")
-    return {name: tuple(Point(point.time, point.value) for point in points) for name, points in tracks.items()}
+    return dict(tracks)
 
 
 def _check_movable(

@@ -20,7 +20,7 @@ from gdfe_ros.errors import ArmError, MeshError, SceneError
 from gdfe_ros.scene.document import parse_document
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.mesh_schema import MeshModel
-from gdfe_ros.scene.obstacle_schema import BodyModel, form_of
+from gdfe_ros.scene.obstacle_schema import BodyModel
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import NAME
 
@@ -254,7 +254,7 @@ def _from_urdf(text: str, where: str) -> Entity:
     if friction is not None:
         entry["friction"] = _friction(friction.text, where)
     try:
-        form = form_of(BodyModel.model_validate(entry))
+        form = BodyModel.model_validate(entry).form
     except ValidationError as error:
         raise ArmError(
             where, [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]

@@ -14,7 +14,7 @@ from gdfe_ros.mesh import Mesh, select_faces
 from gdfe_ros.mesh.cavities import corners_of, inside_volume, surface_pieces
 from gdfe_ros.mesh.fibres import fibre_points, perpendicular_faces
 from gdfe_ros.scene.builder import holder_of, select
-from gdfe_ros.scene.fibres_schema import FibreLayerModel, Wall
+from gdfe_ros.scene.material_schema import FibreLayerModel, Wall
 from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.schema import Draft
 

@@ -16,9 +16,8 @@ from gdfe_ros.actuators import Actuator, Load
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.constraints import Handle
-from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.form import TriangleMesh
-from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.regular_file import defect_of, is_file, read_text
 from gdfe_ros.scene.actuation import build_actuators, build_loads, build_masses, build_probes, neutral_commands
@@ -34,7 +33,7 @@ from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import Draft, SceneModel
 from gdfe_ros.scene.soft_bodies import assign_soft_materials, build_soft_bodies, with_soft_bodies
-from gdfe_ros.scene.solvable import cut_key, unsolvable
+from gdfe_ros.scene.solvable import unsolvable
 from gdfe_ros.scene.touchable import build_bodies, build_obstacles, build_self_contact, build_sensors
 from gdfe_ros.share import share_dir
 from gdfe_ros.spelling import closest
@@ -151,17 +150,8 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         start |= joint_starts(arms)
         program = _program(document, draft, report, actuators=actuators, loads=loads, arms=arms, start=start)
     solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
-    sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
-    parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
-    cut = () if mesh is None or report.concerns("skin") else cut_key(whole)
-    parts |= {"fibres": fibres, "cut": cut, "self_contact": self_contact, "mesh": whole, "arms": arms}
-    for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
-        if key == ("bodies",) and report.concerns("dynamics"):
-            continue
-        report.add(key, text, value=NO_VALUE)
-    report.raise_if_any()
-    return Scene(
-        name=document.data["name"],
+    scene = Scene(
+        name=document.data.get("name", ""),
         description=document.data.get("description", ""),
         mesh=whole,
         materials=materials,
@@ -169,7 +159,6 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         handles=handles,
         program=program,
         solver=solver,
-        source=_source(text, document.data, draft, carried, handles, changed=bool(overrides)),
         path=path,
         actuators=actuators,
         loads=loads,
@@ -182,6 +171,18 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         arms=arms,
         soft_bodies=tuple(guests),
     )
+    sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
+    _report_conflicts(scene if sound else replace(scene, cell_material=cell_material[:0]), report)
+    report.raise_if_any()
+    return replace(scene, source=_source(text, document.data, draft, carried, handles, changed=bool(overrides)))
+
+
+def _report_conflicts(scene: Scene, report: Defects) -> None:
+    """Report conflicts between the entries, except for those that follow from a defect in another entry."""
+    for key, text in unsolvable(scene, scene.solver.policy):
+        of_skin = key[-1] == "cells" and report.concerns("skin")
+        if not of_skin and not (key == ("bodies",) and report.concerns("dynamics")):
+            report.add(key, text, value=NO_VALUE)
 
 
 def _program(

@@ -1,11 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The entries of `materials` of a scene file."""
+"""The entries of `materials` and `fibres` of a scene file."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from enum import Enum
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationInfo, model_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from gdfe_ros.materials import (
@@ -29,6 +39,7 @@ from gdfe_ros.scene.entry import TAG, Entry
 from gdfe_ros.scene.paths import resolve_path
 from gdfe_ros.scene.quantity import ANY, Quantity
 from gdfe_ros.scene.table import StressTable, read_stress_table
+from gdfe_ros.scene.where_schema import WhereModel
 
 LAWS = tuple(law.name.lower() for law in Law)
 
@@ -82,102 +93,84 @@ class _Common(Entry):
         return {"poisson": self.poisson, "density": self.density, "omega": self.omega}
 
 
-class LinearModel(_Common):
+class _Law(_Common):
+    """A law whose parameters have the names of the arguments of its class, ``kind``."""
+
+    kind: ClassVar[type[Material]]
+
+    def build(self) -> Material:
+        """Return the material."""
+        return self.kind(**{name: value for name, value in self if name != "law"})
+
+
+class LinearModel(_Law):
     """Corotated linear law: stress is proportional to strain, also under large rotations."""
 
+    kind: ClassVar[type[Material]] = Linear
     law: Literal["linear"] = Field(description="name of the material law")
     young: Annotated[float, _YOUNG]
 
-    def build(self) -> Material:
-        """Return the material."""
-        return Linear(young=self.young, **self.common)
 
-
-class NeoHookeanModel(_Common):
+class NeoHookeanModel(_Law):
     """Neo-Hookean law, W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2."""
 
+    kind: ClassVar[type[Material]] = NeoHookean
     law: Literal["neo_hookean"] = Field(description="name of the material law")
     young: Annotated[float, _YOUNG]
 
-    def build(self) -> Material:
-        """Return the material."""
-        return NeoHookean(young=self.young, **self.common)
 
-
-class StableNeoHookeanModel(_Common):
+class StableNeoHookeanModel(_Law):
     """Stable neo-Hookean law of Smith, de Goes and Kim (2018), smooth also for inverted elements."""
 
+    kind: ClassVar[type[Material]] = StableNeoHookean
     law: Literal["stable_neo_hookean"] = Field(description="name of the material law")
     young: Annotated[float, _YOUNG]
 
-    def build(self) -> Material:
-        """Return the material."""
-        return StableNeoHookean(young=self.young, **self.common)
 
-
-class OgdenModel(_Common):
+class OgdenModel(_Law):
     """Ogden's law in Abaqus' convention."""
 
+    kind: ClassVar[type[Material]] = Ogden
     law: Literal["ogden"] = Field(description="name of the material law")
     mu: Annotated[tuple[float, ...], _MU]
     alpha: Annotated[tuple[float, ...], _ALPHA]
 
-    def build(self) -> Material:
-        """Return the material.
 
-        Raises:
-            ValueError: ``mu`` and ``alpha`` do not fit together, or a value is out of range.
-        """
-        return Ogden(mu=self.mu, alpha=self.alpha, **self.common)
-
-
-class YeohModel(_Common):
+class YeohModel(_Law):
     """Yeoh's law, W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3, with the coefficients of Abaqus."""
 
+    kind: ClassVar[type[Material]] = Yeoh
     law: Literal["yeoh"] = Field(description="name of the material law")
     c10: Annotated[float, _C10]
     c20: Annotated[float, _C20] = 0.0
     c30: Annotated[float, _C30] = 0.0
 
-    def build(self) -> Material:
-        """Return the material; raise ValueError if ``c10`` is not positive."""
-        return Yeoh(c10=self.c10, c20=self.c20, c30=self.c30, **self.common)
 
-
-class MooneyRivlinModel(_Common):
+class MooneyRivlinModel(_Law):
     """Law of Mooney and Rivlin, W = C10 (I1 - 3) + C01 (I2 - 3), with the coefficients of Abaqus."""
 
+    kind: ClassVar[type[Material]] = MooneyRivlin
     law: Literal["mooney_rivlin"] = Field(description="name of the material law")
     c10: Annotated[float, _C10]
     c01: Annotated[float, _C01]
 
-    def build(self) -> Material:
-        """Return the material; raise ValueError if c10 + c01 is not positive."""
-        return MooneyRivlin(c10=self.c10, c01=self.c01, **self.common)
 
-
-class ArrudaBoyceModel(_Common):
+class ArrudaBoyceModel(_Law):
     """Law of Arruda and Boyce: chains of rubber with a locking stretch, with the five terms of Abaqus."""
 
+    kind: ClassVar[type[Material]] = ArrudaBoyce
     law: Literal["arruda_boyce"] = Field(description="name of the material law")
     mu: Annotated[float, _SHEAR]
     lambda_m: Annotated[float, _LOCKING]
 
-    def build(self) -> Material:
-        """Return the material."""
-        return ArrudaBoyce(mu=self.mu, lambda_m=self.lambda_m, **self.common)
 
-
-class GentModel(_Common):
+class GentModel(_Law):
     """Gent's law, W = -mu Jm / 2 ln(1 - (I1 - 3) / Jm)."""
 
+    kind: ClassVar[type[Material]] = Gent
     law: Literal["gent"] = Field(description="name of the material law")
     mu: Annotated[float, _SHEAR]
     jm: Annotated[float, _LIMIT]
-
-    def build(self) -> Material:
-        """Return the material."""
-        return Gent(mu=self.mu, jm=self.jm, **self.common)
 
 
 class CurveModel(_Common):
@@ -279,3 +272,40 @@ MaterialModel = Annotated[
     | Annotated[PublishedModel, Tag(TAG + "published")],
     Discriminator(_tag),
 ]
+
+
+_ALONG = Quantity("direction [x, y, z] in the axes of the scene", least=-1e6, most=1e6, count=3)
+_ANGLES = Quantity("angle of each family of fibres", "degrees", least=-360.0, most=360.0, count=ANY)
+_STIFFNESS = Quantity("Young's modulus times thickness", "N/m", above=0.0, most=1e12)
+
+
+class Wall(str, Enum):
+    """The walls of a body that can carry fibres."""
+
+    OUTER = "outer"
+    INNER = "inner"
+
+
+class FibreLayerModel(Entry):
+    """A thin layer of fibres on faces of the body: hoops, a braid, or a sheet that limits strains."""
+
+    wall: Wall = Field(Wall.OUTER, description="outer: the outside of the body; inner: the walls of its cavities")
+    where: WhereModel | None = Field(None, description="faces with all corners in this place; default: the whole wall")
+    along: Annotated[tuple[float, float, float], _ALONG] = Field(
+        description="direction that is projected onto each face; the angles are measured from it"
+    )
+    angles_deg: Annotated[tuple[float, ...], _ANGLES] = Field(
+        (0.0,),
+        min_length=1,
+        description="angles of the fibres from `along`, counter-clockwise seen from outside the material; "
+        "[90]: hoops around `along`; [0, 60, 120]: a sheet with the same stiffness in all directions",
+    )
+    stiffness: Annotated[float, _STIFFNESS]
+    compression: bool = Field(False, description="true: the fibres also resist compression; false: they are slack then")
+
+    @field_validator("along")
+    @classmethod
+    def _direction(cls, along: tuple[float, float, float]) -> tuple[float, float, float]:
+        if not any(along):
+            raise ValueError("must not be zero; needed: a direction, e.g. [0, 0, 1]")
+        return along

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The keys of a scene file for obstacles, rigid bodies and contact sensors."""
+"""The keys of a scene file for obstacles, rigid bodies, self-contact and contact sensors."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ from gdfe_ros.mesh.solid import make_solid, read_solid, require_outward
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.paths import FilePath
-from gdfe_ros.scene.quantity import Quantity
-from gdfe_ros.scene.rotation import RotationQuantity
+from gdfe_ros.scene.quantity import Quantity, RotationQuantity
 from gdfe_ros.scene.where_schema import WhereModel
 
 _LENGTH = Quantity("length along z", "m", least=1e-9, most=1e6)
@@ -51,35 +50,49 @@ _CELL = Quantity(
     most=1e6,
 )
 _FRICTION = Quantity("Coulomb's coefficient of friction", least=0.0, most=100.0)
-RESTITUTION = Quantity(
+_RESTITUTION = Quantity(
     "ratio of the normal speeds of a point after and before an impact; in motion, the larger value of two bodies",
     least=0.0,
     most=1.0,
 )
 
 
-class SphereObstacleModel(Entry):
+class _Shape(Entry):
+    """A shape whose keys have the names of the arguments of its class, ``kind``."""
+
+    kind: ClassVar[type[Form]]
+
+    def build(self) -> Form:
+        """Return the shape."""
+        return self.kind(**dict(self))
+
+
+class SphereObstacleModel(_Shape):
     """A ball."""
 
+    kind: ClassVar[type[Form]] = Sphere
     radius: Annotated[float, _RADIUS]
 
 
-class BoxObstacleModel(Entry):
+class BoxObstacleModel(_Shape):
     """A box."""
 
+    kind: ClassVar[type[Form]] = Box
     size: Annotated[tuple[float, float, float], _SIZE]
 
 
-class CapsuleModel(Entry):
+class CapsuleModel(_Shape):
     """A cylinder along z with half balls at its ends; its length is the distance between the centres of the balls."""
 
+    kind: ClassVar[type[Form]] = Capsule
     radius: Annotated[float, _RADIUS]
     length: Annotated[float, _LENGTH]
 
 
-class CylinderModel(Entry):
+class CylinderModel(_Shape):
     """A cylinder along z."""
 
+    kind: ClassVar[type[Form]] = Cylinder
     radius: Annotated[float, _RADIUS]
     length: Annotated[float, _LENGTH]
 
@@ -136,12 +149,9 @@ class TriangleMeshModel(Choice):
         return {"embedded": pack_surface(vertices, triangles), "cell": form.solid.cell}
 
 
-class ObstacleModel(Choice):
-    """A rigid object that the body cannot penetrate; a commanded pose moves it like a handle."""
+class _Rigid(Choice):
+    """A rigid thing: one shape, its place, and its contact."""
 
-    options: ClassVar[tuple[str, ...]] = ("at", "rotation_deg", "friction", "restitution", "fixed", "gaps")
-
-    plane: Annotated[tuple[float, float, float], _NORMAL] | None = None
     sphere: SphereObstacleModel | None = None
     box: BoxObstacleModel | None = None
     capsule: CapsuleModel | None = None
@@ -150,13 +160,31 @@ class ObstacleModel(Choice):
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     friction: Annotated[float, _FRICTION] = 0.0
-    restitution: Annotated[float, RESTITUTION] = 0.0
-    fixed: bool = Field(False, description="true: the obstacle never moves and takes no commands")
+    restitution: Annotated[float, _RESTITUTION] = 0.0
     gaps: ContactPoints = Field(
         ContactPoints.FACES,
         description="the gap that contact uses at a vertex of the body; faces: the mean gap of the faces around it; "
         "vertices: the gap of the vertex alone",
     )
+
+    @property
+    def form(self) -> Form:
+        """Shape of the thing.
+
+        Raises:
+            MeshError: its surface cannot be read, or is no valid solid.
+        """
+        kind, chosen = self.chosen
+        return Plane() if kind == "plane" else chosen.build()
+
+
+class ObstacleModel(_Rigid):
+    """A rigid object that the body cannot penetrate; a commanded pose moves it like a handle."""
+
+    options: ClassVar[tuple[str, ...]] = ("at", "rotation_deg", "friction", "restitution", "fixed", "gaps")
+
+    plane: Annotated[tuple[float, float, float], _NORMAL] | None = None
+    fixed: bool = Field(False, description="true: the obstacle never moves and takes no commands")
 
     @field_validator("plane")
     @classmethod
@@ -177,7 +205,7 @@ class ObstacleModel(Choice):
         return Obstacle(
             name=name,
             fixed=self.fixed,
-            form=form_of(self),
+            form=self.form,
             origin=self.at,
             turn=tuple(turn.as_rotvec().tolist()),
             friction=self.friction,
@@ -186,44 +214,13 @@ class ObstacleModel(Choice):
         )
 
 
-def form_of(model: ObstacleModel | BodyModel) -> Form:
-    """Return the shape of an obstacle or rigid body from its entry.
-
-    Raises:
-        MeshError: its surface cannot be read, or is no valid solid.
-    """
-    kind, chosen = model.chosen
-    match kind:
-        case "sphere":
-            return Sphere(chosen.radius)
-        case "box":
-            return Box(chosen.size)
-        case "capsule":
-            return Capsule(chosen.radius, chosen.length)
-        case "cylinder":
-            return Cylinder(chosen.radius, chosen.length)
-        case "mesh":
-            return chosen.build()
-    return Plane()
-
-
-class BodyModel(Choice):
+class BodyModel(_Rigid):
     """A rigid body that moves freely and touches the soft body, obstacles and rigid bodies; it needs `dynamics`."""
 
     options: ClassVar[tuple[str, ...]] = ("density", "mass", "at", "rotation_deg", "friction", "restitution", "gaps")
 
-    sphere: SphereObstacleModel | None = None
-    box: BoxObstacleModel | None = None
-    capsule: CapsuleModel | None = None
-    cylinder: CylinderModel | None = None
-    mesh: TriangleMeshModel | None = None
     density: Annotated[float, _DENSITY] | None = None
     mass: Annotated[float, _MASS] | None = None
-    at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
-    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
-    friction: Annotated[float, _FRICTION] = 0.0
-    restitution: Annotated[float, RESTITUTION] = 0.0
-    gaps: ContactPoints = Field(ContactPoints.FACES, description="as for obstacles")
 
     @model_validator(mode="after")
     def _one_of_density_and_mass(self) -> BodyModel:
@@ -231,8 +228,8 @@ class BodyModel(Choice):
             raise ValueError("give exactly one of density [kg/m^3] and mass [kg], e.g. density: 500")
         return self
 
-    def build(self, name: str, first: int) -> RigidBody:
-        """Return the rigid body with the vertex ids ``first`` .. ``first`` + 3.
+    def build(self, name: str) -> RigidBody:
+        """Return the rigid body, without vertex ids.
 
         If its shape is a mesh, the origin of its frame is the centre of mass, and the axes are the principal axes,
         instead of the origin and the axes of the file.
@@ -243,7 +240,7 @@ class BodyModel(Choice):
         turn, origin = Rotation.from_rotvec(np.radians(self.rotation_deg)), self.at
         vector = tuple(np.radians(self.rotation_deg).tolist())
         if self.mesh is None:
-            form = form_of(self)
+            form = self.form
         else:
             form, centre, axes = self.mesh.build_free()
             origin = tuple((np.array(self.at) + turn.apply(centre)).tolist())
@@ -257,7 +254,7 @@ class BodyModel(Choice):
             friction=self.friction,
             restitution=self.restitution,
             points=self.gaps,
-        ).numbered(first)
+        )
 
 
 class SensorModel(Entry):
@@ -265,4 +262,14 @@ class SensorModel(Entry):
 
     where: WhereModel = Field(
         description="the sensor's faces: all faces with all four vertices in this place, e.g. {face: x+}"
+    )
+
+
+class SelfContactModel(Entry):
+    """Contact of the parts of the mesh with each other, and of each part with itself."""
+
+    friction: Annotated[float, _FRICTION] = 0.0
+    restitution: Annotated[float, _RESTITUTION] = 0.0
+    where: WhereModel | None = Field(
+        None, description="the faces that take part: all faces with all four vertices in this place (default: all)"
     )

@@ -6,11 +6,19 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from gdfe_ros.arms.spline import spline
 from gdfe_ros.constraints import Pose
+from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.quantity import Quantity
+
+TIME = Quantity("time", "s", least=0.0, most=1e6)
+_VALUE = Quantity("command in the actuator's unit, or factor of the load", least=-1e15, most=1e15)
+_POSITION = Quantity("position of the joint, in rad or m", least=-1e6, most=1e6)
+_VELOCITY = Quantity("velocity of the joint there, in rad/s or m/s", least=-1e6, most=1e6)
 
 
 @dataclass(frozen=True)
@@ -21,21 +29,19 @@ class Keyframe:
     pose: Pose
 
 
-@dataclass(frozen=True)
-class Point:
-    """The command of an actuator, in its unit, or the factor of a load, at a time [s]."""
+class Point(Entry):
+    """The command of an actuator, or the factor of a load, at a time."""
 
-    time: float
-    value: float
+    time: Annotated[float, TIME]
+    value: Annotated[float, _VALUE]
 
 
-@dataclass(frozen=True)
-class JointPoint:
-    """Position [rad] or [m] and velocity [rad/s] or [m/s] of a joint at a time [s]."""
+class JointPoint(Entry):
+    """Position and velocity of an arm's joint at a time; between two points the position is a cubic polynomial."""
 
-    time: float
-    value: float
-    velocity: float = 0.0
+    time: Annotated[float, TIME]
+    value: Annotated[float, _POSITION]
+    velocity: Annotated[float, _VELOCITY] = 0.0
 
 
 @dataclass(frozen=True)
@@ -78,36 +84,30 @@ class Program:
         return list(np.linspace(0.0, self.duration, steps + 1)[1:])
 
     def handle_poses(self, time: float) -> dict[str, Pose]:
-        """Return a dict from the name of each moving handle or obstacle to its pose at a time [s].
-
-        The time is limited to 0 .. duration.
-        """
-        moment = min(max(time, 0.0), self.duration)
+        """Return a dict from each handle and obstacle of the program to its pose at a time [s], within the duration."""
+        moment = self._within(time)
         return {name: _pose_at(frames, moment) for name, frames in self.keyframes.items()}
 
     def actuator_values(self, time: float) -> dict[str, float]:
-        """Return a dict from the name of each actuator of the program to its command at a time [s].
-
-        The time is limited to 0 .. duration.
-        """
-        moment = min(max(time, 0.0), self.duration)
-        return {name: _value_at(points, moment, self.start[name]) for name, points in self.actuators.items()}
+        """Return a dict from each actuator of the program to its command at a time [s], within the duration."""
+        return self._values(self.actuators, time)
 
     def load_factors(self, time: float) -> dict[str, float]:
-        """Return a dict from the name of each load of the program to its factor at a time [s].
-
-        The time is limited to 0 .. duration.
-        """
-        moment = min(max(time, 0.0), self.duration)
-        return {name: _value_at(points, moment, self.start[name]) for name, points in self.loads.items()}
+        """Return a dict from each load of the program to its factor at a time [s], within the duration."""
+        return self._values(self.loads, time)
 
     def joint_positions(self, time: float) -> dict[str, float]:
-        """Return a dict from the name of each joint of the program to its position [rad] or [m] at a time [s].
-
-        The time is limited to 0 .. duration.
-        """
-        moment = min(max(time, 0.0), self.duration)
+        """Return a dict from each joint of the program to its position [rad] or [m] at a time [s], as above."""
+        moment = self._within(time)
         return {name: _joint_at(points, moment, self.start[name]) for name, points in self.joints.items()}
+
+    def _values(self, tracks: Mapping[str, tuple[Point, ...]], time: float) -> dict[str, float]:
+        moment = self._within(time)
+        return {name: _value_at(points, moment, self.start[name]) for name, points in tracks.items()}
+
+    def _within(self, time: float) -> float:
+        """Return a time [s] limited to 0 .. duration."""
+        return min(max(time, 0.0), self.duration)
 
 
 def _pose_at(frames: tuple[Keyframe, ...], time: float) -> Pose:
@@ -122,7 +122,7 @@ def _pose_at(frames: tuple[Keyframe, ...], time: float) -> Pose:
 
 def _value_at(points: tuple[Point, ...], time: float, before: float) -> float:
     if points[0].time > 0.0:
-        points = (Point(0.0, before), *points)
+        points = (Point.model_construct(time=0.0, value=before), *points)
     last = bisect_right([point.time for point in points], time) - 1
     if last == len(points) - 1:
         return points[last].value
@@ -132,6 +132,6 @@ def _value_at(points: tuple[Point, ...], time: float, before: float) -> float:
 
 def _joint_at(points: tuple[JointPoint, ...], time: float, before: float) -> float:
     if points[0].time > 0.0:
-        points = (JointPoint(0.0, before), *points)
+        points = (JointPoint.model_construct(time=0.0, value=before, velocity=0.0), *points)
     values = np.array([[point.value] for point in points]), np.array([[point.velocity] for point in points])
     return float(spline([point.time for point in points], *values, at=time)[0])

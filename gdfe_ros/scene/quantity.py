@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Description of a number in a scene file: meaning, unit, range, and the remedy if it is out of range."""
+"""Description of a number or a rotation in a scene file: meaning, unit, range, and remedy."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from scipy.spatial.transform import Rotation
 
 #: Value of `Quantity.count` for a list of any length.
 ANY = -1
@@ -120,3 +121,26 @@ class Quantity:
     def _error(self, remedy: str = "") -> PydanticCustomError:
         text = f"allowed is {self.allowed}" + (f"; {remedy}" if remedy else "")
         return PydanticCustomError("quantity", "{text}", {"text": text})
+
+
+class RotationQuantity(Quantity):
+    """Annotation of a field that holds a rotation vector [degrees]; several are applied one after another."""
+
+    def check(self, value: Any) -> tuple[float, float, float]:
+        """Return the rotation vector (3,) [degrees]; a list of vectors becomes the vector of their composition.
+
+        The axes stay fixed: ``[[0, 90, 0], [0, 0, 120]]`` first turns about y, and then about z.
+
+        Raises:
+            PydanticCustomError: a vector has the wrong length, or a component is no number or out of range.
+        """
+        if not (isinstance(value, list | tuple) and value and all(isinstance(item, list | tuple) for item in value)):
+            return super().check(value)
+        total = Rotation.identity()
+        for vector in value:
+            total = Rotation.from_rotvec(super().check(vector), degrees=True) * total
+        return tuple(total.as_rotvec(degrees=True).tolist())
+
+    @property
+    def _form(self) -> str:
+        return f"{super()._form} or a list of such lists"

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Actuator, AttachedMass, Embedding, Load
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
-from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.materials import Material
 from gdfe_ros.materials.fibre_layer import FibreLayer

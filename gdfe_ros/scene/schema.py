@@ -7,22 +7,19 @@ import re
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from gdfe_ros.constraints import Axis, Pose
 from gdfe_ros.regular_file import NAME_PATTERN
 from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, Place
 from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.entry import Entry
-from gdfe_ros.scene.fibres_schema import FibreLayerModel
-from gdfe_ros.scene.material_schema import MaterialModel
-from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel
+from gdfe_ros.scene.material_schema import FibreLayerModel, MaterialModel
+from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
 from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
-from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SensorModel
-from gdfe_ros.scene.program import Keyframe
+from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SelfContactModel, SensorModel
+from gdfe_ros.scene.program import TIME, JointPoint, Keyframe, Point
 from gdfe_ros.scene.quantity import Quantity
-from gdfe_ros.scene.self_contact_schema import SelfContactModel
-from gdfe_ros.scene.skin_schema import SkinModel
 from gdfe_ros.scene.where_schema import WhereModel
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings, Torsion
 
@@ -30,12 +27,8 @@ from gdfe_ros.solver.settings import Policy, Skip, SolverSettings, Torsion
 NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
 Name = Annotated[str, StringConstraints(pattern=NAME.pattern)]
 
-_TIME = Quantity("time", "s", least=0.0, most=1e6)
 _TRANSLATION = Quantity("translation [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _ROTATION = Quantity("rotation vector [x, y, z]", "degrees", least=-36000, most=36000, count=3)
-_VALUE = Quantity("command in the actuator's unit, or factor of the load", least=-1e15, most=1e15)
-_POSITION = Quantity("position of the joint, in rad or m", least=-1e6, most=1e6)
-_VELOCITY = Quantity("velocity of the joint there, in rad/s or m/s", least=-1e6, most=1e6)
 _DURATION = Quantity("duration", "s", above=0.0, most=1e6)
 _TOLERANCE = Quantity(
     "tolerance: allowed distance to the equilibrium, as a fraction of the body's size", least=1e-12, most=1e-1
@@ -122,7 +115,7 @@ class HandleModel(Entry):
 class KeyframeModel(Entry):
     """The pose of a handle or obstacle at a time, relative to its rest pose; a key that is left out is zero."""
 
-    time: Annotated[float, _TIME]
+    time: Annotated[float, TIME]
     translation: Annotated[tuple[float, float, float], _TRANSLATION] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
 
@@ -132,30 +125,15 @@ class KeyframeModel(Entry):
         return Keyframe(self.time, Pose(self.translation, rotation))
 
 
-class PointModel(Entry):
-    """The command of an actuator, or the factor of a load, at a time."""
-
-    time: Annotated[float, _TIME]
-    value: Annotated[float, _VALUE]
-
-
-class JointPointModel(Entry):
-    """Position and velocity of an arm's joint at a time; between two points the position is a cubic polynomial."""
-
-    time: Annotated[float, _TIME]
-    value: Annotated[float, _POSITION]
-    velocity: Annotated[float, _VELOCITY] = 0.0
-
-
 class ProgramModel(Entry):
     """Commands over time, which `gdfe solve` plays."""
 
     duration: Annotated[float, _DURATION]
     handles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving handle")
     obstacles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving obstacle")
-    actuators: dict[str, tuple[PointModel, ...]] = Field({}, description="commands {time, value} of each actuator")
-    loads: dict[str, tuple[PointModel, ...]] = Field({}, description="factors {time, value} of each load")
-    joints: dict[str, tuple[JointPointModel, ...]] = Field(
+    actuators: dict[str, tuple[Point, ...]] = Field({}, description="commands {time, value} of each actuator")
+    loads: dict[str, tuple[Point, ...]] = Field({}, description="factors {time, value} of each load")
+    joints: dict[str, tuple[JointPoint, ...]] = Field(
         {}, description="positions {time, value, velocity} of each joint of an arm"
     )
 
@@ -261,27 +239,10 @@ class SceneModel(Entry):
     solver: SolverModel = SolverModel()
 
 
-class Draft(BaseModel):
+class Draft(SceneModel):
     """The valid entries of a scene file; they can be checked even if other entries have defects."""
 
-    mesh: MeshModel | None = None
-    meshes: dict[str, PlacedMeshModel] = {}
-    skin: SkinModel | None = None
-    soft_bodies: dict[str, SoftBodyModel] = {}
-    materials: dict[str, MaterialModel] = {}
+    name: str = ""
+    materials: dict[Name, MaterialModel] = Field({})
     regions: tuple[RegionModel | None, ...] = ()
-    handles: dict[str, HandleModel] = {}
-    obstacles: dict[str, ObstacleModel] = {}
-    bodies: dict[str, BodyModel] = {}
-    arm: ArmModel | None = None
-    arms: dict[str, ArmModel] = {}
-    actuators: dict[str, ActuatorModel] = {}
-    loads: dict[str, LoadModel] = {}
-    masses: dict[str, MassModel] = {}
-    fibres: dict[str, FibreLayerModel] = {}
-    self_contact: SelfContactModel | None = None
-    dynamics: DynamicsModel | None = None
-    probes: dict[str, Place] = {}
-    sensors: dict[str, SensorModel] = {}
-    program: ProgramModel | None = None
-    solver: SolverModel = SolverModel()
+    handles: dict[Name, HandleModel] = Field({})

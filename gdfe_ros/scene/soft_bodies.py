@@ -11,14 +11,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh import HexMesh, Mesh, TetMesh, select_cells
+from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
 from gdfe_ros.mesh.assembly import assemble
 from gdfe_ros.mesh.mesh import MeshPart
-from gdfe_ros.mesh.quality import list_ids
-from gdfe_ros.scene.builder import holder_of, select
+from gdfe_ros.scene.builder import fill_regions, holder_of
 from gdfe_ros.scene.meshes import Carried, build_part, of_tetrahedra, require_apart
-from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
-from gdfe_ros.scene.schema import Draft, SoftBodyModel
+from gdfe_ros.scene.report import NO_VALUE, Defects
+from gdfe_ros.scene.schema import Draft
 
 MAIN = "mesh"
 """Name of the body of a scene with the key `mesh`, among the parts of the whole mesh."""
@@ -73,26 +72,13 @@ def assign_soft_materials(
     draft: Draft, bodies: Mapping[str, MeshPart], names: Sequence[str], report: Defects
 ) -> NDArray[np.int32]:
     """Return the index into ``names`` of the material of each cell of the soft bodies (m,), int32; -1: none."""
-    each = [_materials(name, draft.soft_bodies[name], part.mesh, names, report) for name, part in bodies.items()]
-    return np.concatenate([np.zeros(0, dtype=np.int32), *each])
-
-
-def _materials(name: str, model: SoftBodyModel, mesh: Mesh, names: Sequence[str], report: Defects) -> NDArray[np.int32]:
-    """Return the index into ``names`` of each cell's material; -1 for a cell without a material."""
-    path, assigned = ("soft_bodies", name), np.full(mesh.n_cells, -1, dtype=np.int32)
-    wanted = [(model.material, None, (*path, "material"))] if model.material is not None else []
-    wanted += [(each.material, each.where, (*path, "regions", i)) for i, each in enumerate(model.regions)]
-    sound = True
-    for material, where, place in wanted:
-        cells = select(select_cells, mesh, where, (*place, "where"), "cell", report)
-        if material not in names:
-            key = place if place[-1] == "material" else (*place, "material")
-            report.add(key, f"there is no such material{suggest(material, names)}")
-        sound &= material in names and cells is not None
-        if material in names and cells is not None:
-            assigned[cells] = names.index(material)
-    bare = np.flatnonzero(assigned < 0)
-    if sound and len(bare):
-        text = f"{len(bare)} cells have no material: {list_ids(bare)}; remedy: begin with a region without `where`"
-        report.add((*path, "regions"), text, value=NO_VALUE)
-    return assigned
+    assigned = [np.zeros(0, dtype=np.int32)]
+    for name, part in bodies.items():
+        model, path = draft.soft_bodies[name], ("soft_bodies", name)
+        given = [(each.material, each.where, (*path, "regions", i)) for i, each in enumerate(model.regions)]
+        regions = [(material, where, place, (*place, "material")) for material, where, place in given]
+        if model.material is not None:
+            place = (*path, "material")
+            regions = [(model.material, None, place, place)]
+        assigned.append(fill_regions(part.mesh, regions, names, (*path, "regions"), report))
+    return np.concatenate(assigned)

@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Embedding
 from gdfe_ros.constraints.form import TriangleMesh
-from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.obstacle import Obstacle, SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, select_faces
@@ -19,6 +20,7 @@ from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.scene.builder import holder_of, select
 from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel
 from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.where_schema import WhereModel
@@ -30,22 +32,44 @@ COARSEST = 0.25
 
 
 def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Obstacle, ...]:
-    """Return the valid obstacles; report obstacles with the name of a handle, an actuator or a load."""
-    obstacles = []
-    for name, model in draft.obstacles.items():
-        if (taken := holder_of(name, draft, "handles")) is not None:
-            report.add(("obstacles", name), f"{taken} has this name; remedy: another one", value=NO_VALUE)
-            continue
-        try:
-            obstacle = model.build(name)
-        except MeshError as error:
-            for defect in error.defects:
-                report.add(("obstacles", name, "mesh", model.mesh.chosen[0]), defect)
-            continue
-        obstacles.append(obstacle)
-        if mesh is not None and isinstance(obstacle.form, TriangleMesh):
-            _require_scale(obstacle.form.solid, mesh, ("obstacles", name, "mesh"), report)
-    return tuple(obstacles)
+    """Return the valid obstacles; report obstacles with the name of a handle, actuator or load."""
+    free = [name for name in draft.obstacles if _has_own_name(name, draft, "obstacles", ("handles",), report)]
+    made = (_make(name, draft.obstacles[name], "obstacles", mesh, report) for name in free)
+    return tuple(obstacle for obstacle in made if obstacle is not None)
+
+
+def build_bodies(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[RigidBody, ...]:
+    """Return the valid rigid bodies; report bodies with the name of a handle, obstacle, actuator or load."""
+    for name in draft.bodies:
+        _has_own_name(name, draft, "bodies", ("handles", "obstacles"), report)
+    made = (_make(name, model, "bodies", mesh, report) for name, model in draft.bodies.items())
+    first = mesh.n_vertices if mesh is not None else 0
+    valid = (body for body in made if body is not None)
+    return tuple(body.numbered(first + 4 * place) for place, body in enumerate(valid))
+
+
+def _has_own_name(name: str, draft: Draft, section: str, others: Sequence[str], report: Defects) -> bool:
+    """Return whether no item of ``others``, no actuator and no load has this name; report it if one has."""
+    taken = holder_of(name, draft, *others)
+    if taken is not None:
+        report.add((section, name), f"{taken} has this name; remedy: another one", value=NO_VALUE)
+    return taken is None
+
+
+def _make(
+    name: str, model: ObstacleModel | BodyModel, section: str, mesh: HexMesh | None, report: Defects
+) -> Obstacle | None:
+    """Return an obstacle or rigid body; None if its surface has defects, which are reported."""
+    path = (section, name, "mesh")
+    try:
+        made = model.build(name)
+    except MeshError as error:
+        for defect in error.defects:
+            report.add((*path, model.mesh.chosen[0]), defect)
+        return None
+    if mesh is not None and isinstance(made.form, TriangleMesh):
+        _require_scale(made.form.solid, mesh, path, report)
+    return made
 
 
 def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) -> None:
@@ -60,25 +84,6 @@ def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) 
     elif solid.cell > COARSEST * mesh.size:
         text = f"its cell, {solid.cell:.3g} m, is too coarse for a body of {mesh.size:.3g} m"
         report.add(path, f"{text}; remedy: cell: {0.2 * COARSEST * mesh.size:.2g}, or check `scale`", value=NO_VALUE)
-
-
-def build_bodies(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[RigidBody, ...]:
-    """Return the valid rigid bodies; report bodies with the name of a handle, obstacle, actuator or load."""
-    for name in draft.bodies:
-        if (taken := holder_of(name, draft, "handles", "obstacles")) is not None:
-            report.add(("bodies", name), f"{taken} has this name; remedy: another one", value=NO_VALUE)
-    first, bodies = mesh.n_vertices if mesh is not None else 0, []
-    for name, model in draft.bodies.items():
-        try:
-            body = model.build(name, first + 4 * len(bodies))
-        except MeshError as error:
-            for defect in error.defects:
-                report.add(("bodies", name, "mesh", model.mesh.chosen[0]), defect)
-            continue
-        bodies.append(body)
-        if mesh is not None and isinstance(body.form, TriangleMesh):
-            _require_scale(body.form.solid, mesh, ("bodies", name, "mesh"), report)
-    return tuple(bodies)
 
 
 def build_self_contact(

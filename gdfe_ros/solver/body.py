@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
-from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.materials.material import Material
 from gdfe_ros.materials.table import YOUNG, MaterialTable, pack
 from gdfe_ros.mesh import HexMesh

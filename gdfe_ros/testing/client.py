@@ -19,8 +19,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.eventless import EventlessNode
 from gdfe_ros.node.interface.topics import DIAGNOSTICS, PROCESS
+from gdfe_ros.node.managed import EventlessNode
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.strays import namesakes
 from gdfe_ros.testing.process import NodeProcess

@@ -8,7 +8,6 @@ import shutil
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +15,8 @@ import numpy as np
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.analysis.published import Publication
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.live.messages import Messages
-from gdfe_ros.live.view import View
+from gdfe_ros.live.bag import Messages
+from gdfe_ros.live.interface import View
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.recording.provenance import RunInfo
@@ -59,7 +58,7 @@ class TwinBag:
         self._recorder = Recorder(
             path.with_name(f"{path.name}.part"),
             [self._messages.topic(_full(role), kind, role) for role, kind in kinds.items()],
-            run=RunInfo(scene=scene.source, settings={**asdict(scene.solver), "policy": scene.solver.policy.value}),
+            run=RunInfo.of(scene),
             queue=QueueOptions(back_pressure=BackPressure.BLOCK, block_seconds=30.0),
         )
         self._packing = threading.Lock()
@@ -90,12 +89,11 @@ class TwinBag:
         """Complete the file and return a summary."""
         status, part = self._recorder.close(), self._recorder.path
         written = sorted(part.glob("*.mcap"))
-        text = f"{status.written} messages, {status.dropped_total} dropped"
         if status.error is not None or len(written) != 1:
-            return f"bag {part}: {text}; {status.error}; nothing later is in the bag; remedy: gdfe recover {part}"
+            return f"{status.summary(part)}; remedy: gdfe recover {part}"
         written[0].replace(self._file)
         shutil.rmtree(part)
-        return f"bag {self._file}: {text}"
+        return status.summary(self._file)
 
     def _put(self, role: str, kind: str, values: Values, stamp: float) -> None:
         moment = _nanoseconds(stamp)

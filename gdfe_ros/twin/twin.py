@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.live.interface import View
 from gdfe_ros.live.session import LiveSession
-from gdfe_ros.live.view import View
-from gdfe_ros.node.numbers import require_finite
 from gdfe_ros.node.orders import ActuatorOrder, require_near
-from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.plain_log import Throttle
+from gdfe_ros.node.refusals import Reason, Refusal, require_finite
 from gdfe_ros.node.remodelling import moduli_of
-from gdfe_ros.node.throttle import Throttle
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.spelling import did_you_mean
 from gdfe_ros.twin.comparison import LATEST, Deviation, ProbeComparison, Sample

@@ -16,8 +16,9 @@ from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
-from gdfe_ros.node.step import to_nanoseconds
 from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.published import MESH, STRAIN, WRENCH, write_mesh, write_strain, write_wrench
+from gdfe_ros.recording.step import to_nanoseconds
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
@@ -63,6 +64,8 @@ class BagMaker:
         topics = [TopicInfo(name=self._full(name), type=kind) for name, kind in kinds.items()]
         self._writer = BagWriter(path, topics, run=RunInfo(scene=scene.source, settings=settings))
         self._count, self._begin = 0, Begin.REST
+        sizes = {"mesh": (MESH, scene.mesh.n_vertices), "strain": (STRAIN, scene.mesh.n_cells), "wrench": (WRENCH, 1)}
+        self._packers = {name: messages.Packer(kind, "base_link", count) for name, (kind, count) in sizes.items()}
         self._send("scene", String(data=scene.source), 0)
 
     def step(self, handles: Mapping[str, Pose] | None = None, *, dt: float = 0.01) -> None:
@@ -74,28 +77,29 @@ class BagMaker:
             step=self._count, begin=self._begin, time=result.time, dt=dt, handles=handles, cut=False, **outcome
         )
         self._count, self._begin = self._count + 1, Begin.LAST
-        moment = to_nanoseconds(result.time)
+        moment, rest = to_nanoseconds(result.time), self.scene.mesh.vertices
         head = messages.header(moment, "base_link")
-        self._send("mesh", messages.mesh_cloud(head, result.positions, self.scene.mesh.vertices), moment)
+        self._send("mesh", self._pack("mesh", moment, write_mesh, result.positions, rest), moment)
         self._send("step_record", String(data=record.to_json()), moment)
-        self._send("strain", messages.strain_cloud(head, self.simulation.fields()), moment)
+        self._send("strain", self._pack("strain", moment, write_strain, self.simulation.fields()), moment)
         for name in self.simulation.handle_names:
             self._send(f"handles/{name}/pose", messages.pose_stamped(head, self.simulation.handle_pose(name)), moment)
-            self._send(f"handles/{name}/wrench", messages.wrench_stamped(head, result.reactions[name]), moment)
+            self._send(
+                f"handles/{name}/wrench", self._pack("wrench", moment, write_wrench, result.reactions[name]), moment
+            )
 
     def repeat(self, count: int, *, dt: float = 0.01) -> None:
         """Write the present state as ``count`` further steps, without solving."""
-        result, fields = self.simulation.result, self.simulation.fields()
+        result, fields, rest = self.simulation.result, self.simulation.fields(), self.scene.mesh.vertices
         for number in range(1, count + 1):
             time = result.time + number * dt
             outcome = {name: getattr(result, name) for name in _OUTCOMES}
             record = StepRecord(step=self._count, begin=Begin.LAST, time=time, dt=dt, **outcome)
             self._count += 1
             moment = to_nanoseconds(time)
-            head = messages.header(moment, "base_link")
             self._send("step_record", String(data=record.to_json()), moment)
-            self._send("mesh", messages.mesh_cloud(head, result.positions, self.scene.mesh.vertices), moment)
-            self._send("strain", messages.strain_cloud(head, fields), moment)
+            self._send("mesh", self._pack("mesh", moment, write_mesh, result.positions, rest), moment)
+            self._send("strain", self._pack("strain", moment, write_strain, fields), moment)
 
     def reset(self) -> None:
         """Reset the simulation to the undeformed state."""
@@ -111,8 +115,12 @@ class BagMaker:
         self._writer.close({"messages_dropped": "0"})
         return self._writer.path
 
+    def _pack(self, kind: str, moment: int, write: Callable[..., None], *numbers: Any) -> bytes:
+        return self._packers[kind].pack(moment, lambda rows: write(rows, *numbers))
+
     def _send(self, topic: str, message: Any, moment: int) -> None:
-        self._writer.write(self._full(topic), serialize_message(message), moment)
+        data = message if isinstance(message, bytes) else serialize_message(message)
+        self._writer.write(self._full(topic), data, moment)
 
     def _full(self, topic: str) -> str:
         return self._rename.get(topic, f"{self._node}/{topic}")

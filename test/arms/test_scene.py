@@ -113,7 +113,7 @@ def test_commands_of_joints_are_checked(held_block: Path) -> None:
     simulation = Simulation(load_scene(held_block))
     for joints, told in (
         ({"lifd": 0.0}, "no joint 'lifd'; did you mean 'lift'"),
-        ({"lift": float("nan")}, "position nan; allowed: finite numbers, -2 to 2 rad"),
+        ({"lift": float("nan")}, "position nan is not finite; allowed: finite numbers, -2 to 2 rad"),
         ({"lift": 2.5}, "position 2.5; allowed: -2 to 2 rad; remedy"),
     ):
         with pytest.raises(CommandError, match=told):

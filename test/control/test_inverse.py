@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.control import InverseControl, Target
-from gdfe_ros.control.programme import least_squares
+from gdfe_ros.control.limits import least_squares
 from gdfe_ros.control.stack import Stack
 from gdfe_ros.errors import CommandError, DependencyError, GdfeError
 

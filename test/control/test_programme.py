@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gdfe_ros.control.programme import least_squares
+from gdfe_ros.control.limits import least_squares
 
 
 def test_a_solution_is_at_a_bound_to_the_last_bit_or_has_no_slope() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gdfe_ros.coupling.search import BalanceSearch
+from gdfe_ros.coupling.balance import BalanceSearch
 
 Vector = np.ndarray
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.live.bag import LiveBag
-from gdfe_ros.node.step import Step
+from gdfe_ros.recording.step import Step
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation

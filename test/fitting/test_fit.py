@@ -18,7 +18,7 @@ from gdfe_ros.cli import main
 from gdfe_ros.fitting.match import CompareModel, matched_observable
 from gdfe_ros.fitting.statistics import percent
 from gdfe_ros.scene import load_scene
-from gdfe_ros.scene.keys import unit_of
+from gdfe_ros.scene.report import unit_of
 
 YOUNG, VISCOSITY = "materials.rubber.young", "dynamics.damping.viscosity"
 

@@ -12,10 +12,10 @@ from typing import Any
 import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from gdfe_ros.analysis.published import STRAIN_FIELDS
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.topics import OUTPUTS
 from gdfe_ros.node.specification import Delivery
+from gdfe_ros.recording.published import MESH, STRAIN
 
 CONFIG = Path(__file__).parents[2] / "config"
 TYPES = {
@@ -23,7 +23,7 @@ TYPES = {
     "MarkerArray": "visualization_msgs/msg/MarkerArray",
     "PointCloud2": "sensor_msgs/msg/PointCloud2",
 }
-COLUMNS = {"mesh": ("x", "y", "z", "ux", "uy", "uz"), "strain": ("x", "y", "z", *STRAIN_FIELDS)}
+COLUMNS = {"mesh": MESH.names, "strain": STRAIN.names}
 
 
 def _spec(topic: str) -> Any:

@@ -20,8 +20,8 @@ from websockets.exceptions import WebSocketException
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.page import Page
+from gdfe_ros.live.remote.commander import Player
 from gdfe_ros.live.remote.node_session import NodeSession
-from gdfe_ros.live.remote.player import Player
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step_record import Begin, StepRecord

@@ -38,10 +38,10 @@ def test_a_rate_limit_holds_after_a_rest(bar: str) -> None:
     steps: list[Any] = []
     session = LiveSession(simulation, told=steps.append)
     session.start()
-    session.stepper.call(lambda: None)
+    session.stepper.post(lambda: None).result()
     session.command("left", ActuatorOrder({"left": 2.0}))
     while len(steps) < 2:
-        session.stepper.call(lambda: None)
+        session.stepper.post(lambda: None).result()
     session.stop()
     assert dict((name, value) for name, value, _ in steps[1].actuators["left"])["tension"] == pytest.approx(0.01)
 

@@ -21,7 +21,7 @@ from gdfe_ros.live.page import Page
 from gdfe_ros.recording.foreign_bag import ForeignBag
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.twin.measured_body import MeasuredBody
+from gdfe_ros.twin.estimator import MeasuredBody
 from gdfe_ros.twin.twin import Twin
 from test.live.viewer import Viewer, vertices_in
 

@@ -15,8 +15,8 @@ import rclpy
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
 
-from gdfe_ros.node import entity_request
-from gdfe_ros.node.exchange import MOST_WAITING
+from gdfe_ros.node import things
+from gdfe_ros.node.entities import MOST_WAITING
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.sim_node import SimNode
 from gdfe_ros.scene.entity import read_entity
@@ -129,7 +129,7 @@ def test_a_spawned_body_is_read_in_a_thread_of_its_own(
         assert go_on.wait(60.0)
         return read_entity(text, **options)
 
-    monkeypatch.setattr(entity_request, "read_entity", read)
+    monkeypatch.setattr(things, "read_entity", read)
     parameters = [Parameter("scene", value=str(slab)), Parameter("clock", value="lockstep")]
     node, end = ros.node(SimNode, parameter_overrides=parameters), time.monotonic() + 120.0
     service = ros.node("client").create_client(SpawnEntity, "/gdfe_sim/spawn_entity")

@@ -232,7 +232,7 @@ def test_bags_that_failed_and_bags_that_did_not_are_told(tmp_path: Path) -> None
     assert "0 dropped" in session.record(False)
     for name, fails in (("second", True), ("third", False)):
         robot.node.set_parameters([Parameter("bag_path", value=str(tmp_path / name))])
-        session.stepper.call(lambda: session.record(True))
+        session.stepper.post(lambda: session.record(True)).result()
         if fails:
             session.bags.recorder._fail(RecordingError("no space left"))
             with pytest.raises(GdfeError, match="no space left; nothing later is in the bag"):

@@ -8,12 +8,12 @@ from typing import Any
 
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 
+from docs.scripts.node_reference import markdown
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.interface.services import SERVICES
 from gdfe_ros.node.interface.topics import COMMANDS, OUTPUTS
 from gdfe_ros.node.qos import installed
-from gdfe_ros.node.reference import markdown
 
 _OTHERS = ("/rosout", "/parameter_events", f"/{NODE_NAME}/transition_event")
 

@@ -17,12 +17,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.node.actuator_orders import ActuatorOrders
+from gdfe_ros.node.command_messages import ActuatorOrders, pose_order, twist_order
 from gdfe_ros.node.frames import Frames
-from gdfe_ros.node.freshness import Freshness
-from gdfe_ros.node.handle_orders import pose_order, twist_order
 from gdfe_ros.node.orders import TwistOrder
-from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.refusals import Freshness, Reason, Refusal
 
 TIP = Handle("tip", np.arange(4, dtype=np.int32))
 FRAMES = Frames("base_link")

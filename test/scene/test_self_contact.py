@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.constraints.self_contact import NAME
+from gdfe_ros.constraints.obstacle import NAME
 from gdfe_ros.contacts import contact_names
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import scene_from_text

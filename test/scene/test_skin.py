@@ -124,7 +124,7 @@ def test_a_body_that_was_made_once_is_recalled(folder: Path, monkeypatch: pytest
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder / "cache"))
     made, found = load(folder), None
     with monkeypatch.context() as patch:
-        patch.setattr("gdfe_ros.scene.skin_schema.carry_skin", None)  # what is recalled is not made again
+        patch.setattr("gdfe_ros.scene.mesh_schema.carry_skin", None)  # what is recalled is not made again
         patch.setattr("gdfe_ros.scene.mesh_schema.read_voxels", None)
         found = load(folder)
     for kind, names in (("skin", ("faces", "cells", "corners", "weights")), ("touching", ("corners", "weights"))):

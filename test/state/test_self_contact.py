@@ -10,7 +10,7 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.checkpoint import load_state, save_state
-from gdfe_ros.constraints.self_contact import NAME
+from gdfe_ros.constraints.obstacle import NAME
 from gdfe_ros.scene.loader import scene_from_text
 
 PAIR = """

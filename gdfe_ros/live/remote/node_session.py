@@ -19,16 +19,13 @@ from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.live.interface import Ability
-from gdfe_ros.live.remote.commander import Commander
-from gdfe_ros.live.remote.player import Player
-from gdfe_ros.live.remote.report import NodeReport
-from gdfe_ros.live.remote.search import Waiting, absence, full_name
+from gdfe_ros.live.interface import Ability, View
+from gdfe_ros.live.remote.commander import Commander, Player
+from gdfe_ros.live.remote.search import NodeReport, Waiting, absence, full_name
 from gdfe_ros.live.remote.steps import Steps, view_of
-from gdfe_ros.live.view import View
-from gdfe_ros.node.actuator_orders import EFFORTS
-from gdfe_ros.node.eventless import EventlessNode
+from gdfe_ros.node.command_messages import EFFORTS
 from gdfe_ros.node.interface import topics
+from gdfe_ros.node.managed import EventlessNode
 from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.qos import qos_profile

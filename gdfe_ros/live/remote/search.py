@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Search for simulation nodes by name."""
+"""The search for a node to show, and what its diagnostics say."""
 
 from __future__ import annotations
 
 import os
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from rclpy.exceptions import InvalidTopicNameException
@@ -90,3 +92,47 @@ def absence(node: Node, name: str, patience: float) -> str:
     domain = os.environ.get("ROS_DOMAIN_ID", "0")
     remedy = "start one: sim_node --ros-args -p scene:=bend5"
     return f"no node {name} within {patience:g} s; {there} (ROS domain {domain}); {remedy}"
+
+
+_ACTIVE, _RECORDING, _PAUSED = "active", "recording", "paused"
+"""Texts in a node's report: its lifecycle state, its message while it writes a bag, and its clock while paused."""
+
+
+@dataclass(frozen=True)
+class NodeReport:
+    """Report that a node publishes once a second.
+
+    Attributes:
+        text: activity or problem of the node; empty if the node is active without problems.
+        bad: whether there is a problem.
+        paused: whether the node is paused.
+        bag: path of the bag that the node writes, or None.
+    """
+
+    text: str = ""
+    bad: bool = False
+    paused: bool = False
+    bag: str | None = None
+
+    @classmethod
+    def of(cls, message: DiagnosticArray, name: str) -> NodeReport | None:
+        """Return the report of the node with this full name; None if the message does not contain it."""
+        parts = {status.name: status for status in message.status}
+        whole, recording, clock = (
+            parts.get(f"{name.lstrip('/')}: {part}") for part in ("simulation", "recording", "clock")
+        )
+        if whole is None:
+            return None
+        values, bad = _values(whole), whole.level != DiagnosticStatus.OK
+        work = values.get("working on", "")
+        text = whole.message if bad or values.get("state") != _ACTIVE else work
+        return cls(
+            text=text,
+            bad=bad or values.get("state") != _ACTIVE,
+            paused=clock is not None and _values(clock).get("clock") == _PAUSED,
+            bag=_values(recording).get("bag") if recording is not None and recording.message == _RECORDING else None,
+        )
+
+
+def _values(status: DiagnosticStatus) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}

@@ -13,11 +13,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
 from gdfe_ros.actuators import Actuator, Mode
-from gdfe_ros.live.view import Reading, View
+from gdfe_ros.live.interface import Reading, View
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.scene_topics import state_topics
-from gdfe_ros.node.messages import STRAIN_FIELDS
 from gdfe_ros.node.qos import interface_class
+from gdfe_ros.recording.published import STRAIN
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.testing.state import Moment, PublishedState, moment_of, unpack
@@ -116,7 +116,7 @@ class Steps:
 def view_of(state: PublishedState, scene: Scene) -> View:
     """Return the view of a received step."""
     joints = [joint.name for arm in scene.arms for joint in arm.joints]
-    columns = dict(zip(STRAIN_FIELDS, state.strain.T, strict=True))
+    columns = dict(zip(STRAIN.names, state.strain.T, strict=True))
     return View(
         record=state.record,
         positions=state.positions,

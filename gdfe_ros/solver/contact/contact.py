@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.arm_link import ArmLink
-from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
+from gdfe_ros.constraints.obstacle import ArmLink, ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap, law

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gdfe_ros.constraints.self_contact import SelfContact
+from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body

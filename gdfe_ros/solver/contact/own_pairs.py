@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
-from gdfe_ros.constraints.self_contact import SelfContact
+from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import least_distance

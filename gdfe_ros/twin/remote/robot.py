@@ -18,9 +18,9 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.actuator_orders import ActuatorOrders
-from gdfe_ros.node.eventless import EventlessNode
+from gdfe_ros.node.command_messages import ActuatorOrders
 from gdfe_ros.node.inputs import read_message
+from gdfe_ros.node.managed import EventlessNode
 from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.refusals import Refusal, RefusalLog

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gdfe_ros import Simulation
-from gdfe_ros.constraints.self_contact import NAME
+from gdfe_ros.constraints.obstacle import NAME
 from gdfe_ros.scene.loader import scene_from_text
 
 CUBE = {"bar": {"size": [0.04, 0.04, 0.04], "cells": [3, 3, 3]}}

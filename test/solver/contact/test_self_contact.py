@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.constraints.self_contact import NAME
+from gdfe_ros.constraints.obstacle import NAME
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import SolverSettings

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.constraints.self_contact import NAME
+from gdfe_ros.constraints.obstacle import NAME
 from gdfe_ros.scene import scene_from_text
 
 BLOCKS = """

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.constraints.self_contact import NAME
+from gdfe_ros.constraints.obstacle import NAME
 from gdfe_ros.solver.contact.own_contact import OwnContact
 from test.solver.contact.balls import press_on_ball, press_on_plate
 from test.solver.contact.stacks import PRESSED, STACK

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node's interface as Markdown for the documentation, generated so that it cannot become outdated.
 
-``python -m gdfe_ros.node.reference`` prints it. No ROS is needed.
+``python -m docs.scripts.node_reference`` prints it. No ROS is needed.
 """
 
 from __future__ import annotations

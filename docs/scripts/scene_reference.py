@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The keys of a scene file as Markdown: the reference in docs/scene.md, generated so that it cannot become outdated.
 
-``python -m gdfe_ros.scene.reference`` prints it.
+``python -m docs.scripts.scene_reference`` prints it.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ import re
 from collections.abc import Iterable, Iterator
 from enum import Enum
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Any, Literal, Union, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from docs.scripts.scene_examples import EXAMPLES
 from gdfe_ros.scene.entry import Choice
-from gdfe_ros.scene.examples import EXAMPLES
-from gdfe_ros.scene.keys import find_quantity
 from gdfe_ros.scene.quantity import ANY, Quantity
+from gdfe_ros.scene.report import bare, find_quantity
 from gdfe_ros.scene.schema import SceneModel
 
 _WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
@@ -74,7 +74,7 @@ def _form(annotation: Any, quantity: Quantity | None) -> str:
     if quantity is not None:
         noun = "whole number" if quantity.whole else "number"
         return noun if quantity.count is None else f"{'' if quantity.count == ANY else quantity.count} {noun}s".strip()
-    annotation, arguments = _bare(annotation), get_args(_bare(annotation))
+    annotation, arguments = bare(annotation), get_args(bare(annotation))
     origin = get_origin(annotation)
     if origin is Literal:
         return " or ".join(f"`{word}`" for word in arguments)
@@ -122,16 +122,6 @@ def _inside(annotation: Any) -> Iterator[type[BaseModel]]:
     arguments: Iterable[Any] = get_args(annotation)
     for argument in arguments:
         yield from _inside(argument)
-
-
-def _bare(annotation: Any) -> Any:
-    """Return the type inside of Annotated and Optional."""
-    if get_origin(annotation) is Annotated:
-        return _bare(get_args(annotation)[0])
-    if get_origin(annotation) in (Union, UnionType):
-        choices = [choice for choice in get_args(annotation) if choice is not type(None)]
-        return _bare(choices[0]) if len(choices) == 1 else annotation
-    return annotation
 
 
 def _summary(model: type[BaseModel]) -> str:

@@ -8,15 +8,13 @@ from pydantic import BaseModel
 from gdfe_ros.scene import (
     actuator_schema,
     arm_schema,
-    fibres_schema,
     generator_schema,
     material_schema,
     mesh_schema,
     motion_schema,
     obstacle_schema,
+    program,
     schema,
-    self_contact_schema,
-    skin_schema,
     where_schema,
 )
 
@@ -160,7 +158,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     generator_schema.FingerModel: (
         "{size: [0.12, 0.02, 0.02], joints: 3, gap: 0.004, web: 0.005, cell: 0.003, taper: 0.8}",
     ),
-    skin_schema.SkinModel: ("{file: hand.stl, scale: 0.001, contact: true}", "embedded: QUJD   # as bags carry it"),
+    mesh_schema.SkinModel: ("{file: hand.stl, scale: 0.001, contact: true}", "embedded: QUJD   # as bags carry it"),
     mesh_schema.TetsModel: (
         "{step: finger.step, size: 0.005, least_size: 0.001}",
         "{surface: hand.stl, size: 0.004, scale: 0.001}",
@@ -236,7 +234,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{capsule: {radius: 0.005, length: 0.04}, density: 800}",
         "{mesh: {file: part.stl, scale: 0.001}, density: 1200}",
     ),
-    self_contact_schema.SelfContactModel: ("{friction: 0.5, where: {box: {x: [0.0, 0.1]}}}",),
+    obstacle_schema.SelfContactModel: ("{friction: 0.5, where: {box: {x: [0.0, 0.1]}}}",),
     obstacle_schema.SensorModel: ("{where: {face: z-}}",),
     obstacle_schema.SphereObstacleModel: ("{radius: 0.04}",),
     obstacle_schema.BoxObstacleModel: ("{size: [0.1, 0.2, 0.02]}",),
@@ -286,7 +284,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{where: {face: z+}, traction: [0, 0, -1.0e3]}",
         "{where: {face: z+}, force: [0, 0, -1]}",
     ),
-    fibres_schema.FibreLayerModel: (
+    material_schema.FibreLayerModel: (
         "{where: {box: {z: [0.005, 0.095]}}, along: [0, 0, 1], angles_deg: [90], stiffness: 2.0e4}   # hoops",
         "{wall: inner, along: [0, 0, 1], angles_deg: [-30, 30], stiffness: 1.0e3, compression: true}   # a braid",
     ),
@@ -300,7 +298,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     ),
     arm_schema.JointLimitsModel: ("{lower: -1.57, upper: 1.57, velocity: 2.0, acceleration: 10.0, effort: 50.0}",),
     arm_schema.SpringModel: ("{stiffness: 8000, damping: 20}", "{stiffness: 3000}"),
-    schema.JointPointModel: ("{time: 1.0, value: 0.5, velocity: 0.2}",),
+    program.JointPoint: ("{time: 1.0, value: 0.5, velocity: 0.2}",),
     schema.ProgramModel: (
         "{duration: 1.0, joints: {elbow_joint: [{time: 0.0, value: 1.57}, {time: 1.0, value: 1.2}]}}",
         "{duration: 1.0, handles: {tip: [{time: 0.0}, {time: 1.0, translation: [0, 0, 0.1]}]}, obstacles: {table: "
@@ -308,7 +306,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "[{time: 1.0, value: 5.0}]}, loads: {weight: [{time: 0.0, value: 0.0}, {time: 0.5, value: 1.0}]}}",
     ),
     schema.KeyframeModel: ("{time: 1.0, translation: [0, 0, 0.1], rotation_deg: [0, 90, 0]}",),
-    schema.PointModel: ("{time: 1.0, value: 5.0}",),
+    program.Point: ("{time: 1.0, value: 5.0}",),
     schema.SolverModel: (
         "{policy: energy, tolerance: 1.0e-5, steps: 20, max_iterations: 500, threads: 2, "
         "skip: [solve, pressure updates], torsion: section}",

@@ -5,15 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-
-import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+from functools import cache
 
 from gdfe_ros.actuators import ActuatorState
 from gdfe_ros.arms.carriers import JointReading
 from gdfe_ros.arms.dynamics import LinkFrame
-from gdfe_ros.constraints import Axis, Handle, Pose
+from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.simulation import Command, Simulation
@@ -21,10 +18,11 @@ from gdfe_ros.solver.forces.fields import ElementFields
 from gdfe_ros.solver.motion.imu import ImuReading
 from gdfe_ros.solver.result import StepResult
 
-_OUTCOME = (
+OUTCOME = (
     "converged", "iterations", "substeps", "error_estimate", "energy", "min_det", "wall_time", "skipped", "message",
     "cut_after", "energies",
 )  # fmt: skip
+"""Attributes of a result that its record has, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +58,7 @@ class Step:
         stored: whether it is published without subscribers, too: the middleware stores it for later ones, who would
             else first receive an older state and wait for a long solve.
         wanted: whether a subscriber or a bag needs any part of the step.
-        fields: function that evaluates the element fields in the publishing thread; None if they are not needed.
+        fields: function that evaluates the element fields, once, in the publishing thread; None if they are not needed.
         obstacles: pose of each obstacle; always given, because commands may be in the obstacles' frames.
         poses: pose of each handle and obstacle; empty if poses are not needed.
         actuators: states of the actuators, by name; empty if they are not needed.
@@ -105,7 +103,7 @@ def make_record(result: StepResult, command: Command, *, step: int, begin: Begin
         bodies=command.bodies,
         joints=command.joints,
         cut=result.cut_after is not None and not result.converged,
-        **{name: getattr(result, name) for name in _OUTCOME},
+        **{name: getattr(result, name) for name in OUTCOME},
     )
 
 
@@ -116,26 +114,10 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
     return {
         "wanted": demand.messages,
         "obstacles": {name: simulation.handle_pose(name) for name in obstacles},
-        "fields": simulation.later_fields() if demand.fields else None,
+        "fields": cache(simulation.later_fields()) if demand.fields else None,
         "poses": {name: simulation.handle_pose(name) for name in simulation.handle_names if demand.poses},
         "actuators": simulation.actuator_states() if demand.actuators else {},
         "joints": simulation.joint_states(),
         "links": simulation.link_frames() if demand.poses else {},
-        "imus": simulation.later_imus() if imus else None,
+        "imus": cache(simulation.later_imus()) if imus else None,
     }
-
-
-def handle_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
-    """Return the largest deviation [m] of a handle's vertices from its target, along axes that are not free.
-
-    The deviation of a handle that rotates freely is that of its centre; the deviation of an obstacle is 0. ``rest`` and
-    ``positions`` are the body's vertices (n, 3) [m], undeformed and now.
-    """
-    if isinstance(handle, Obstacle):
-        return 0.0
-    before, now = rest[handle.vertices], positions[handle.vertices]
-    centre = before.mean(axis=0)
-    wanted = Rotation.from_rotvec(target.rotation).apply(before - centre) + centre + target.translation
-    error = np.abs((now - wanted).mean(axis=0) if handle.turning else now - wanted)
-    free = np.isin(list(Axis), handle.free) if handle.slide is None else handle.slide
-    return float(np.where(free, 0.0, error).max(initial=0.0))

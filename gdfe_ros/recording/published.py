@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of a step's messages as tables, by topic; without ROS, so that replays make the same arrays as the node.
+
+The columns of a table have the names of the fields of the message, e.g. ``eps_eq`` of a cloud or ``pose.position.x``.
+A table has a row for each point of a cloud, or a single row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.actuators import ActuatorState, Embedding, Mode
+from gdfe_ros.actuators.actuator import Readings
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.contacts import POINT, ContactSensor, contact_names, contact_points
+from gdfe_ros.recording.step import Step
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.forces.fields import ElementFields
+from gdfe_ros.solver.motion.imu import ImuReading
+
+_NO_TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+def _columns(kind: str, names: Iterable[str]) -> np.dtype:
+    return np.dtype([(name, kind) for name in names])
+
+
+def _vector(path: str, axes: str = "xyz") -> list[str]:
+    return [f"{path}.{axis}" for axis in axes]
+
+
+MESH = _columns("<f4", ("x", "y", "z", "ux", "uy", "uz"))
+VELOCITY = _columns("<f4", ("x", "y", "z", "vx", "vy", "vz"))
+STRAIN = _columns("<f4", ("x", "y", "z", "eps_eq", "J", "omega", "tangent", "energy_density"))
+POSE = _columns("<f8", [*_vector("pose.position"), *_vector("pose.orientation", "xyzw")])
+WRENCH = _columns("<f8", [*_vector("wrench.force"), *_vector("wrench.torque")])
+IMU = _columns("<f8", [*_vector("orientation", "xyzw"), *_vector("angular_velocity"), *_vector("linear_acceleration")])
+JOINTS = _columns("<f8", ("position", "velocity", "effort"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """How the numbers of a topic follow from a step: by ``write`` if all its tables have one size, else by ``make``.
+
+    Attributes:
+        part: attribute of `Step` that the table needs; the topic has no message for a step without it.
+        kind: columns of the table.
+        count: number of rows.
+        write: function that writes the numbers of a step into an array (count, columns).
+        make: function that returns the table of a step, a structured array.
+    """
+
+    part: str = "result"
+    kind: np.dtype
+    count: int = 1
+    write: Callable[[Step, NDArray], None] | None = None
+    make: Callable[[Step], NDArray[np.void]] | None = None
+
+    def columns(self, step: Step) -> dict[str, NDArray]:
+        """Return the columns (k,) of the table of a step by name."""
+        if self.make is not None:
+            table = self.make(step)
+            return {name: np.ascontiguousarray(table[name]) for name in self.kind.names}
+        rows = np.empty((self.count, len(self.kind.names)), self.kind[0])
+        self.write(step, rows)
+        return dict(zip(self.kind.names, np.ascontiguousarray(rows.T), strict=True))
+
+
+def tables_of(scene: Scene) -> dict[str, Table]:
+    """Return dict from topic, without the node's name, to its table, for all topics of a step that have numbers."""
+    mesh, rest = scene.mesh, scene.mesh.vertices
+    found = {
+        "mesh": Table(
+            kind=MESH, count=mesh.n_vertices, write=lambda step, rows: write_mesh(rows, step.result.positions, rest)
+        ),
+        "strain": Table(
+            part="fields",
+            kind=STRAIN,
+            count=mesh.n_cells,
+            write=lambda step, rows: write_strain(rows, step.fields()),
+        ),
+    }
+    for handle in scene.handles:
+        found |= _tables_of_handle(handle)
+    for name, point in scene.probes.items():
+        found[f"probe/{name}"] = Table(kind=POSE, write=partial(_write_probe, point, rest))
+    if contact_names(scene.handles, scene.self_contact):
+        found["contacts"] = Table(kind=POINT, make=lambda step: contact_points(step.result.contacts))
+    for name, sensor in scene.sensors.items():
+        found[f"sensors/{name}/wrench"] = Table(kind=WRENCH, write=partial(_write_felt, sensor))
+    if scene.dynamics:
+        found["velocity"] = Table(kind=VELOCITY, count=mesh.n_vertices, write=_write_velocities)
+        for name in scene.probes:
+            found[f"probe/{name}/imu"] = Table(part="imus", kind=IMU, write=partial(_write_reading, name))
+    if scene.actuators or scene.arms:
+        part = "actuators" if scene.actuators else "result"
+        found["joint_states"] = Table(part=part, kind=JOINTS, make=JointStates(scene).table)
+    return found
+
+
+def _tables_of_handle(handle: Handle) -> dict[str, Table]:
+    name, topic = handle.name, f"{handle.section}/{handle.name}"
+    found = {
+        f"{topic}/pose": Table(part="poses", kind=POSE, write=lambda step, rows: write_pose(rows, step.poses[name])),
+        f"{topic}/wrench": Table(kind=WRENCH, write=lambda step, rows: write_wrench(rows, step.result.reactions[name])),
+    }
+    if handle.section == "handles":
+        found[f"{topic}/force_torque"] = Table(part="poses", kind=WRENCH, write=partial(_write_force_torque, name))
+    return found
+
+
+def write_mesh(rows: NDArray, positions: NDArray[np.float64], rest: NDArray[np.float64]) -> None:
+    """Write vertices (n, 3) [m] and their displacements from ``rest`` (n, 3) [m] into ``rows`` (n, 6)."""
+    rows[:, :3] = positions
+    np.subtract(positions, rest, out=rows[:, 3:], casting="same_kind")
+
+
+def write_velocity(rows: NDArray, positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> None:
+    """Write vertices (n, 3) [m] and their velocities (n, 3) [m/s] into ``rows`` (n, 6)."""
+    rows[:, :3], rows[:, 3:] = positions, velocities
+
+
+def write_strain(rows: NDArray, fields: ElementFields) -> None:
+    """Write the element fields into ``rows`` (m, 8), one row for each cell."""
+    rows[:, :3] = fields.centroids
+    for column, name in enumerate(STRAIN.names[3:], start=3):
+        rows[:, column] = getattr(fields, name)
+
+
+def write_pose(rows: NDArray, pose: Pose) -> None:
+    """Write a pose into ``rows`` (1, 7); its rotation vector becomes a unit quaternion."""
+    rows[0, :3] = pose.translation
+    rows[0, 3:] = Rotation.from_rotvec(pose.rotation).as_quat() if any(pose.rotation) else _NO_TURN
+
+
+def write_wrench(rows: NDArray, reaction: NDArray[np.float64]) -> None:
+    """Write a reaction (6,), force [N] then moment [N m], into ``rows`` (1, 6)."""
+    rows[0] = reaction
+
+
+def write_imu(rows: NDArray, reading: ImuReading) -> None:
+    """Write an inertial unit's reading, without covariances, into ``rows`` (1, 10)."""
+    rows[0, :4] = reading.orientation.as_quat()
+    rows[0, 4:7], rows[0, 7:] = reading.angular_velocity, reading.linear_acceleration
+
+
+def material_pose(point: Embedding, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> Pose:
+    """Return the position of a material point [m], and the rotation that best fits the corners of its cell."""
+    corners = point.corners[0]
+    before, now = rest[corners], positions[corners]
+    turn, _ = Rotation.align_vectors(now - now.mean(axis=0), before - before.mean(axis=0))
+    return Pose(tuple(point.at(positions)[0]), tuple(turn.as_rotvec()))
+
+
+class JointStates:
+    """Makes the tables of actuators and joints; it computes actuator velocities from successive steps.
+
+    Args:
+        scene: scene with the actuators.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._readings = Readings(scene.actuators, scene.mesh.vertices)
+        self._last: tuple[float, NDArray[np.float64]] | None = None
+
+    def table(self, step: Step) -> NDArray[np.void]:
+        """Return a row for each actuator, then for each joint.
+
+        Velocities of actuators are averages since the last call, 0 if no time passed.
+        """
+        record, states, joints = step.record, step.actuators, list(step.joints.values())
+        positions = self._readings.positions(states) if record.stamp is not None else _extents(states)
+        velocities = np.zeros(len(positions))
+        if self._last is not None and record.dt > 0.0 and record.time > self._last[0]:
+            velocities = (positions - self._last[1]) / (record.time - self._last[0])
+        self._last = (record.time, positions)
+        table = np.empty(len(states) + len(joints), JOINTS)
+        table["position"] = [*positions, *(joint.position for joint in joints)]
+        table["velocity"] = [*velocities, *(joint.velocity for joint in joints)]
+        table["effort"] = [*(state.effort for state in states.values()), *(joint.effort for joint in joints)]
+        return table
+
+
+def _extents(states: Mapping[str, ActuatorState]) -> NDArray[np.float64]:
+    """Return the positions (k,) of actuators as in old bags, in which a shortening cable reports its length."""
+    commanded = (Mode.GROWTH, Mode.GRIP)
+    return np.array([each.command if each.mode in commanded else each.extent for each in states.values()])
+
+
+def _write_probe(point: Embedding, rest: NDArray[np.float64], step: Step, rows: NDArray) -> None:
+    write_pose(rows, material_pose(point, rest, step.result.positions))
+
+
+def _write_felt(sensor: ContactSensor, step: Step, rows: NDArray) -> None:
+    write_wrench(rows, sensor.wrench(step.result))
+
+
+def _write_velocities(step: Step, rows: NDArray) -> None:
+    write_velocity(rows, step.result.positions, step.result.velocities)
+
+
+def _write_reading(probe: str, step: Step, rows: NDArray) -> None:
+    write_imu(rows, step.imus()[probe])
+
+
+def _write_force_torque(handle: str, step: Step, rows: NDArray) -> None:
+    """Write the wrench of the body on a handle, in the axes of the handle."""
+    back = Rotation.from_rotvec(step.poses[handle].rotation).inv()
+    write_wrench(rows, -back.apply(step.result.reactions[handle].reshape(2, 3)).ravel())
