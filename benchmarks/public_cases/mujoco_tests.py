@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.public_cases import Row, simulate, solve
+from gdfe_ros.element_fields import corner_forces, strain_energies, volume_pressures
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.forces.fields import corner_forces, strain_energies, volume_pressures
 
 FLEX, CABLE = "test/engine/engine_passive_test.cc", "test/plugin/elasticity/elasticity_test.cc"
 SINGLE = float(np.finfo(np.float32).eps)

@@ -33,12 +33,12 @@ from std_msgs.msg import Float64MultiArray, Header, Int32MultiArray, MultiArrayD
 
 from gdfe_ros.actuators import Actuator, Embedding, Readings
 from gdfe_ros.constraints import Pose
+from gdfe_ros.element_fields import ElementFields
 from gdfe_ros.node.actuator_orders import EFFORTS
 from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.refusals import LONGEST, Refusal
 from gdfe_ros.node.step import Step
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.forces.fields import ElementFields
 from gdfe_ros.solver.motion.imu import ImuReading
 
 MESH_FIELDS = ("x", "y", "z", "ux", "uy", "uz")

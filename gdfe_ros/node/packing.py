@@ -20,12 +20,12 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, PointCloud2
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.element_fields import ElementFields
 from gdfe_ros.node import messages
 from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.messages import MESH_FIELDS, STRAIN_FIELDS, VELOCITY_FIELDS
 from gdfe_ros.node.qos import interface_class
-from gdfe_ros.solver.forces.fields import ElementFields
 from gdfe_ros.solver.motion.imu import ImuReading
 
 _STAMP_AT = 4

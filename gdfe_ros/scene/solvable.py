@@ -20,10 +20,10 @@ from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import Mesh, TetMesh
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
+from gdfe_ros.paper.shape_factor import calibration_remarks
 from gdfe_ros.scene.resolution import coarse_cavities, coarse_contacts, coarse_walls
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.sticking import slipping
-from gdfe_ros.solver.equilibrium.shape_factor import calibration_remarks
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.settings import Policy, SolverSettings
 

@@ -13,12 +13,8 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.operators import shape_operators
-from gdfe_ros.solver.matrix.constant_matrix import (
-    ConstantMatrix,
-    apply_inverse,
-    assemble,
-    assemble_centring,
-)
+from gdfe_ros.paper.relative import assemble_centring
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, apply_inverse, assemble
 from gdfe_ros.solver.matrix.factor import DENSE_UP_TO, Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 

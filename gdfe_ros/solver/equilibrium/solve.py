@@ -19,8 +19,7 @@ from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_ho
 from gdfe_ros.solver.elements.response import Watch
 from gdfe_ros.solver.equilibrium.predictor import Prediction
 from gdfe_ros.solver.forces.actuation import Actuation
-from gdfe_ros.solver.forces.fields import store_energies
-from gdfe_ros.solver.forces.pressures import Pressures
+from gdfe_ros.solver.forces.pressures import Pressures, store_energies
 from gdfe_ros.solver.forces.reactions import handle_reactions
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Task

@@ -33,11 +33,6 @@ def assemble(
     return scattered(cell_type_of(shape).matrix_blocks(shape, weight, hourglass), shape.cells, count).tocsc()
 
 
-def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
-    """Return the paper's A^T A = sum_e V_e N with N = I - 1/8 (Eq. 3), (n, n)."""
-    return scattered(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape.cells).tocsc()
-
-
 def scattered(blocks: NDArray[np.float64], nodes: NDArray[np.int32], count: int | None = None) -> sparse.coo_matrix:
     """Return the sum (n, n) of ``blocks`` (k, c, c), each between the vertices of one row of ``nodes`` (k, c).
 
