@@ -92,8 +92,7 @@ class ConstantColumns(KeptColumns):
     """
 
     def __init__(self, coupling: Coupling, rows: Numbers, count: int) -> None:
-        rigid = np.einsum("fk,ikq->fiq", coupling.harmonic, coupling.motion)
-        super().__init__(count, rigid.reshape(3 * count, -1), coupling.inverse_schur, coupling.fixed)
+        super().__init__(count, coupling.harmonic, coupling.inverse_schur, coupling.fixed)
         self._inverse, self._needed = coupling.inverse, rows
         self._place = np.full(count, -1, dtype=np.int64)
         self._place[rows] = np.arange(len(rows))

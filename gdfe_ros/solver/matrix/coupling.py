@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coupling of the rigid rows to the free vertices: block elimination with one factor for x, y and z.
 
-The constant matrix does not couple x, y and z, but a rotation does. Each handle moves its vertices by scalar fields:
-the constant 1 and, for a rotating handle, the three components of r, the undeformed position relative to the centre.
-About the rest pose, dx = dt + dtheta x r. Each axis of this motion is a combination of the fields, whose harmonic
-extensions give the Schur complement of the rigid rows.
+The constant matrix does not couple x, y and z, but a rotation does. About the rest pose, a handle moves its vertices by
+dx = dt + dtheta x r, with the undeformed position r relative to its centre. With the motion B of the vertices by the
+rigid rows, the free vertices follow by -H with H = A_ff^-1 A_fm B, and the rigid rows have the Schur complement
+S = B^T A_mm B - (A_fm B)^T H.
 """
 
 from __future__ import annotations
@@ -16,14 +16,11 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.matrix.inverse import Inverse
+from gdfe_ros.solver.matrix.substitution import solve_rigid
 from gdfe_ros.solver.matrix.unknowns import Unknowns, clear_fixed
 
-CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None])
-"""The numbers e_jki of the cross product (a x b)_i = e_jki a_j b_k."""
-MANY = 48
-"""Largest number of rigid unknowns whose coupling is summed directly; the time grows with its fourth power."""
 SINGULAR = 1e-10
 """A rigid motion counts as having no stiffness if its eigenvalue of the Schur complement is below this fraction of the
 largest eigenvalue.
@@ -36,17 +33,14 @@ class Coupling(NamedTuple):
     """Data that extend a solve of the free vertices to the rigid rows; empty if no handle has a free axis.
 
     Attributes:
-        columns: (f, k) float64, the product A_fp b for each scalar field b [N/m times the field's unit].
-        harmonic: (f, k) float64, A_ff^-1 columns.
-        motion: (3, k, 3 q) float64, for each axis the coefficient of each field in each component of the rigid rows.
-        inverse_schur: (3 q, 3 q) float64, inverse of the rigid rows' Schur complement, zero for prescribed components.
+        harmonic: (3 f, 3 q) H, displacement of the free vertices that each component of the rigid rows causes, times
+            -1.
+        inverse_schur: (3 q, 3 q) inverse of the Schur complement S, zero for prescribed components.
         inverse: inverse of the free block A_ff, for the kernels.
         fixed: (k,) int64 components of the free rows that are constant (`Unknowns.fixed`).
     """
 
-    columns: NDArray[np.float64]
     harmonic: NDArray[np.float64]
-    motion: NDArray[np.float64]
     inverse_schur: NDArray[np.float64]
     inverse: Inverse
     fixed: NDArray[np.int64]
@@ -64,36 +58,29 @@ def couple(
         solve: function that solves with the free block A_ff for three right-hand sides (f, 3).
         inverse: the inverse of this block, for the kernels.
     """
-    fields, motion = _fields(rest, unknowns)
-    columns = np.ascontiguousarray(matrix[unknowns.free] @ fields)
-    harmonic = np.zeros_like(columns)
-    for k in range(columns.shape[1]):
-        solution = np.zeros((len(columns), 3))
-        solve(np.ascontiguousarray(np.repeat(columns[:, [k]], 3, axis=1)), solution)
-        harmonic[:, k] = solution[:, 0]
-    gram = fields.T @ (matrix @ fields) - columns.T @ harmonic
-    many = motion.shape[2] > MANY  # products of matrices, whose sums depend on the machine
-    schur = np.einsum("ika,kl,ilb->ab", motion, gram, motion, optimize=many)
-    return Coupling(columns, harmonic, motion, _pseudo_inverse(schur), inverse, unknowns.fixed)
+    motion, rows = _rigid_motion(rest, unknowns), matrix[:, unknowns.members]
+    wide = motion.reshape(len(motion), motion.shape[1] * motion.shape[2])
+    pulled = (rows @ wide).reshape(len(rest), *motion.shape[1:])
+    columns = np.moveaxis(pulled[unknowns.free], -1, 0)
+    harmonic = np.zeros_like(columns, order="C")
+    for column, follows in zip(columns, harmonic, strict=True):
+        solve(np.ascontiguousarray(column), follows)
+    schur = np.einsum("mia,mib->ab", motion, pulled[unknowns.members]) - np.einsum("afi,bfi->ab", columns, harmonic)
+    spread = np.ascontiguousarray(harmonic.reshape(len(harmonic), 3 * len(unknowns.free)).T)
+    return Coupling(spread, _pseudo_inverse(schur), inverse, unknowns.fixed)
 
 
-def _fields(rest: NDArray[np.float64], unknowns: Unknowns) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the scalar fields (n, k) of all handles, and `Coupling.motion`."""
-    turning, count = unknowns.turn_row >= 0, len(unknowns.free)
-    first = np.cumsum([0, *np.where(turning, 4, 1)])
-    fields, motion = np.zeros((len(rest), first[-1])), np.zeros((3, first[-1], 3 * unknowns.rigid_rows))
-    for p, begin in enumerate(first[:-1]):
-        members = unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]
-        fields[members, begin] = 1.0
-        for axis in range(3):
-            motion[axis, begin, 3 * p + axis] = unknowns.slides[p, axis]
-        if turning[p]:
-            fields[members, begin + 1 : begin + 4] = rest[members] - rest[members].mean(axis=0)
-            column = 3 * (unknowns.turn_row[p] - count)
-            # For each axis, dx is the cross product with r: row i contains the coefficients of r's three components.
-            scale = unknowns.turns[p] / unknowns.radius[p]
-            motion[:, begin + 1 : begin + 4, column : column + 3] = CROSS.transpose(2, 1, 0) * scale
-    return fields, motion
+def _rigid_motion(rest: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
+    """Return the displacement (b, 3, 3 q) of the handles' vertices by each component of the rigid rows, at rest."""
+    motion = np.zeros((len(unknowns.members), 3, 3 * unknowns.rigid_rows))
+    for p, (begin, end) in enumerate(zip(unknowns.member_start[:-1], unknowns.member_start[1:], strict=True)):
+        own, places = motion[begin:end], rest[unknowns.members[begin:end]]
+        own[:, :, 3 * p : 3 * p + 3] = np.diag(unknowns.slides[p])
+        if unknowns.turn_row[p] >= 0:
+            first, arms = 3 * (unknowns.turn_row[p] - len(unknowns.free)), places - places.mean(axis=0)
+            axes = np.eye(3) * unknowns.turns[p] / unknowns.radius[p]
+            own[:, :, first : first + 3] = np.moveaxis(np.cross(axes, arms[:, None]), 1, 2)
+    return motion
 
 
 def _pseudo_inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -119,39 +106,6 @@ def close_coupling(gradient, coupling, out):
 
     Components that are constant become zero.
     """
-    close_rigid(gradient, coupling, out)
+    if len(coupling.inverse_schur):
+        solve_rigid(coupling.harmonic, coupling.inverse_schur, gradient, out)
     clear_fixed(coupling.fixed, out)
-
-
-@internal
-def close_rigid(gradient, coupling, out):
-    """Do `close_coupling`, but do not clear constant components."""
-    count, fields = coupling.columns.shape
-    rigid = len(coupling.inverse_schur)
-    if rigid == 0:
-        return
-    load, share = np.zeros(rigid), np.zeros((3, fields))
-    for axis in range(3):
-        for k in range(fields):
-            total = 0.0
-            for i in range(count):
-                total += coupling.columns[i, k] * out[3 * i + axis]
-            share[axis, k] = total
-    for a in range(rigid):
-        load[a] = gradient[3 * count + a]
-        for axis in range(3):
-            for k in range(fields):
-                load[a] -= coupling.motion[axis, k, a] * share[axis, k]
-    for a in range(rigid):
-        total = 0.0
-        for b in range(rigid):
-            total += coupling.inverse_schur[a, b] * load[b]
-        out[3 * count + a] = total
-    for axis in range(3):
-        for k in range(fields):
-            total = 0.0
-            for a in range(rigid):
-                total += coupling.motion[axis, k, a] * out[3 * count + a]
-            if total != 0.0:
-                for i in range(count):
-                    out[3 * i + axis] -= coupling.harmonic[i, k] * total
