@@ -19,7 +19,6 @@ from gdfe_ros.element_fields import corner_forces, strain_states, volume_pressur
 from gdfe_ros.materials.tensor import rotation
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.paper.shape_factor import shape_factors
-from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import flattened
 from gdfe_ros.solver.elements.blocks import Operators
@@ -36,6 +35,7 @@ from gdfe_ros.solver.minimise.minimiser import Observer
 from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ShapeState, State, Summary
+from gdfe_ros.solver.terms.multiplier import Anderson
 from gdfe_ros.solver.vectors import largest
 
 LEAST_VOLUME = 1e-3

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from numba import types
 from numba.extending import overload
 
 from gdfe_ros.mesh.operators import ShapeOperators
@@ -52,82 +51,25 @@ KERNELS = {ShapeOperators: _of(hexahedra), TetOperators: _of(tetrahedra)}
 """The functions of each cell type, by the class of its operators."""
 
 
-def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
-    """Call `CellKernels.evaluate_blocks` of the cell type. Numba replaces this function in kernels."""
-    return KERNELS[type(shape)].evaluate_blocks(
-        first, last, x, shape, blocks, material, pressure, scale, table, force, energy
-    )
+def _of_cell_type(name: str) -> Callable:
+    """Return a function that calls `CellKernels` ``name`` of the cell type; numba replaces it in kernels."""
+
+    def call(*arguments):
+        return getattr(_kernels([type(each) for each in arguments]), name)(*arguments)
+
+    @overload(call, jit_options=_INLINED)
+    def _chosen(*arguments):
+        own = getattr(_kernels([getattr(kind, "instance_class", None) for kind in arguments]), name)
+        return lambda *arguments: own(*arguments)
+
+    return call
 
 
-def add_walls(x, watched, shape, material, table, force, energy):
-    """Call `CellKernels.add_walls` of the cell type. Numba replaces this function in kernels."""
-    return KERNELS[type(shape)].add_walls(x, watched, shape, material, table, force, energy)
+def _kernels(classes: list[type | None]) -> CellKernels:
+    """Return the functions of the cell type whose operators are among arguments of these classes."""
+    return next(KERNELS[each] for each in classes if each in KERNELS)
 
 
-def room(x, shape, e, scratch):
-    """Call `CellKernels.room` of the cell type. Numba replaces this function in kernels."""
-    return KERNELS[type(shape)].room(x, shape, e, scratch)
-
-
-def mean_gradient(x, shape, e):
-    """Call `CellKernels.mean_gradient` of the cell type. Numba replaces this function in kernels."""
-    return KERNELS[type(shape)].mean_gradient(x, shape, e)
-
-
-def volume_ratio(x, shape, e):
-    """Call `CellKernels.volume_ratio` of the cell type. Numba replaces this function in kernels."""
-    return KERNELS[type(shape)].volume_ratio(x, shape, e)
-
-
-def least_corners(x, shape, elements, out):
-    """Call `CellKernels.least_corners` of the cell type. Numba replaces this function in kernels."""
-    return KERNELS[type(shape)].least_corners(x, shape, elements, out)
-
-
-def _own(shape: types.NamedTuple, name: str) -> Callable:
-    return getattr(KERNELS[shape.instance_class], name)
-
-
-@overload(evaluate_blocks, jit_options=_INLINED)
-def _evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
-    own = _own(shape, "evaluate_blocks")
-
-    def chosen(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
-        own(first, last, x, shape, blocks, material, pressure, scale, table, force, energy)
-
-    return chosen
-
-
-@overload(add_walls, jit_options=_INLINED)
-def _add_walls(x, watched, shape, material, table, force, energy):
-    own = _own(shape, "add_walls")
-
-    def chosen(x, watched, shape, material, table, force, energy):
-        own(x, watched, shape, material, table, force, energy)
-
-    return chosen
-
-
-def _measure(stub: Callable, name: str) -> None:
-    """Let numba replace calls of ``stub`` (``x``, ``shape``, ``e``) by the function ``name`` of the cell type."""
-
-    @overload(stub, jit_options=_INLINED)
-    def _chosen(x, shape, e):
-        own = _own(shape, name)
-        return lambda x, shape, e: own(x, shape, e)
-
-
-@overload(room, jit_options=_INLINED)
-def _room(x, shape, e, scratch):
-    own = _own(shape, "room")
-    return lambda x, shape, e, scratch: own(x, shape, e, scratch)
-
-
-@overload(least_corners, jit_options=_INLINED)
-def _least_corners(x, shape, elements, out):
-    own = _own(shape, "least_corners")
-    return lambda x, shape, elements, out: own(x, shape, elements, out)
-
-
-for _stub in (mean_gradient, volume_ratio):
-    _measure(_stub, _stub.__name__)
+evaluate_blocks, add_walls = _of_cell_type("evaluate_blocks"), _of_cell_type("add_walls")
+room, least_corners = _of_cell_type("room"), _of_cell_type("least_corners")
+mean_gradient, volume_ratio = _of_cell_type("mean_gradient"), _of_cell_type("volume_ratio")

@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.load import PressureLoad
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
-from gdfe_ros.solver.terms.multiplier import wander
-from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.terms.multiplier import Anderson, UpdatedTerm, wander
+from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import COUNT, FACES, NODES, PRODUCTS, face_forces, pack_faces, volume_curvature
 from gdfe_ros.solver.value import NEGLIGIBLE
 
@@ -54,7 +53,7 @@ def _entry(x, n, reals, k, integers, i, force, size):
     return pressure_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
-class PressureTerm(Term):
+class PressureTerm(UpdatedTerm):
     """A follower pressure with its commanded factor.
 
     Args:
@@ -93,7 +92,7 @@ class PressureTerm(Term):
         return len(self._edge) > 0 and self.reals[PRESSURE] != 0.0
 
     @property
-    def _held(self) -> NDArray[np.float64]:
+    def own_multipliers(self) -> NDArray[np.float64]:
         """The vectors b (k, 3) [m^2] in use, a view."""
         return self.reals[EDGE:].reshape(-1, 3)
 
@@ -103,9 +102,9 @@ class PressureTerm(Term):
         face_forces(x, self.integers, self.reals[APEX:EDGE], of_volume, of_area, force)
         return force
 
-    def _beside(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the vectors b (k, 3) [m^2] of the nodes on open edges at ``x`` (n, 3) [m]."""
-        return self._pushed(x, -1.0, 1.0)[self._edge]
+    def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vectors b (k, 3) [m^2] of the nodes on open edges at ``positions`` (n, 3) [m]."""
+        return self._pushed(positions, -1.0, 1.0)[self._edge]
 
     def _volume(self, x: NDArray[np.float64]) -> float:
         return float(face_forces(x, self.integers, self.reals[APEX:EDGE], 0.0, 0.0, np.zeros((0, 3))))
@@ -130,7 +129,7 @@ class PressureTerm(Term):
 
     def neutral(self) -> Saved:
         """Return the stored state of a pressure that has not moved anything."""
-        return {"swept": np.zeros(1), "edge": np.zeros_like(self._held)}
+        return {"swept": np.zeros(1), "edge": np.zeros_like(self.own_multipliers)}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
         """Store the previous positions, from which the swept volume is counted."""
@@ -140,20 +139,20 @@ class PressureTerm(Term):
         """Set the pressure, and the forces at open edges as they are at ``positions``."""
         numbers, self._anderson, self._changes = self.reals, Anderson(self.GROWTH), []
         numbers[PRESSURE] = commands[self.name] * self._load.pressure
-        self._held[...] = self._beside(positions)
+        self.own_multipliers[...] = self.renewed(positions)
         numbers[VOLUME] = self._volume(positions)
-        numbers[VOLUME] += np.vdot(self._held, positions[self._edge] - numbers[APEX:EDGE])
+        numbers[VOLUME] += np.vdot(self.own_multipliers, positions[self._edge] - numbers[APEX:EDGE])
         self._swept = float(saved["swept"][0])
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Restore the forces at the end of a solve."""
         self.begin(commands, saved, positions, 0.0)
-        self._held[...] = found["edge"]
+        self.own_multipliers[...] = found["edge"]
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Let the forces at open edges follow; return their change as a displacement [m], divided by `FINE`."""
-        change = (self._beside(positions) - self._held).ravel()
-        self._held[...] = self._anderson.next(self._held.ravel(), change).reshape(-1, 3)
+        change = (self.renewed(positions) - self.own_multipliers).ravel()
+        self.own_multipliers[...] = self._anderson.next(self.own_multipliers.ravel(), change).reshape(-1, 3)
         moved = abs(self.reals[PRESSURE]) * np.linalg.norm(change.reshape(-1, 3), axis=1).sum()
         self._changes.append(float(moved) * self._softness / self.FINE)
         return self._changes[-1]
@@ -165,7 +164,7 @@ class PressureTerm(Term):
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: the volume that the faces have swept, and the vectors b."""
-        return {"swept": np.array([self._sweep(positions)]), "edge": self._held.copy()}
+        return {"swept": np.array([self._sweep(positions)]), "edge": self.own_multipliers.copy()}
 
     def _sweep(self, positions: NDArray[np.float64]) -> float:
         """Return the volume [m^3] int f . dx that the faces have swept since the beginning of the run.
@@ -173,28 +172,14 @@ class PressureTerm(Term):
         The part of open edges depends on the path and is integrated by the trapezoidal rule.
         """
         last = self._last
-        mean = 0.5 * (self._beside(last) + self._beside(positions))
+        mean = 0.5 * (self.renewed(last) + self.renewed(positions))
         along = float(np.vdot(mean, (positions - last)[self._edge]))
         return self._swept + self._volume(positions) - self._volume(last) + along
-
-    @property
-    def multipliers(self) -> NDArray[np.float64]:
-        """The vectors b (3 k,) [m^2]; empty without open edges."""
-        return self._held.ravel() if self.updates else np.zeros(0)
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
         """The order of magnitude (3 k,) [m] of the change of b per 1 m: the size of the faces."""
         return np.full(self.multipliers.shape, np.sqrt(self._area))
-
-    def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the vectors b (3 k,) [m^2]."""
-        if self.updates:
-            self._held[...] = multipliers.reshape(-1, 3)
-
-    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the vectors b (3 k,) [m^2] at ``positions`` (n, 3) [m]."""
-        return self._beside(positions).ravel() if self.updates else np.zeros(0)
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
         """Return minus the work [J] of the present pressure in the swept volume, and its derivative by the factor."""
