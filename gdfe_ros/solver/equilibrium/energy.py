@@ -91,6 +91,8 @@ class EquilibriumSolver:
     Attributes:
         matrix: the constant matrix.
         handles: the kinematics of the handles.
+        model: the data common to all solves.
+        whole: the active set of the whole body.
         patience: number of iterations after which a solve is given up and a shorter increment is tried.
     """
 
@@ -122,16 +124,16 @@ class EquilibriumSolver:
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
         self._predictor = (predictor or partial(Predictor, body))(self.handles, self.matrix)
-        self._whole = ActiveSet.whole(body, self.matrix, rigid=not self.actuation.growths, skip=skip)
+        self.whole = ActiveSet.whole(body, self.matrix, rigid=not self.actuation.growths, skip=skip)
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving = predictor is not None
         touching = self.actuation.contacts
         impulses = Impulses(touching, len(body.rest), body.unknowns) if touching else None
         self.minimiser = Minimiser(body, stiffness, level, moving=moving, impulses=impulses)
-        self._model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
+        self.model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
         if level.affordable:
             with one_blas_thread():
-                take_rest(self._model, self._whole, self.matrix, self.at_rest())
+                take_rest(self.model, self.whole, self.matrix, self.at_rest())
         count = len(body.material)
         self._stored, self._least = np.zeros(count), np.ones(count)
         exact = all(term.exact for term in self.actuation.terms)
@@ -174,20 +176,6 @@ class EquilibriumSolver:
         )
 
     @property
-    def model(self) -> Model:
-        """The data common to all solves."""
-        return self._model
-
-    @property
-    def whole(self) -> ActiveSet:
-        """The active set of the whole body."""
-        return self._whole
-
-    def evaluated(self, solve: Solve) -> Task:
-        """Evaluate all terms at the start of a solve; return the minimisation's task at that start."""
-        return solve.evaluate(self._whole, threads=None)
-
-    @property
     def remarks(self) -> list[str]:
         """Remarks on the accuracy of solves: whether the body has no tangent, and why."""
         level = self.minimiser.level
@@ -205,7 +193,7 @@ class EquilibriumSolver:
         """Find the equilibrium of ``problem`` from ``start``, which is not modified."""
         base = self.handles.base(problem.poses, start.poses, start.base)
         prediction = self._predictor.predict(start, base, start.change_to(problem.commands))
-        solve = Solve(self._model, problem, start, base, prediction)
+        solve = Solve(self.model, problem, start, base, prediction)
         return self._judge(solve, self.descend(solve))
 
     def accept(self, solution: Solution, previous: State) -> State:
@@ -219,19 +207,19 @@ class EquilibriumSolver:
 
     def forces(self, state: State) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of all terms at a state; zero for vertices inside handles."""
-        work, vertices = self._whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
-        Solve.at(self._model, state).evaluate(self._whole, threads=self._whole.threads(self._threads))
+        work, vertices = self.whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
+        Solve.at(self.model, state).evaluate(self.whole, threads=self.whole.threads(self._threads))
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def skipped(self) -> dict[str, int]:
         """Return a dict from kind of work to the count that each solve leaves out, as in `StepResult`."""
-        counts = dict(self._whole.skipped)
+        counts = dict(self.whole.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
 
     def task_at(self, solve: Solve, found: Solution) -> Task:
         """Return the minimisation's task at a solution, with unchanged multipliers."""
         solve.go_on_from(found.state)
-        return solve.evaluate(self._whole, threads=self._whole.threads(self._threads))
+        return solve.evaluate(self.whole, threads=self.whole.threads(self._threads))
 
     def _judge(self, solve: Solve, found: Solution) -> Solution:
         """Return a solution with its stability, and with a new tangent if that lowers the cost of the next solves."""
@@ -249,7 +237,7 @@ class EquilibriumSolver:
 
         ``spent`` is the number of iterations that the solve has made before.
         """
-        active, limit = self._whole, solve.problem.limit - spent
+        active, limit = self.whole, solve.problem.limit - spent
         solve.descend(active, threads=active.threads(self._threads), limit=limit)
         if self.minimiser.ran_away(active):
             summary = changed(

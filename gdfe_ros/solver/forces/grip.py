@@ -29,7 +29,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.overlap import Placed
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
-from gdfe_ros.solver.terms.multiplier import UpdatedTerm, wander
+from gdfe_ros.solver.terms.multiplier import UpdatedTerm
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 ACTS, STIFFNESS, HEAD = range(3)
@@ -111,7 +111,7 @@ class GripTerm(UpdatedTerm):
         )
         self._hold, self._command, self._penalty = Hold.OFF, 0.0, 0.0
         self._poses, self._last = {grip.holder: Pose()}, None
-        self._kept, self._updated, self._errors = self.neutral(), None, []
+        self._kept, self._updated, self.errors = self.neutral(), None, []
 
     @property
     def _carried(self) -> bool:
@@ -188,7 +188,7 @@ class GripTerm(UpdatedTerm):
         elif self._hold is Hold.OFF:
             kept = self.neutral()
             pull = kept["pull"]
-        self._kept, self._updated, self._errors, rows = kept, None, [], self._rows
+        self._kept, self._updated, self.errors, rows = kept, None, [], self._rows
         self.reals[ACTS] = self._hold is not Hold.OFF
         self.reals[STIFFNESS] = self._penalty if self._hold is Hold.HOLDS else 0.0
         rows[:, WEIGHTS:PLACE], rows[:, PULL:] = kept["weights"], pull
@@ -239,13 +239,13 @@ class GripTerm(UpdatedTerm):
         """Update the forces that keep the points in their places; return their change as a displacement [m]."""
         self.own_multipliers[...] = self.renewed(positions)
         self._updated = positions[self._points]
-        self._errors.append(self.STIFF / self.FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
-        return self._errors[-1]
+        self.errors.append(self.STIFF / self.FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
+        return self.errors[-1]
 
     @property
     def wanders(self) -> bool:
         """Whether the points cannot keep their places, as when two grips pull one body apart."""
-        return wander(self._errors, self._body.size)
+        return self.wander(self._body.size)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: command, places and forces."""

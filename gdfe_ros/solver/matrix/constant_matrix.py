@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_type import cell_type_of
-from gdfe_ros.solver.matrix.coupling import close_coupling, couple
+from gdfe_ros.solver.matrix.coupling import close_coupling, couple, rigid_motion
 from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
 from gdfe_ros.solver.matrix.inverse import apply_free
-from gdfe_ros.solver.matrix.unknowns import HandlePositions, Unknowns, gather_rigid_rows, handle_centres
+from gdfe_ros.solver.matrix.unknowns import Unknowns
 
 
 def assemble(
@@ -111,10 +111,8 @@ class ConstantMatrix:
         right = np.zeros((unknowns.rows, 3))
         right[:count] = force[unknowns.free]
         right.reshape(-1)[unknowns.fixed] = 0.0
-        frame = HandlePositions(self._rest, handle_centres(self._rest, unknowns))
-        none, rest = np.zeros((0, 8, 3)), np.zeros(right.size)
-        no_corners = unknowns._replace(corner_start=np.zeros_like(unknowns.corner_start))
-        gather_rigid_rows(rest, self._rest, none, force, True, frame, no_corners, right.reshape(-1))
+        motion = rigid_motion(self._rest, unknowns)
+        right[count:] = np.einsum("mia,mi->a", motion, force[unknowns.members]).reshape(-1, 3)
         out = np.zeros_like(right)
         self.solve_exactly(right[:count], out[:count])
         close_coupling(right.reshape(-1), self.coupling, out.reshape(-1))

@@ -58,7 +58,7 @@ def couple(
         solve: function that solves with the free block A_ff for three right-hand sides (f, 3).
         inverse: the inverse of this block, for the kernels.
     """
-    motion, rows = _rigid_motion(rest, unknowns), matrix[:, unknowns.members]
+    motion, rows = rigid_motion(rest, unknowns), matrix[:, unknowns.members]
     wide = motion.reshape(len(motion), motion.shape[1] * motion.shape[2])
     pulled = (rows @ wide).reshape(len(rest), *motion.shape[1:])
     columns = np.moveaxis(pulled[unknowns.free], -1, 0)
@@ -70,7 +70,7 @@ def couple(
     return Coupling(spread, _pseudo_inverse(schur), inverse, unknowns.fixed)
 
 
-def _rigid_motion(rest: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
+def rigid_motion(rest: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
     """Return the displacement (b, 3, 3 q) of the handles' vertices by each component of the rigid rows, at rest."""
     motion = np.zeros((len(unknowns.members), 3, 3 * unknowns.rigid_rows))
     for p, (begin, end) in enumerate(zip(unknowns.member_start[:-1], unknowns.member_start[1:], strict=True)):

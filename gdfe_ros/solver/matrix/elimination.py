@@ -7,6 +7,8 @@ Successive columns of the factor with the same row pattern form one supernode, a
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -190,59 +192,57 @@ def merge(parent, height, slack, narrow):
     return starts, rows[:found].copy()
 
 
-@kernel
-def structure(indptr, indices, order, rank, first, row_start, parent):
-    """Return the rows (r,) of each supernode, unsorted, and each supernode's parent (s,)."""
-    count = len(first) - 1
-    owner, rows = np.empty(len(order), np.int64), np.full(row_start[count], -1)
-    above, seen = np.full(count, -1), np.full(len(order), -1)
-    child, sibling = np.full(count, -1), np.full(count, -1)
-    for node in range(count):
-        for column in range(first[node], first[node + 1]):
-            owner[column] = node
-    for node in range(count):
-        found = row_start[node]
-        for column in range(first[node], first[node + 1]):
-            rows[found] = column
-            seen[column] = node
-            found += 1
-        for column in range(first[node], first[node + 1]):
-            for k in range(indptr[order[column]], indptr[order[column] + 1]):
-                row = rank[indices[k]]
-                if row > column and seen[row] != node:
-                    seen[row] = node
-                    rows[found] = row
-                    found += 1
-        lower = child[node]
-        while lower >= 0:
-            for k in range(row_start[lower], row_start[lower + 1]):
-                if rows[k] >= first[node] and seen[rows[k]] != node:
-                    seen[rows[k]] = node
-                    rows[found] = rows[k]
-                    found += 1
-            lower = sibling[lower]
-        top = parent[first[node + 1] - 1]
-        if top >= 0:
-            above[node] = owner[top]
-            sibling[node] = child[owner[top]]
-            child[owner[top]] = node
-    return rows, above
+class Supernodes(NamedTuple):
+    """Supernodes of a matrix (f, f) before their rows are known.
 
-
-def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64], *, slack: float = SLACK) -> Elimination:
-    """Return the elimination of the vertices of a symmetric graph (f, f) in an order (f,).
-
-    Two supernodes are merged if at most the fraction ``slack`` of the merged entries are zeros.
+    Attributes:
+        order: (f,) vertices in the order of their elimination.
+        parent: (f,) parent of each column in the elimination tree; -1 for a root.
+        first: (s + 1,) position in the order at which each supernode begins.
+        heights: (s,) number of each supernode's rows.
     """
-    indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
-    order = order[postorder(elimination_tree(indptr, indices, order, np.argsort(order)))]
-    rank = np.argsort(order)
-    parent = elimination_tree(indptr, indices, order, rank)
-    first, heights = merge(parent, column_heights(indptr, indices, order, rank, parent), slack, NARROW)
-    row_start = np.concatenate([[0], np.cumsum(heights)])
-    rows, above = structure(indptr, indices, order, rank, first, row_start, parent)
-    ascending = np.lexsort((rows, np.repeat(np.arange(len(heights)), heights)))
-    return Elimination(order, first, rows[ascending], row_start, above)
+
+    order: NDArray[np.int64]
+    parent: NDArray[np.int64]
+    first: NDArray[np.int64]
+    heights: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, graph: sparse.csr_matrix, order: NDArray[np.int64], slack: float) -> Supernodes:
+        """Return the supernodes of a symmetric graph (f, f) whose vertices are eliminated in an order (f,).
+
+        Subtrees of the elimination tree become consecutive in it.
+        """
+        indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+        order = order[postorder(elimination_tree(indptr, indices, order, np.argsort(order)))]
+        rank = np.argsort(order)
+        parent = elimination_tree(indptr, indices, order, rank)
+        return cls(order, parent, *merge(parent, column_heights(indptr, indices, order, rank, parent), slack, NARROW))
+
+
+def eliminated(
+    graph: sparse.csr_matrix, orders: Sequence[NDArray[np.int64]], *, power: int, slack: float = SLACK
+) -> Elimination:
+    """Return the cheapest elimination of the vertices of a symmetric graph (f, f), of several orders (f,).
+
+    Two supernodes are merged if at most the fraction ``slack`` of the merged entries are zeros. Costs grow with this
+    ``power`` of the supernodes' heights: 1 for the entries of the factor, 2 for the work of a factorisation.
+    """
+    known = [Supernodes.of(graph, order, slack) for order in orders]
+    found = min(known, key=lambda each: int(np.diff(each.first) @ each.heights**power))
+    rank, ends, sorted_graph = np.argsort(found.order), found.first[1:], graph[found.order]
+    upper = found.parent[ends - 1]
+    above = np.where(upper < 0, -1, np.searchsorted(ends, upper, side="right"))
+    rows: list[NDArray[np.int64]] = []
+    children: dict[int, list[int]] = defaultdict(list)
+    for node, (begin, end) in enumerate(zip(found.first, ends, strict=False)):
+        near = sorted_graph.indices[sorted_graph.indptr[begin] : sorted_graph.indptr[end]]
+        below = [rows[child] for child in children.pop(node, [])]
+        own = np.unique(np.concatenate([np.arange(begin, end), rank[near], *below]))
+        rows.append(own[own >= begin])
+        children[int(above[node])].append(node)
+    row_start = np.concatenate([[0], np.cumsum(found.heights)])
+    return Elimination(found.order, found.first, np.concatenate([np.zeros(0, np.int64), *rows]), row_start, above)
 
 
 def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int64]]:

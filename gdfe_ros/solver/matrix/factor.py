@@ -59,7 +59,7 @@ def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact:
     graph = matrix.tocsr()
     graph.sort_indices()
     orders = narrow_order(graph, points), dissected(graph, points)
-    found = min((eliminated(graph, order, slack=ZEROS) for order in orders), key=lambda each: each.entries)
+    found = eliminated(graph, orders, power=1, slack=ZEROS)
     large = found.entries >= COARSE_FROM
     found, group_start = grouped(found, GROUPS if large else 0)
     length = -(-found.heights // LINE) * LINE

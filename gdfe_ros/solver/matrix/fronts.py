@@ -190,7 +190,7 @@ class Fronts:
         self, graph: sparse.csr_matrix, points: NDArray[np.float64], *, kind: type[np.floating] = np.float32
     ) -> None:
         orders = narrow_order(graph, points), least_degree(graph), dissected(graph, points)
-        found = min((eliminated(graph, order) for order in orders), key=lambda each: each.work)
+        found = eliminated(graph, orders, power=2)
         widths, heights = found.widths, found.heights
         self.price = round(3 * found.work / max(1, 8 * found.entries))
         room = 3 * int(heights.max(initial=0))

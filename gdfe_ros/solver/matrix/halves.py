@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from numpy import uint64
 
-from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.solver.matrix.substitution import PANEL
 
 GROUP = 8
@@ -56,35 +56,27 @@ def reduce_columns(values, plan, used, x, local):
 @internal
 def subtract_rows(rows, width, local, first, left):
     """Subtract three or six ``rows`` of a supernode from a tile of the columns ``local``, two columns at a time."""
-    right = min(left + TILE, width)
+    full, right = len(rows) == PANEL * width, min(left + TILE, width)
     a, b, c = rows[left:right], rows[width + left : width + right], rows[2 * width + left : 2 * width + right]
-    if len(rows) < PANEL * width:
-        for y in local:
-            tile, p, q, r = y[left:right], y[first], y[first + 1], y[first + 2]
-            for j in range(uint64(right - left)):
-                tile[j] -= p * a[j] + q * b[j] + r * c[j]
-        return
-    d, e, f = (
-        rows[3 * width + left : 3 * width + right],
-        rows[4 * width + left : 4 * width + right],
-        rows[5 * width + left : 5 * width + right],
-    )
+    beside = 3 * width if full else 0  # three rows are read twice, the second time with factors of zero
+    d, e = rows[beside + left : beside + right], rows[beside + width + left : beside + width + right]
+    f = rows[beside + 2 * width + left : beside + 2 * width + right]
     for k in range(0, GROUP, 2):
-        one, two = local[k], local[k + 1]
-        tile, low = one[left:right], two[left:right]
-        p, q, r, s, t, u = one[first], one[first + 1], one[first + 2], one[first + 3], one[first + 4], one[first + 5]
-        p2, q2, r2, s2, t2, u2 = (
-            two[first],
-            two[first + 1],
-            two[first + 2],
-            two[first + 3],
-            two[first + 4],
-            two[first + 5],
-        )
+        tile, low = local[k, left:right], local[k + 1, left:right]
+        p, q, r, s, t, u = factors(local[k], first, full)
+        p2, q2, r2, s2, t2, u2 = factors(local[k + 1], first, full)
         for j in range(uint64(right - left)):
             v, w, x, y, z, o = a[j], b[j], c[j], d[j], e[j], f[j]
             tile[j] -= p * v + q * w + r * x + s * y + t * z + u * o
             low[j] -= p2 * v + q2 * w + r2 * x + s2 * y + t2 * z + u2 * o
+
+
+@inlined
+def factors(y, first, full):
+    """Return six numbers of ``y`` from ``first`` on; the last three are zero if not ``full``."""
+    if not full:
+        return y[first], y[first + 1], y[first + 2], 0.0, 0.0, 0.0
+    return y[first], y[first + 1], y[first + 2], y[first + 3], y[first + 4], y[first + 5]
 
 
 @kernel
@@ -103,16 +95,12 @@ def multiply_columns(new, every, used, out):
 @internal
 def subtract_products(every, new, first, last, left, right, out):
     """Subtract the products of three or six rows, from ``first`` up to ``last``, from some columns of ``out``."""
+    full = last - first == PANEL
+    beside = first + 3 if full else first
     a, b, c = every[first, left:right], every[first + 1, left:right], every[first + 2, left:right]
-    if last - first < PANEL:
-        for i in range(new.shape[1]):
-            row, p, q, r = out[i, left:right], new[first, i], new[first + 1, i], new[first + 2, i]
-            for j in range(uint64(right - left)):
-                row[j] -= p * a[j] + q * b[j] + r * c[j]
-        return
-    d, e, f = every[first + 3, left:right], every[first + 4, left:right], every[first + 5, left:right]
+    d, e, f = every[beside, left:right], every[beside + 1, left:right], every[beside + 2, left:right]
     for i in range(new.shape[1]):
         row, p, q, r = out[i, left:right], new[first, i], new[first + 1, i], new[first + 2, i]
-        s, t, u = new[first + 3, i], new[first + 4, i], new[first + 5, i]
+        s, t, u = (new[first + 3, i], new[first + 4, i], new[first + 5, i]) if full else (0.0, 0.0, 0.0)
         for j in range(uint64(right - left)):
             row[j] -= p * a[j] + q * b[j] + r * c[j] + s * d[j] + t * e[j] + u * f[j]

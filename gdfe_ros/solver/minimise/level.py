@@ -259,16 +259,6 @@ class TangentLevel:
     def _springs(self, x: NDArray[np.float64]) -> Springs:
         return Springs.joined([term.springs(x) for term in self._terms])
 
-    def assembled(self, tangent: Tangent) -> sparse.csr_matrix:
-        """Return the matrix (3 r, 3 r) of a tangent in the unknowns."""
-        matrix, count = self._assembly.matrix(tangent.blocks), self._free
-        follow = sparse.block_diag([sparse.identity(count), sparse.csr_matrix(tangent.motion)]).tocsr()
-        apart = (follow.T @ matrix @ follow).tocsr()
-        if not tangent.springs.count:
-            return apart
-        rows = sparse.csr_matrix(self._rows(tangent))
-        return (apart + rows.T @ rows).tocsr()
-
     def _rows(self, tangent: Tangent) -> NDArray[np.float64]:
         return spring_rows(tangent.springs, self._unknowns, tangent.motion)
 

@@ -15,11 +15,6 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 from gdfe_ros.errors import GdfeError
 
-ROUNDING = 1e-6
-"""Lower bound of the solution's norm in the relative residual, divided by the norm of M^-1 b."""
-ELIMINATED = 12
-"""Largest number of multipliers that are eliminated; each costs one solve with the factor per state."""
-
 Array = NDArray[np.float64]
 Map = Callable[[Array], Array]
 
@@ -37,6 +32,8 @@ class ConjugateResiduals:
             of the norms of M^-1 b and x.
     """
 
+    ROUNDING = 1e-6
+    """Lower bound of the solution's norm in the relative residual, divided by the norm of M^-1 b."""
     ENOUGH = 1e-5
     """Relative residual that is accepted if the tolerance cannot be reached, because products are finite differences.
     """
@@ -110,7 +107,7 @@ def _reduce(residual: Array, answer: Array, direction: Array, image: Array) -> N
 def _left(residual: Array, answer: Array, size: float) -> float:
     """Return the relative residual; 0 for a right-hand side of zero."""
     # A stiff constraint makes the right-hand side far larger than the solution, whose accuracy matters.
-    scale = min(size, max(float(np.linalg.norm(answer)), ROUNDING * size))
+    scale = min(size, max(float(np.linalg.norm(answer)), ConjugateResiduals.ROUNDING * size))
     return float(np.linalg.norm(residual)) / scale if size > 0.0 else 0.0
 
 
@@ -127,6 +124,9 @@ class SchurComplement:
     Raises:
         LinAlgError: S is singular.
     """
+
+    MOST = 12
+    """Largest number of multipliers that are eliminated; each costs one solve with the factor per state."""
 
     def __init__(
         self, product: Callable[[Array], Array], solve: Callable[[Array], Array], rows: int, count: int

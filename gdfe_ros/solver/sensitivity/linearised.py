@@ -29,7 +29,7 @@ from gdfe_ros.solver.forces.pressures import with_bulk
 from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, gather_rigid_rows, place
 from gdfe_ros.solver.minimise.level import TangentLevel
-from gdfe_ros.solver.sensitivity.krylov import ELIMINATED, ConjugateResiduals, SchurComplement
+from gdfe_ros.solver.sensitivity.krylov import ConjugateResiduals, SchurComplement
 from gdfe_ros.solver.sensitivity.softening import Volumes, add_products, slopes
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.multiplier import Multipliers
@@ -89,7 +89,7 @@ class Linearised:
         self._system: ConjugateResiduals | None = None
         self.body, self.actuation = equilibrium.body, equilibrium.actuation
         solve = Solve.at(equilibrium.model, end)
-        task = equilibrium.evaluated(solve)
+        task = solve.evaluate(equilibrium.whole, threads=None)
         self._watch, self._unknowns = task.problem.watch, self.body.unknowns
         work = equilibrium.whole.workspace
         self.x, self.u, self.frame = work.x.copy(), work.u.copy(), task.problem.frame
@@ -278,7 +278,7 @@ class Linearised:
     @cached_property
     def _eliminated(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
         """The preconditioner: a solve with the factor, and block elimination of the multipliers if they are few."""
-        if not 0 < len(self.multipliers) <= ELIMINATED:
+        if not 0 < len(self.multipliers) <= SchurComplement.MOST:
             return self._preconditioned
         try:
             return SchurComplement(self._multiplied, self._factored, 3 * self._unknowns.rows, len(self.multipliers))

@@ -19,9 +19,8 @@ from gdfe_ros.solver.outcome import REMEDY_OF_FOLDS, Outcome, join, tell
 from gdfe_ros.solver.settings import Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.balance import jumped
-from gdfe_ros.solver.stepping.march import NEAR, March, crumpled
-from gdfe_ros.solver.stepping.path import Attempt, Goal, LoadPath, Verdict, planned_increments
+from gdfe_ros.solver.stepping.march import March, crumpled
+from gdfe_ros.solver.stepping.path import Attempt, Goal, LoadPath, Verdict, jumped, planned_increments
 from gdfe_ros.solver.stepping.placing import placed, require_own
 from gdfe_ros.solver.value import changed
 
@@ -313,7 +312,7 @@ class Stepper:
         """Return the better of ``march`` and the load path from the undeformed body; the latter gets a message."""
         again = self._march(self.at_rest(), goal)
         gain = self._energy(march.state) - self._energy(again.state)
-        if not again.is_better(march, NEAR * goal.tolerance * self.body.size, gain=gain):
+        if not again.is_better(march, March.NEAR * goal.tolerance * self.body.size, gain=gain):
             return march.counting(march, again)
         message = join(tell(Outcome.RESTARTED, flaw=march.flaw), again.message)
         return changed(again.counting(march, again), message=message, restarts=1)

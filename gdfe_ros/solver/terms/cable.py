@@ -25,7 +25,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
-from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm, fitted_penalty
+from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 from gdfe_ros.solver.value import NEGLIGIBLE
 
@@ -171,7 +171,7 @@ class CableTerm(EffortTerm):
             # The segments of a cable that is straight between handles balance each other: use the most compliant one.
             stretches = [self._pull(slice(first, first + 2)) for first in range(len(self._anchored) - 1)]
             force = max(stretches, key=matrix.compliance)
-        self.reals[STIFFNESS] = fitted_penalty(matrix, force, self.name)
+        self.fit_penalty(matrix, force)
 
     def _pull(self, points: slice) -> NDArray[np.float64]:
         """Return dL/dx (n, 3) of the undeformed segments between ``points``."""

@@ -19,7 +19,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
-from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm, fitted_penalty
+from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import FACES, PRODUCTS, face_forces, pack_faces, volume_curvature
 
@@ -125,7 +125,7 @@ class ChamberTerm(EffortTerm):
     def fit(self, matrix: ConstantMatrix) -> None:
         """For a commanded volume, set a penalty in proportion to the body's initial stiffness."""
         if self.updates:
-            self.reals[STIFFNESS] = fitted_penalty(matrix, self._pressed(self._body.rest), self.name)
+            self.fit_penalty(matrix, self._pressed(self._body.rest))
 
     def _pressed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return -dV/dx (n, 3) [m^2]."""

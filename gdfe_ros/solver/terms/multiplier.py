@@ -12,44 +12,29 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term
 
-PENALTY = 10.0
-"""Penalty stiffness of a commanded length or volume, divided by the stiffness with which the body resists a change of
-it. The constant matrix gives this stiffness. The ratio is large enough for few updates. It is small enough to cause
-only one outlying eigenvalue, which the history of a minimisation resolves.
-"""
-
-
-PATIENCE, FAINT = 6, 1e-5
-"""After this number of updates, the error must be less than the first one. Errors below the fraction `FAINT` of the
-body's size do not count.
-"""
-
-
-def wander(errors: Sequence[float], size: float) -> bool:
-    """Return whether updates do not settle, from their ``errors`` [m] in a solve and the body's ``size`` [m].
-
-    They go to and fro, or the constraints contradict each other.
-    """
-    return len(errors) >= PATIENCE and errors[-1] >= max(errors[0], FAINT * size)
-
-
-def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str) -> float:
-    """Return the penalty of an actuator that acts on the vertices with ``force`` (n, 3) at unit tension or pressure.
-
-    Raises:
-        ValueError: the actuator moves nothing; scenes with such an actuator are rejected on loading.
-    """
-    compliance = matrix.compliance(force)
-    if not compliance > 0.0:
-        raise ValueError(f"actuator {name!r} moves nothing: everything that it acts on is held by handles")
-    return PENALTY / compliance
-
-
 Array = NDArray[np.float64]
 
 
 class UpdatedTerm(Term):
-    """A term whose multipliers are among its own numbers. A solve changes them while `updates` is True."""
+    """A term whose multipliers are among its own numbers. A solve changes them while `updates` is True.
+
+    Attributes:
+        errors: error of the constraints [m] before each update of a solve.
+    """
+
+    PATIENCE, FAINT = 6, 1e-5
+    """After this number of updates, the error must be less than the first one. Errors below the fraction `FAINT` of the
+    body's size do not count.
+    """
+    errors: Sequence[float] = ()
+
+    def wander(self, size: float) -> bool:
+        """Return whether updates do not settle; ``size`` [m] is that of the body.
+
+        They go to and fro, or the constraints contradict each other.
+        """
+        errors = self.errors
+        return len(errors) >= self.PATIENCE and errors[-1] >= max(errors[0], self.FAINT * size)
 
     @property
     def own_multipliers(self) -> Array:
@@ -83,6 +68,23 @@ EFFORT, TARGET, STIFFNESS = range(3)
 
 class EffortTerm(UpdatedTerm):
     """A term with one effort, a tension [N] or a pressure [Pa]: given, or the multiplier of a length or a volume."""
+
+    PENALTY = 10.0
+    """Penalty stiffness of a commanded length or volume, divided by the stiffness with which the body resists a change
+    of it. The constant matrix gives this stiffness. The ratio is large enough for few updates. It is small enough to
+    cause only one outlying eigenvalue, which the history of a minimisation resolves.
+    """
+
+    def fit_penalty(self, matrix: ConstantMatrix, force: Array) -> None:
+        """Set the penalty of a term that acts on the vertices with ``force`` (n, 3) at unit tension or pressure.
+
+        Raises:
+            ValueError: the term moves nothing; scenes with such an actuator are rejected on loading.
+        """
+        compliance = matrix.compliance(force)
+        if not compliance > 0.0:
+            raise ValueError(f"actuator {self.name!r} moves nothing: everything that it acts on is held by handles")
+        self.reals[STIFFNESS] = self.PENALTY / compliance
 
     @property
     def own_multipliers(self) -> Array:

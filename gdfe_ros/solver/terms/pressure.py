@@ -21,7 +21,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
-from gdfe_ros.solver.terms.multiplier import Anderson, UpdatedTerm, wander
+from gdfe_ros.solver.terms.multiplier import Anderson, UpdatedTerm
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import COUNT, FACES, NODES, PRODUCTS, face_forces, pack_faces, volume_curvature
 from gdfe_ros.solver.value import NEGLIGIBLE
@@ -137,7 +137,7 @@ class PressureTerm(UpdatedTerm):
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Set the pressure, and the forces at open edges as they are at ``positions``."""
-        numbers, self._anderson, self._changes = self.reals, Anderson(self.GROWTH), []
+        numbers, self._anderson, self.errors = self.reals, Anderson(self.GROWTH), []
         numbers[PRESSURE] = commands[self.name] * self._load.pressure
         self.own_multipliers[...] = self.renewed(positions)
         numbers[VOLUME] = self._volume(positions)
@@ -154,13 +154,13 @@ class PressureTerm(UpdatedTerm):
         change = (self.renewed(positions) - self.own_multipliers).ravel()
         self.own_multipliers[...] = self._anderson.next(self.own_multipliers.ravel(), change).reshape(-1, 3)
         moved = abs(self.reals[PRESSURE]) * np.linalg.norm(change.reshape(-1, 3), axis=1).sum()
-        self._changes.append(float(moved) * self._softness / self.FINE)
-        return self._changes[-1]
+        self.errors.append(float(moved) * self._softness / self.FINE)
+        return self.errors[-1]
 
     @property
     def wanders(self) -> bool:
         """Whether the forces at open edges do not settle."""
-        return wander(self._changes, self._size)
+        return self.wander(self._size)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: the volume that the faces have swept, and the vectors b."""
