@@ -14,7 +14,7 @@ from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.elements.cell_kernels import volume_ratio
+from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.measures import softened_scale, strain_state, update_hourglass_scales
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.forces.pressures import store_energies, uncounted

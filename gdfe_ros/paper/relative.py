@@ -22,14 +22,13 @@ from gdfe_ros.paper.shape_factor import shape_factors
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import flattened
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.elements.cell_kernels import mean_gradient
+from gdfe_ros.solver.elements.cell_type import mean_gradient
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.forces.pressures import store_energies
 from gdfe_ros.solver.forces.reactions import handle_reactions
 from gdfe_ros.solver.handle_motions import HandleMotions
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, scattered
-from gdfe_ros.solver.matrix.coupling import close_coupling
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, close_coupling, scattered
 from gdfe_ros.solver.matrix.unknowns import gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.minimise.minimiser import Observer
 from gdfe_ros.solver.outcome import Outcome

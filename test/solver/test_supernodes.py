@@ -18,8 +18,8 @@ from gdfe_ros.mesh.tet_operators import tet_operators
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.matrix import factor as factors
 from gdfe_ros.solver.matrix.constant_matrix import assemble
+from gdfe_ros.solver.matrix.elimination import dissected
 from gdfe_ros.solver.matrix.factor import Factor, Factorisation
-from gdfe_ros.solver.matrix.ordering import dissected
 
 MESHES = {
     "bar": bar([1.0, 0.2, 0.2], [30, 6, 6]),

@@ -23,8 +23,7 @@ from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.forces.pressures import at_rest
 from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.handle_motions import HandleMotions
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
-from gdfe_ros.solver.matrix.coupling import SINGULAR
+from gdfe_ros.solver.matrix.constant_matrix import SINGULAR, ConstantMatrix, assemble
 from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer, Task

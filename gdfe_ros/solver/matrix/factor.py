@@ -20,9 +20,8 @@ from scipy.linalg.lapack import dpotrf
 
 from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.compiled import kernel
-from gdfe_ros.solver.matrix.elimination import Elimination, eliminated, grouped
+from gdfe_ros.solver.matrix.elimination import Elimination, dissected, eliminated, grouped, narrow_order
 from gdfe_ros.solver.matrix.inverse import LINE, Inverse, apply_free
-from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
 
 DENSE_UP_TO = 200
 """Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""

@@ -15,8 +15,7 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
-from gdfe_ros.solver.matrix.elimination import eliminated
-from gdfe_ros.solver.matrix.ordering import dissected, least_degree, narrow_order
+from gdfe_ros.solver.matrix.elimination import dissected, eliminated, least_degree, narrow_order
 from gdfe_ros.solver.matrix.rotation import unrotated
 from gdfe_ros.solver.matrix.substitution import PANEL, Kept, Plan, solve_columns, solve_unturned
 from gdfe_ros.solver.vectors import clear_part, copy_part

@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Problem
-from gdfe_ros.solver.elements.cell_kernels import add_walls
-from gdfe_ros.solver.elements.cell_type import cell_type_with
+from gdfe_ros.solver.elements.cell_type import add_walls, cell_type_with
 from gdfe_ros.solver.elements.tangent_rows import SPACING
 from gdfe_ros.solver.matrix.assembly import Assembly
-from gdfe_ros.solver.matrix.coupling import SINGULAR, spectral_inverse
+from gdfe_ros.solver.matrix.constant_matrix import SINGULAR, spectral_inverse
 from gdfe_ros.solver.matrix.fronts import Fronts, unturned_solutions
 from gdfe_ros.solver.matrix.rotation import unrotated, vertex_rotations
 from gdfe_ros.solver.matrix.springs import Springs, Tangent, spring_rows

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.mesh import bar
 from gdfe_ros.solver.matrix import elimination
-from gdfe_ros.solver.matrix.elimination import eliminated
+from gdfe_ros.solver.matrix.elimination import eliminated, least_degree, narrow_order
 from gdfe_ros.solver.matrix.fronts import Fronts
-from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order
 
 
 def _graph(cells: NDArray[np.int32], count: int) -> sparse.csr_matrix:

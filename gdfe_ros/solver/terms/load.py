@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Follower pressures as terms: a pressure p on faces of the body, normal to them as they move and stretch.
+"""Loads as terms: dead loads, and follower pressures.
+
+A dead load has forces of constant magnitude and direction, and the energy E = -s sum_v f_v . (x_v - X_v).
+
+A follower pressure p acts on faces of the body, normal to them as they move and stretch.
 
 Node a of the faces gets the force p f_a, with f_a = int N_a n dA over the deformed faces. Let V be the volume of the
 cones from the faces to a fixed point, V = 1/3 int x . n dA. Then f_a = dV/dx_a + b_a, where b_a is not zero only at
@@ -15,14 +19,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators.load import PressureLoad
+from gdfe_ros.actuators.load import Load, PressureLoad
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import Anderson, UpdatedTerm
-from gdfe_ros.solver.terms.term import as_arrays, term_kernel
+from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import COUNT, FACES, NODES, PRODUCTS, face_forces, pack_faces, volume_curvature
 from gdfe_ros.solver.value import NEGLIGIBLE
 
@@ -49,7 +53,8 @@ def pressure_energy(x, reals, integers, force, size):
 
 
 @term_kernel
-def _entry(x, n, reals, k, integers, i, force, size):
+def pressure_entry(x, n, reals, k, integers, i, force, size):
+    """Call `pressure_energy`."""
     return pressure_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
@@ -66,7 +71,7 @@ class PressureTerm(UpdatedTerm):
     GROWTH = 1e3
     """The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
 
-    kernel = _entry
+    kernel = pressure_entry
 
     def __init__(self, load: PressureLoad, body: Body) -> None:
         self._load, self._faces = load, load.quads.astype(np.int32)
@@ -184,4 +189,57 @@ class PressureTerm(UpdatedTerm):
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
         """Return minus the work [J] of the present pressure in the swept volume, and its derivative by the factor."""
         slope = -self._load.pressure * self._sweep(positions)
+        return command * slope, slope
+
+
+FACTOR, FORCES = 0, 1
+"""Offsets in ``reals`` of the factor s, and of the forces f_v [N], each followed by its rest position X_v [m]."""
+
+
+@kernel
+def dead_load_energy(x, reals, integers, force, size):
+    """Return the energy [J] of a dead load and add its gradient; `term_kernel` needs this signature."""
+    energy, factor = 0.0, reals[FACTOR]
+    if factor == 0.0:
+        return 0.0
+    for i in range(len(integers)):
+        v = integers[i]
+        for axis in range(3):
+            pull = factor * reals[FORCES + 6 * i + axis]
+            work = pull * (x[v, axis] - reals[FORCES + 6 * i + 3 + axis])
+            energy -= work
+            size[0] += abs(work)
+            force[v, axis] -= pull
+    return energy
+
+
+@term_kernel
+def dead_load_entry(x, n, reals, k, integers, i, force, size):
+    """Call `dead_load_energy`."""
+    return dead_load_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+class DeadLoadTerm(Term):
+    """A load with its commanded factor.
+
+    Args:
+        load: load of the scene.
+        body: the body on which it acts.
+    """
+
+    kernel, exact = dead_load_entry, True
+
+    def __init__(self, load: Load, body: Body) -> None:
+        self._forces, self._rest = load.forces(body.rest, body.cells), body.rest
+        acted = np.flatnonzero(self._forces.any(axis=1)).astype(np.int32)
+        numbers = np.concatenate([self._forces[acted], body.rest[acted]], axis=1).ravel()
+        super().__init__(load.name, np.concatenate([[0.0], numbers]), acted)
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Set the factor of the load."""
+        self.reals[FACTOR] = commands[self.name]
+
+    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+        """Return the potential [J] at ``positions`` (n, 3) [m] and its derivative with respect to ``command``."""
+        slope = -float(np.vdot(self._forces, positions - self._rest))
         return command * slope, slope
