@@ -33,46 +33,6 @@ from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State, Summary
 from gdfe_ros.solver.value import changed
 
-INVERSE_ITERATIONS = 6
-"""Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
-
-
-def take_rest(model: Model, whole: ActiveSet, matrix: ConstantMatrix, rest: State) -> None:
-    """Give the minimiser the tangent of the undeformed body, unless the body is a mechanism.
-
-    The first multiple of the constant matrix that is added to an indefinite tangent becomes the softness of the body:
-    the least eigenvalue of its tangent relative to the constant matrix.
-
-    Args:
-        model: the body, its terms and its minimiser.
-        whole: the active set of the whole body.
-        matrix: the constant matrix.
-        rest: the undeformed state.
-    """
-    count, minimiser = len(whole.unknowns.free), model.minimiser
-    if count == 0:
-        return
-    task, work = Solve.at(model, rest).evaluate(whole, threads=None), whole.workspace
-    tangent = minimiser.level.take(task.problem, work.u, work.x)
-    if tangent.shift > 0.0:
-        return
-    load = np.random.default_rng(0).standard_normal(3 * whole.unknowns.rows)
-    load[whole.unknowns.fixed] = 0.0
-    for _ in range(INVERSE_ITERATIONS):
-        found = np.empty_like(load)
-        minimiser.level.solve(load, found)
-        least = float(found @ load) / float(found @ _weighed(matrix, found, count))
-        load = _weighed(matrix, found / np.abs(found).max(), count)
-    if least >= SINGULAR:  # else the handles let the body turn or move as a whole
-        minimiser.level.first_shift, minimiser.rest = least, tangent
-        minimiser.level.keep(tangent)
-
-
-def _weighed(matrix: ConstantMatrix, field: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the constant matrix times a field (3 r,) of the unknowns; rows of handles are zero."""
-    rows = field.reshape(-1, 3)
-    return np.concatenate([matrix.multiply(rows[:count]).ravel(), np.zeros(3 * (len(rows) - count))])
-
 
 class EquilibriumSolver:
     """Equilibrium solver of the policy ``energy``: finds positions at which all forces of elements and terms balance.
@@ -96,6 +56,8 @@ class EquilibriumSolver:
     """
 
     patience = 2000
+    INVERSE_ITERATIONS = 6
+    """Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
 
     def __init__(
         self,
@@ -132,7 +94,7 @@ class EquilibriumSolver:
         self.model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
         if level.affordable:
             with one_blas_thread():
-                take_rest(self.model, self.whole, self.matrix, self.at_rest())
+                self._take_rest()
         count = len(body.material)
         self._stored, self._least = np.zeros(count), np.ones(count)
         exact = all(term.exact for term in self.actuation.terms)
@@ -140,6 +102,37 @@ class EquilibriumSolver:
         kinds["free"] = not (self.actuation.contacts or self.actuation.updates)
         kinds["conservative"] = all(term.conservative for term in self.actuation.terms)
         self._stability = None if moving or not body.unknowns.rows else Stability(body, self.minimiser, **kinds)
+
+    def _take_rest(self) -> None:
+        """Give the minimiser the tangent of the undeformed body, unless the body is a mechanism.
+
+        The first multiple of the constant matrix that is added to an indefinite tangent becomes the softness of the
+        body: the least eigenvalue of its tangent relative to the constant matrix.
+        """
+        unknowns, level, work = self.whole.unknowns, self.minimiser.level, self.whole.workspace
+        if not len(unknowns.free):
+            return
+        task = Solve.at(self.model, self.at_rest()).evaluate(self.whole, threads=None)
+        tangent = level.take(task.problem, work.u, work.x)
+        if tangent.shift > 0.0:
+            return
+        load = np.random.default_rng(0).standard_normal(3 * unknowns.rows)
+        load[unknowns.fixed] = 0.0
+        for _ in range(self.INVERSE_ITERATIONS):
+            found = np.empty_like(load)
+            level.solve(load, found)
+            least = float(found @ load) / float(found @ self._weighed(found))
+            load = self._weighed(found / np.abs(found).max())
+        if least >= SINGULAR:  # else the handles let the body turn or move as a whole
+            level.first_shift, self.minimiser.rest = least, tangent
+            level.keep(tangent)
+
+    def _weighed(self, field: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the constant matrix times a field (3 r,) of the unknowns; rows of handles are zero."""
+        weighed = np.zeros_like(field)
+        free = 3 * len(self.whole.unknowns.free)
+        weighed[:free] = self.matrix.multiply(field[:free].reshape(-1, 3)).ravel()
+        return weighed
 
     def at_rest(self) -> State:
         """Return the undeformed state; it is no equilibrium if the body is inside of an obstacle."""

@@ -342,17 +342,11 @@ class Solve:
         if self._actuation.updates:
             errors.append(self._actuation.update(x) / tolerance)
         if self._softens(active):
-            change = self._update_scales(active) / tolerance
+            given = x, active.softening, self._operators.shape, self._body.material, self._body.table, self._scale
+            change = update_hourglass_scales(*given) / tolerance
         if self._moving:
             errors.append(change / self.LAGGING_SCALE)
         return float(np.max(errors)), change
-
-    def _update_scales(self, active: ActiveSet) -> float:
-        """Compute the hourglass scales at the present positions; return the largest change of a scale."""
-        x, body = active.workspace.x, self._body
-        return update_hourglass_scales(
-            x, active.softening, self._operators.shape, body.material, body.table, self._scale
-        )
 
     def _softens(self, active: ActiveSet) -> bool:
         """Return whether hourglass scales follow the strain."""

@@ -184,16 +184,11 @@ class ConstantMatrix:
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
         self._factor = factor_of(block, rest[free], library or usual_kind(len(free)))
         self.kind = self._factor.kind
-        self.coupling = couple(matrix, rest, unknowns, self.solve_exactly, self._factor.inverse)
+        self.coupling = couple(matrix, rest, unknowns, self.solve, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Solve A_ff out = right for three right-hand sides (f, 3), with a relative error up to `factor.SOUND`."""
+        """Solve A_ff out = right for three right-hand sides (f, 3) to double precision."""
         self._factor.solve(right, out)
-        out.reshape(-1)[self._unknowns.fixed] = 0.0
-
-    def solve_exactly(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Solve A_ff out = right to double precision."""
-        self._factor.solve(right, out, exact=True)
         out.reshape(-1)[self._unknowns.fixed] = 0.0
 
     def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -212,7 +207,7 @@ class ConstantMatrix:
         motion = rigid_motion(self._rest, unknowns)
         right[count:] = np.einsum("mia,mi->a", motion, force[unknowns.members]).reshape(-1, 3)
         out = np.zeros_like(right)
-        self.solve_exactly(right[:count], out[:count])
+        self.solve(right[:count], out[:count])
         close_coupling(right.reshape(-1), self.coupling, out.reshape(-1))
         return float(np.vdot(right, out))
 
@@ -220,7 +215,7 @@ class ConstantMatrix:
         """Return the harmonic extension (f, 3) [m] of a ``motion`` (b, 3) [m] of the prescribed vertices."""
         right = np.ascontiguousarray(-(self._prescribed @ motion))
         out = np.empty_like(right)
-        self.solve_exactly(right, out)
+        self.solve(right, out)
         return out
 
 

@@ -215,11 +215,9 @@ class Fronts:
         self._kind = np.dtype(kind)
         self.memory = self._kind.itemsize * int(self._plan.value_start[-1]) + 8 * (2 * room**2 + self._height)
         self._ends = np.empty(room, np.int64)
-        none, rows, order = np.zeros((0, 0)), 3 * len(found.order), found.order
-        bare = {"harmonic": np.zeros((rows, 0)), "schur": none, "springs": none, "reach": none, "inner": none}
-        turns = {"frames": unrotated(len(order)), "turned": np.empty(rows), "fixed": np.zeros(0, np.int64)}
-        values = np.empty(0, kind)
-        self.kept = Kept(self._plan, values, order, np.empty(rows), np.empty(room), **bare, **turns)
+        rows, empty = 3 * len(found.order), {"values": np.empty(0, kind), "local": np.empty(room)}
+        bare = Kept.none(rows)._replace(plan=self._plan, order=found.order, **empty)
+        self.kept = bare._replace(x=np.empty(rows), harmonic=np.zeros((rows, 0)), frames=unrotated(len(found.order)))
         self._fronts = self._panel = self._stack = np.empty(0)
 
     def _allocate(self) -> None:
