@@ -70,7 +70,7 @@ def couple(
         solve(np.ascontiguousarray(column), follows)
     schur = np.einsum("mia,mib->ab", motion, pulled[unknowns.members]) - np.einsum("afi,bfi->ab", columns, harmonic)
     spread = np.ascontiguousarray(harmonic.reshape(len(harmonic), 3 * len(unknowns.free)).T)
-    return Coupling(spread, _pseudo_inverse(schur), inverse, unknowns.fixed)
+    return Coupling(spread, pseudo_inverse(schur)[0], inverse, unknowns.fixed)
 
 
 def rigid_motion(rest: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
@@ -86,21 +86,15 @@ def rigid_motion(rest: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.fl
     return motion
 
 
-def _pseudo_inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the pseudo-inverse of a symmetric matrix; eigenvalues below `SINGULAR` times the largest count as zero."""
-    if not len(matrix):
-        return matrix
-    values, vectors = np.linalg.eigh(matrix)
-    return spectral_inverse(values, vectors, SINGULAR * np.abs(values).max())
+def pseudo_inverse(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
+    """Return the pseudo-inverse of a symmetric matrix (k, k), and whether the matrix is positive semidefinite.
 
-
-def spectral_inverse(values: NDArray[np.float64], vectors: NDArray[np.float64], least: float) -> NDArray[np.float64]:
-    """Return the pseudo-inverse of a symmetric matrix from its eigenvalues (k,) and eigenvectors (k, k).
-
-    Eigenvalues whose magnitude is at most ``least`` count as zero.
+    Eigenvalues whose magnitude is at most `SINGULAR` times the largest count as zero.
     """
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    least = SINGULAR * np.abs(values).max(initial=0.0)
     shares = np.divide(1.0, values, out=np.zeros_like(values), where=np.abs(values) > least)
-    return np.ascontiguousarray(vectors * shares @ vectors.T)
+    return np.ascontiguousarray(vectors * shares @ vectors.T), bool(values.min(initial=0.0) >= -least)
 
 
 @kernel

@@ -21,7 +21,7 @@ from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.cell_type import add_walls, cell_type_with
 from gdfe_ros.solver.elements.tangent_rows import SPACING
 from gdfe_ros.solver.matrix.assembly import Assembly
-from gdfe_ros.solver.matrix.constant_matrix import SINGULAR, spectral_inverse
+from gdfe_ros.solver.matrix.constant_matrix import pseudo_inverse
 from gdfe_ros.solver.matrix.fronts import Fronts, unturned_solutions
 from gdfe_ros.solver.matrix.rotation import unrotated, vertex_rotations
 from gdfe_ros.solver.matrix.springs import Springs, Tangent, spring_rows
@@ -273,11 +273,9 @@ class TangentLevel:
             columns = self._beside.matrix(tangent.blocks) @ motion
             harmonic = self._factor.solve(columns)
             schur = motion.T @ (self._within.matrix(tangent.blocks) @ motion) - columns.T @ harmonic
-            values, vectors = np.linalg.eigh(0.5 * (schur + schur.T))
-            rounding = SINGULAR * np.abs(values).max()
-            if not values.min() >= -rounding:
+            inverse, definite = pseudo_inverse(schur)
+            if not definite:
                 return False
-            inverse = spectral_inverse(values, vectors, rounding)
             rigid = {"harmonic": np.ascontiguousarray(harmonic), "schur": inverse}
             self._kept = self._kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
         self._connect(tangent)
