@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.material import Law
-from gdfe_ros.materials.stress import logarithmic_volume, volumetric
+from gdfe_ros.materials.stress import corotated, logarithmic_volume, volumetric
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant, times
 from gdfe_ros.mesh.tetrahedra import POINTS
@@ -167,18 +167,7 @@ def add_mean_stress(b, weight):
     for lane in range(LANES):
         c, w = cofactor(load9(b, GRADIENT, lane)), b[weight * LANES + lane]
         p, s = load9(b, STRESS, lane), b[SLOPE * LANES + lane]
-        p = (
-            w * (p[0] + s * c[0]),
-            w * (p[1] + s * c[1]),
-            w * (p[2] + s * c[2]),
-            w * (p[3] + s * c[3]),
-            w * (p[4] + s * c[4]),
-            w * (p[5] + s * c[5]),
-            w * (p[6] + s * c[6]),
-            w * (p[7] + s * c[7]),
-            w * (p[8] + s * c[8]),
-        )
-        store9(b, STRESS, lane, p)
+        store9(b, STRESS, lane, corotated(p, c, -s, w, 0.0, c))  # w (P + s cof F)
         add(b, STORED_ENERGY, lane, w * b[ENERGY * LANES + lane])
 
 

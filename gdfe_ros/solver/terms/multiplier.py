@@ -19,6 +19,8 @@ class UpdatedTerm(Term):
     """A term whose multipliers are among its own numbers. A solve changes them while `updates` is True.
 
     Attributes:
+        own_multipliers: the multipliers, of any shape; a view.
+        renewed: method that returns the multipliers, in this shape, after an update at positions (n, 3) [m].
         errors: error of the constraints [m] before each update of a solve.
     """
 
@@ -26,6 +28,8 @@ class UpdatedTerm(Term):
     """After this number of updates, the error must be less than the first one. Errors below the fraction `FAINT` of the
     body's size do not count.
     """
+    own_multipliers: Array
+    renewed: Callable[[Array], Array]
     errors: Sequence[float] = ()
 
     def wander(self, size: float) -> bool:
@@ -35,15 +39,6 @@ class UpdatedTerm(Term):
         """
         errors = self.errors
         return len(errors) >= self.PATIENCE and errors[-1] >= max(errors[0], self.FAINT * size)
-
-    @property
-    def own_multipliers(self) -> Array:
-        """The multipliers, of any shape; a view."""
-        raise NotImplementedError
-
-    def renewed(self, positions: Array) -> Array:
-        """Return the multipliers, in the shape of `own_multipliers`, after an update at ``positions`` (n, 3) [m]."""
-        raise NotImplementedError
 
     @property
     def multipliers(self) -> Array:
